@@ -16,14 +16,15 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 `subscriptions`, `calls`, `actions`, `commands`; `repeating` until there is an
                 answer, `deliveries` is what becomes of samples; `contract` for a transport of
                 somebody else
-`schedule`      `context` is what components share in a node and on a link; `queue` to `composer` and `filling` to
-                `port` to `transmitter`; `access`, `airtime`, `silence` and `hosttime` say when;
-                `timing` and `copies` how often; `hearing` is what frames say of the medium;
-                `sources` and `savings` are what a frame is composed from beside the queue
+`schedule`      `context` is what a node has once, and on each link; `queue` to `composer` and
+                `filling` to `port` to `transmitter`; `access`, `airtime`, `silence` and `hosttime`
+                say when; `timing` and `copies` how often; `hearing` is what frames say of the
+                medium; `sources` and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
-                tables; `handshake`, `introducing`, `bootepoch`, `contact`, `heartbeats`, `ranging`,
-                `measurements`; `doubt` is what this one does not know of itself; `statements` are
-                what a frame says of its sender, `reception` knows who takes the rest of it
+                tables; `handshake`, `introducing`, `contact`, `heartbeats`, `bootepoch`,
+                `ranging`, `measurements`; `doubt` is what this one does not know of itself;
+                `statements` are what a frame says of its sender, `reception` knows who takes the
+                rest of it
 `wire`          grammar only: `envelope`, `frame`, `content`, the table of `controls`; `access`,
                 `agreement`, `calls`, `goals`, `numbers`, `objects`, `subscriptions` (docs/wire.md
                 is normative)
@@ -31,8 +32,8 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 `commands` are in every table, `rmwdesert` says what streams can be there
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
-`base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `parts` of frames,
-                `qos`, `journal`, `signals`, `stats`, `trace`
+`base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `linkids`,
+                `parts` of frames, `qos`, `journal`, `signals`, `stats`, `trace`
 ==============  ====================================================================================
 
 `clock` and `linktypes` are importable from here as well, for links.

@@ -34,7 +34,6 @@ rest, when a frame may go and what is booked for it, does not.
 import random
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -52,10 +51,8 @@ from zacoustic.core.base.qos import Tuning
 from zacoustic.core.base.trace import Tracer, TraceSink
 from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, Subscriptions
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
-from zacoustic.core.engine.linkstack import PROFILES, LinkStack, OuterIds, PortRules
-from zacoustic.core.peers.contact import Contact
+from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
-from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.profiles.native.protocols import MakeTransport
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.context import Context, NodeContext
@@ -86,7 +83,8 @@ class Engine:
         stored: What the journal has kept from earlier lives.
         rules: What the config says of transmitting.
         trace: Takes a record of each thing done, or None.
-        transports: Make transports of somebody else (`zacoustic.core.transport.contract`).
+        transports: Make transports of somebody else, one for each link
+            (`zacoustic.core.transport.contract`).
     """
 
     def __init__(
@@ -110,19 +108,16 @@ class Engine:
         self._now = 0
         self._events: deque[Event] = deque()
         emit = self._events.append
-        self._node = node = NodeContext(address, table, epoch, rng, stored, emit)
+        node = NodeContext(address, table, epoch, rng, stored, rules.contact, emit)
         self.stats = node.stats
-        self._journal = journal = node.journal
-        self._timers = timers = node.timers
-        self._peers = peers = node.peers
-        self.measurements = Measurements(peers)
+        self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
+        self._journal, self._timers = journal, timers = node.journal, node.timers
+        self.measurements = node.measurements
         """What was measured of peers and modem; to be read only."""
         self.doubt = node.doubt
         """Whether something of former lives is forgotten; to be read only."""
-        self._handshake = handshake = node.handshake
-        self.contact = Contact(address, rules.contact, peers, timers, emit)
+        self.contact = node.contact
         """Who is lost; to be read only."""
-        links = rules.of_links
         self.clock = HostTime(
             rules.schedule, bool(rules.quiet), stored, journal=journal, timers=timers, emit=emit
         )
@@ -133,12 +128,11 @@ class Engine:
         """Orders to be silent: `begin` and `resume`."""
         self._routes = rules.routes
         self._stacks: dict[str, LinkStack] = {}
-        for index, each in enumerate(links):
-            ids = OuterIds(each.name, index)
-            context = Context(node, each.name, partial(self._tell, ids), is_first=not index)
-            profile = PROFILES[table.wire](context, rules, transports)
-            port_rules = PortRules(each, self.silence, self.measurements)
-            self._stacks[each.name] = LinkStack(context, profile, port_rules, ids, self._trace)
+        for index, own in enumerate(rules.of_links):
+            context = Context(node, own.name, index)
+            self._stacks[own.name] = LinkStack(
+                context, rules, own, self.silence, self._trace, transports
+            )
         self._first = next(iter(self._stacks.values()))
         self.ranging = self._first.protocols.ranging
         """Commands about ranges: `request`, `cancel` and `repeat`."""
@@ -149,12 +143,12 @@ class Engine:
         self.deadlines = AwaitedSamples(self._stacks.values())
         """Of what a sample is awaited; to be read only."""
         ledger = Ledger(stored, journal)
-        peers.forgotten.connect(ledger.peer_forgotten)
+        self._peers.forgotten.connect(ledger.peer_forgotten)
         self.orders = Orders(
             address,
             table,
             self._first.protocols.services,
-            handshake,
+            self._handshake,
             Tunings(address, table, tune=self._tune, stored=stored, journal=journal),
             ledger,
             self.silence,
@@ -163,7 +157,6 @@ class Engine:
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
         for stack in self._stacks.values():
-            peers.forgotten.connect(stack.transmitter.peer_forgotten)
             stack.protocols.recover()
 
     # Inputs
@@ -271,7 +264,7 @@ class Engine:
         stream = self.table.declare(spec)
         for stack in self._stacks.values():
             stack.declared(stream)
-        self._node.epoch.begin(now)
+        self._epoch.begin(now)
         return stream
 
     def publish(
@@ -449,21 +442,17 @@ class Engine:
         )
 
     def transport(self, kind: type[OtherTransport], link: str | None = None) -> OtherTransport:
-        """Return the transport of somebody else that is of a class.
-
-        Args:
-            kind: The class.
-            link: Which link; None: the first one.
+        """Return the transport of somebody else that is of a class; each link has its own.
 
         Raises:
             LocalError: This engine was made without it.
         """
-        transports = self._stack(link).protocols.transports
-        for each in transports.values():
+        made = self._stack(link).protocols.transports
+        for each in made.values():
             if isinstance(each, kind):
                 return each
-        made = ", ".join(transports) or "none"
-        raise LocalError(f"no transport {kind.name}; this engine has: {made}")
+        names = ", ".join(made) or "none"
+        raise LocalError(f"no transport {kind.name}; this engine has: {names}")
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
@@ -520,9 +509,6 @@ class Engine:
         self._handshake.begin(now)
         for stack in self._stacks.values():
             stack.protocols.begin(now)
-
-    def _tell(self, ids: OuterIds, event: Event) -> None:
-        self._events.append(ids.of_event(event))
 
     def _stack(self, link: str | None) -> LinkStack:
         if link is None:

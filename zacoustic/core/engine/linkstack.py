@@ -2,16 +2,14 @@
 
 Each link has transports of its own: airtimes, pauses, windows and runs of two links have nothing to
 do with each other, so the loss of one disturbs nothing on the other one. What is agreed with other
-nodes is common to all links (`zacoustic.core.schedule.context`). Which of them a stream goes by,
-says the engine.
+nodes is common to all links (`zacoustic.core.schedule.context`). The engine knows which of them a
+stream goes by.
 """
 
-from typing import Final, TypeVar
-
-import msgspec
+from collections.abc import Sequence
+from typing import Final
 
 from zacoustic.core.base.linktypes import (
-    ONE_LINK,
     UNKNOWN_SOURCE,
     LinkCapabilities,
     LinkState,
@@ -20,10 +18,9 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.trace import Tracer
-from zacoustic.core.peers.measurements import Measurements
-from zacoustic.core.profiles.native.protocols import Protocols
+from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
-from zacoustic.core.profiles.rules import LinkRules
+from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.schedule.airtime import AirtimeCaps
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
@@ -33,97 +30,54 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.wire.envelope import Envelope, Opened
 
-PROFILES: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
-"""What is spoken on a link, by the wire of the table."""
-_IDS: Final = ("delivery_id", "call_id", "object_id")
-"""Fields of events with what a command has returned."""
-_ID_BITS: Final = 60
-"""Of an id, what the link has given; above that stands which link it is."""
-_ID_MASK: Final = (1 << _ID_BITS) - 1
-EventT = TypeVar("EventT", bound=msgspec.Struct)
-
-
-class OuterIds:
-    """The ids that one link gives away, as the application sees them: no two links give the same.
-
-    Args:
-        link: Name of the link.
-        index: Which link it is, from 0.
-    """
-
-    def __init__(self, link: str, index: int) -> None:
-        self._link = link
-        self._index = index
-
-    def outer(self, inner: int) -> int:
-        """Return the id for the application; 0 names nothing, and stays 0."""
-        return inner | self._index << _ID_BITS if inner else 0
-
-    def inner(self, outer: int) -> int | None:
-        """Return the id of the link; None: another link has given it away."""
-        return outer & _ID_MASK if outer >> _ID_BITS == self._index else None
-
-    def of_event(self, event: EventT) -> EventT:
-        """Return an event as the application sees it, with the name of its link if it has one."""
-        if self._link == ONE_LINK and self._index == 0:
-            return event
-        told: dict[str, int | str] = {
-            name: self.outer(getattr(event, name))
-            for name in _IDS
-            if getattr(event, name, None) is not None
-        }
-        if "link" in event.__struct_fields__:
-            told["link"] = self._link
-        return msgspec.structs.replace(event, **told) if told else event
-
-
-class PortRules(msgspec.Struct, frozen=True):
-    """What a port and its transmissions depend on, beside what is to be said."""
-
-    link: LinkRules
-    """What the config says of the link."""
-    silence: Silence
-    """When nothing may be transmitted."""
-    measurements: Measurements
-    """What was measured of the others."""
+_PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
 
 class LinkStack:
     """One link of an engine.
 
     Args:
-        context: What its components share.
-        profile: The transports.
-        rules: What else its port depends on.
-        ids: The ids that the application sees.
+        context: The node on this link.
+        rules: What the config says of the node.
+        own: What it says of the link.
+        silence: When nothing may be transmitted.
         trace: Takes what is done.
+        transports: Make transports of somebody else.
     """
 
     def __init__(
-        self, context: Context, profile: Protocols, rules: PortRules, ids: OuterIds, trace: Tracer
+        self,
+        context: Context,
+        rules: TransmitRules,
+        own: LinkRules,
+        silence: Silence,
+        trace: Tracer,
+        transports: Sequence[MakeTransport],
     ) -> None:
         self.name = context.link
         """Name of the link."""
-        self.ids = ids
+        self.ids = context.ids
         """The ids that the application sees."""
         self.stats = context.stats
         """Counts on this link."""
-        self.protocols = profile
-        """The transports."""
         self._context = context
-        self._rules = rules
+        self._silence = silence
         self._trace = trace
+        self.protocols = _PROTOCOLS[context.table.wire](context, rules, transports)
+        """The transports."""
         self._access_rng = context.generators.of("access")
+        self._access = own.access
         self.transmitter = Transmitter(
             context.link,
-            profile,
-            rules.silence,
-            AirtimeCaps(rules.link.max_airtime),
+            self.protocols,
+            silence,
+            AirtimeCaps(own.max_airtime),
             context.stats,
             self._make_port,
             context.emit,
         )
         """What goes when."""
+        context.peers.forgotten.connect(self.transmitter.peer_forgotten)
         for stream in context.table:
             self.declared(stream)
 
@@ -144,8 +98,9 @@ class LinkStack:
             reason = port.refuse(opened, frame)
             if isinstance(opened, Opened) and reason in (None, "not_for_us"):
                 if opened.source != UNKNOWN_SOURCE:
-                    self._context.peers.heard(opened.source, now)
-                    self._rules.measurements.note(opened.source, frame.metrics, frame.received_at)
+                    self._context.node.contact.heard(opened.source, now)
+                    measurements = self._context.node.measurements
+                    measurements.note(opened.source, frame.metrics, frame.received_at)
                 port.heard(opened.source, len(frame.frame_bytes), now)
                 if reason is None:
                     streams = self.protocols.receive(opened, frame, port, now)
@@ -183,7 +138,7 @@ class LinkStack:
             return False
         self.transmitter.change_state(state, now)
         if state is LinkState.UP:
-            self._rules.silence.wake(now)
+            self._silence.wake(now)
             self.protocols.link_up(now)
         return True
 
@@ -231,7 +186,7 @@ class LinkStack:
             capabilities,
             self._context.address,
             self._access_rng,
-            self._rules.link.access,
+            self._access,
             envelope=envelope,
-            measurements=self._rules.measurements,
+            measurements=self._context.node.measurements,
         )

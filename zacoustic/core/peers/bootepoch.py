@@ -1,4 +1,4 @@
-"""The boot epoch of this node: no frame goes before it is written down."""
+"""The boot epoch of one node: another one in each life, and written down before it is said."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ from zacoustic.core.peers.handshake import Handshake
 
 
 class BootEpoch:
-    """The boot epoch of one node: no frame goes before it is written down.
+    """The boot epoch of one node.
 
     Args:
         handshake: Says it to others.
@@ -52,6 +52,8 @@ class BootEpoch:
             return False
         self.begin(now)
         return True
+
+    # Below the methods above
 
     def _write(self) -> None:
         self._to_keep += 1

@@ -103,7 +103,6 @@ class Contact:
         self._emit = emit
         self._has_begun = False
         self._sightings: dict[int, Sighting] = {}
-        peers.heard.connect(self.heard)
         peers.forgotten.connect(self._forget)
 
     def begin(self, now: int) -> None:

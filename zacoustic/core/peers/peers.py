@@ -20,8 +20,6 @@ class Peers(dict[int, Peer]):
 
     def __init__(self) -> None:
         super().__init__()
-        self.heard = Signal[int, int]()
-        """``(address, now)``: a frame of a node arrived, for whomever it was."""
         self.restarted = Signal[int, int, int]()
         """``(address, epoch, now)``: a node has begun a life with this boot epoch."""
         self.asked = Signal[int, int]()

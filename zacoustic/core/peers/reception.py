@@ -92,17 +92,17 @@ TakeExtension = Callable[[Heard, bytes], str | None]
 
 
 class Reception:
-    """Who takes what, on one link."""
+    """Who takes what."""
 
     def __init__(self) -> None:
-        self.heard = Signal[int, int]()
-        """``(address, now)``: a frame of a node has been read."""
         self._of_sender: dict[type[Item], Take] = {}
         self._takers: dict[type[Item], tuple[Take, ...]] = {}
         self._overhearers: dict[type[Item], Take] = {}
         self._records: dict[type, TakeRecord] = {}
         self._acks: dict[type, TakeRecord] = {}
         self._extensions: dict[int, TakeExtension] = {}
+        self.read = Signal[int, int]()
+        """``(address, now)``: a frame of a node has been read."""
         self.on(Extension, self._extension)
 
     # Who takes what

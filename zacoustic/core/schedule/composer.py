@@ -121,21 +121,20 @@ class Composer:
         self, link: str, handshake: Handshake, made_of: Ingredients, stats: EngineStats
     ) -> None:
         self._link = link
-        self._queue = made_of.queue
         self._handshake = handshake
         self._introductions = handshake.introductions
+        self._queue = made_of.queue
         self._dense = made_of.dense
         self._ranging = made_of.ranging
         self._objects = made_of.objects
         self._heartbeats = made_of.heartbeats
-        owed = _Owed(handshake, link)
         self._extensions = made_of.extensions
-        self._not_objects: tuple[Source, ...] = (
-            self._heartbeats, owed, self._ranging, *self._extensions, self._queue,
+        self._sources: tuple[Source, ...] = (
+            made_of.heartbeats, made_of.objects, _Owed(handshake, link), made_of.ranging,
+            *made_of.extensions, made_of.queue,
         )  # fmt: skip
-        beats, *others = self._not_objects
-        self._sources: tuple[Source, ...] = (beats, self._objects, *others)
         """Of equal offers the first one is taken; the last is that of the best payload."""
+        self._not_objects = tuple(each for each in self._sources if each is not made_of.objects)
         self._stats = stats
         self._since_introduction = 0
 

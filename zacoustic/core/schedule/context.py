@@ -1,8 +1,8 @@
-"""What components share: what there is once in a node, and once on each of its links.
+"""What the components of one engine share; each is made with it and takes what it needs.
 
 What a node knows of another one holds on whatever link it was heard: its table, its life, that it
-is there. So do silence, the journal and the boot epoch. What depends on airtimes is apart for each
-link: queue, repetitions and their pauses, windows of numbers, runs of objects, counters.
+is there. So do the journal and the boot epoch. What depends on airtimes is apart for each link: the
+queue, repetitions and their pauses, windows of numbers, runs of objects, counters.
 """
 
 import random
@@ -11,11 +11,14 @@ from typing import Any
 
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import BOOT_KEY, LIFE_KEY, JournalPort, stored_apart
+from zacoustic.core.base.linkids import LinkIds
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.bootepoch import BootEpoch
+from zacoustic.core.peers.contact import Contact, ContactRules
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Reception
 from zacoustic.core.peers.statements import Statements
@@ -23,12 +26,9 @@ from zacoustic.core.schedule.hearing import hear_medium
 from zacoustic.core.schedule.queue import TransmitQueue
 from zacoustic.core.streams.table import StreamTable
 
-Emit = Callable[[Any], None]
-"""Takes an event for the application."""
-
 
 class NodeContext:
-    """What there is once in a node, on however many links it speaks.
+    """The node, and what is there once, however many links it has.
 
     Args:
         address: Address of the node, 1…254.
@@ -36,6 +36,7 @@ class NodeContext:
         epoch: Its boot epoch, 0…65535.
         rng: Source of all randomness; one number is drawn from it.
         stored: What the journal has kept from earlier lives.
+        contact: What the config says of nodes that are not heard.
         emit: Takes events.
     """
 
@@ -46,62 +47,73 @@ class NodeContext:
         epoch: int,
         rng: random.Random,
         stored: Mapping[str, bytes],
-        emit: Emit,
+        contact: ContactRules,
+        emit: Callable[[Any], None],
     ) -> None:
         self.address = address
         self.table = table
         self.stored = stored
         self.emit = emit
+        """Takes an event for the application."""
         self.generators = Generators(rng)
+        """Random numbers, of each component its own."""
         self.journal = JournalPort()
+        """Keeps what is to survive."""
         self.timers = Timers()
+        """Call back when something is due."""
         self.stats = EngineStats()
         self.peers = Peers()
+        """The other nodes, and signals of what becomes of them."""
+        self.measurements = Measurements(self.peers)
+        """What was measured of peers and modem."""
         self.doubt = Doubt(address, table, stored, self.journal, emit)
+        """Whether something of former lives is forgotten."""
         self.handshake = Handshake(
             address, epoch, table, self.peers, self.generators.of("handshake")
         )
+        """What is agreed with the others."""
+        self.contact = Contact(address, contact, self.peers, self.timers, emit)
+        """Who is lost."""
         self.epoch = BootEpoch(self.handshake, self.journal)
+        """The boot epoch."""
 
 
 class Context:
-    """What the components of a node on one link are made with; each takes what it needs.
+    """The node on one link.
 
     Args:
-        node: What there is once.
+        node: What is there once.
         link: Name of the link.
-        emit: Takes the events of this link.
-        is_first: It is the first link: what it keeps and draws has no name of its own.
+        index: Which of the node's links it is; the first is 0.
     """
 
-    def __init__(self, node: NodeContext, link: str, emit: Emit, *, is_first: bool) -> None:
+    def __init__(self, node: NodeContext, link: str, index: int = 0) -> None:
+        apart = index > 0
+        self.node = node
         self.link = link
         """Name of the link."""
         self.address = node.address
-        """Address of the node."""
         self.table = node.table
-        """Its streams."""
-        self.emit = emit
-        """Takes an event for the application."""
+        common = {key: node.stored[key] for key in (LIFE_KEY, BOOT_KEY) if key in node.stored}
+        self.stored = {**stored_apart(node.stored, link if apart else None), **common}
+        """What the journal has kept of this link, and which life this is."""
+        self.ids = LinkIds(link, index)
+        """The ids that the application sees."""
+        self.generators = node.generators.apart(link) if apart else node.generators
+        """Random numbers, of each component its own."""
+        self.journal = node.journal.apart(link) if apart else node.journal
+        """Keeps what is to survive."""
+        self.timers = node.timers.apart(link) if apart else node.timers
+        """Call back when something is due."""
+        self.stats = node.stats.on(link)
         self.peers = node.peers
         """The other nodes, and signals of what becomes of them."""
-        self.handshake = node.handshake
-        """What is agreed with them."""
-        self.epoch = node.epoch
-        """Boot epoch of the node."""
         self.doubt = node.doubt
         """Whether something of former lives is forgotten."""
-        self.stats = node.stats.on(link)
-        """Counts."""
-        self.journal = node.journal if is_first else node.journal.apart(link)
-        """Keeps what is to survive."""
-        self.timers = node.timers if is_first else node.timers.apart(link)
-        """Call back when something is due."""
-        self.generators = node.generators if is_first else node.generators.apart(link)
-        """Random numbers, of each component its own."""
-        common = {key: node.stored[key] for key in (LIFE_KEY, BOOT_KEY) if key in node.stored}
-        self.stored = stored_apart(node.stored, None if is_first else link) | common
-        """What the journal has kept from earlier lives."""
+        self.handshake = node.handshake
+        """What is agreed with the others."""
+        self.epoch = node.epoch
+        """The boot epoch of the node."""
         self.reception = Reception()
         """Gives out what arrives to those that have registered."""
         self.queue = TransmitQueue()
@@ -109,3 +121,7 @@ class Context:
         Statements(self.handshake, self.peers, self.reception)
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)
+
+    def emit(self, event: Any) -> None:  # noqa: ANN401 (each transport has its own events)
+        """Take an event for the application."""
+        self.node.emit(self.ids.of_event(event))

@@ -106,7 +106,7 @@ class Protocols:
         self.demand = Demand(context, repeater)
         self.deadlines = Deadlines(context, self.demand)
         self.topics = Topics(context, rules.objects, self.demand, self.deadlines)
-        context.reception.heard.connect(lambda address, now: repeater.heard(address))
+        context.reception.read.connect(lambda address, now: repeater.heard(address))
         context.peers.forgotten.connect(self.ranging.peer_forgotten)
         self.transports = make_transports(context, transports)
         self.receiver = Receiver(context.table, context.handshake, context.reception, context.stats)

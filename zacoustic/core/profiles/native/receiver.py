@@ -89,7 +89,7 @@ class Receiver:
             self._drop(self._take(heard, item))
         if heard.streams and heard.epoch is not None:
             self._handshake.heard_introduced(heard.source, heard.epoch, now)
-        self._reception.heard(heard.source, now)
+        self._reception.read(heard.source, now)
         return tuple(heard.streams)
 
     def overhear(

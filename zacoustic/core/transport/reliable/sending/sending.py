@@ -85,7 +85,7 @@ class ReliableSending:
         self._paced_until: int | None = None
         self._next_delivery_id = 1
         self._order = 0
-        context.reception.heard.connect(self.heard)
+        context.reception.read.connect(self.heard)
         context.peers.restarted.connect(self.peer_restarted)
         context.peers.asked.connect(self.peer_asked)
         context.peers.forgotten.connect(self.peer_forgotten)
