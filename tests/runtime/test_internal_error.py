@@ -144,9 +144,9 @@ class Bench:
 
         state = self.journal.recover()
         first = Intact(renew, state.boot_epoch, state.entries)
-        self.runner = LinkRunner(first, self.link, self._take, renew=renew, journal=self.journal)
+        self.runner = LinkRunner(first, self.link, journal=self.journal)
 
-    def _take(self, event: Event) -> None:
+    def take(self, event: Event) -> None:
         self.events.append(event)
         self.changed.set()
         if self.fails:
@@ -166,7 +166,7 @@ def on_a_bench(
 ) -> None:
     async def whole() -> None:
         bench = Bench(engine_type, journal)
-        await bench.runner.start()
+        await bench.runner.start(bench.take)
         await main(bench)
         assert bench.runner.failure is None
         await bench.runner.close()
