@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.base.qos import Tuning
+from zacoustic.core.base.qos import Override
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
 from zacoustic.core.peers.heartbeats import Heartbeats
@@ -28,7 +28,7 @@ from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
-from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
 from zacoustic.core.transport.contract import Transport
@@ -36,7 +36,7 @@ from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.objects import Objects
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.core.transport.repeating import Repeater
-from zacoustic.core.transport.subscriptions.demand import Demand, SubscribersChanged
+from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged, Subscriptions
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
 from zacoustic.core.transport.topics.topics import Topics
 from zacoustic.core.wire.agreement import TAG_BYTES
@@ -103,9 +103,9 @@ class Protocols:
         )
         self.services = Services(context, repeater)
         self.actions = Actions(context, repeater)
-        self.demand = Demand(context, repeater)
-        self.deadlines = Deadlines(context, self.demand)
-        self.topics = Topics(context, rules.objects, self.demand, self.deadlines)
+        self.subscriptions = Subscriptions(context, repeater)
+        self.deadlines = Deadlines(context, self.subscriptions)
+        self.topics = Topics(context, rules.objects, self.subscriptions, self.deadlines)
         context.reception.read.connect(lambda address, now: repeater.heard(address))
         context.peers.forgotten.connect(self.ranging.peer_forgotten)
         self.transports = make_transports(context, transports)
@@ -201,11 +201,11 @@ class Protocols:
         """Answer a request with an error; see `Engine.reply_error`."""
         return self.services.reply_error(call, failure, text, now)
 
-    def tune(self, stream: Stream, tuning: Tuning) -> None:
+    def override(self, stream: Stream, override: Override) -> None:
         """Lay an override over the QoS of what waits of a topic."""
         for lane in SAMPLE_LANES:
-            self.queue.tune((stream.stream_id, lane), tuning)
-        self.objects.tune(stream.stream_id, tuning.over(stream.qos).priority, on=tuning.on)
+            self.queue.override((stream.stream_id, lane), override)
+        self.objects.override(stream.stream_id, override.over(stream.qos).priority, on=override.on)
 
     # What is said and heard
 
@@ -250,7 +250,7 @@ class Protocols:
     def recover(self) -> None:
         """Go on with what a former life has left."""
         stored = self._context.stored
-        self.demand.recover(stored)
+        self.subscriptions.recover(stored)
         self.topics.recover(stored)
         self.services.recover(stored)
         self.actions.recover(stored)

@@ -1,7 +1,7 @@
 """What the application and the water say to the actions of one node.
 
 Commands are given here (`Engine.actions`); the events are those of
-`zacoustic.core.transport.actions.news`.
+`zacoustic.core.transport.actions.events`.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.client import GoalClient
-from zacoustic.core.transport.actions.post import GoalPost
+from zacoustic.core.transport.actions.outbox import GoalOutbox
 from zacoustic.core.transport.actions.server import GoalServer
 from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.wire.frame import Record
@@ -31,9 +31,11 @@ class Actions:
     def __init__(self, context: Context, repeater: Repeater) -> None:
         self._address = context.address
         self._table = context.table
-        self._post = post = GoalPost(context.address, context.queue, repeater, context.handshake)
-        self._client = GoalClient(context, post)
-        self._server = GoalServer(context, post)
+        self._outbox = outbox = GoalOutbox(
+            context.address, context.queue, repeater, context.handshake
+        )
+        self._client = GoalClient(context, outbox)
+        self._server = GoalServer(context, outbox)
         context.reception.on_records(ActionSpec, self.receive)
         context.epoch.began.connect(self.epoch_changed)
         context.peers.restarted.connect(self.peer_restarted)
@@ -139,7 +141,7 @@ class Actions:
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
-        self._post.use_link(times)
+        self._outbox.use_link(times)
         self._client.settling_ns = self._server.settling_ns = settling_ns
 
     def recover(self, stored: Mapping[str, bytes]) -> None:

@@ -26,7 +26,7 @@ from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
-from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 
 _Key = tuple[int, int, Instance]
 """Source, stream, instance."""
@@ -88,13 +88,13 @@ class Deadlines:
 
     Args:
         context: What the components of its engine share.
-        demand: Knows which on-demand topics this node still wants.
+        subscriptions: Knows which on-demand topics this node still wants.
     """
 
-    def __init__(self, context: Context, demand: Demand) -> None:
+    def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
         self._address = context.address
         self._table = context.table
-        self._demand = demand
+        self._subscriptions = subscriptions
         self._timers = context.timers
         self._stats = context.stats
         self._emit: Callable[[DeadlineMissed | SampleReceived], None] = context.emit
@@ -183,4 +183,4 @@ class Deadlines:
         """Tell whether samples may be expected: what this node has unsubscribed from may end."""
         if source == self._address or not stream.is_on_demand:
             return True
-        return source in self._demand.wanted(stream.stream_id)
+        return source in self._subscriptions.wanted(stream.stream_id)
