@@ -31,9 +31,11 @@ from typing import Final, TypeVar
 
 import msgspec
 
+from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.position import Position
 from zacoustic.channel.scenario import Scenario
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import BOOT_KEY
 from zacoustic.core.base.linktypes import ONE_LINK, LinkCapabilities
 from zacoustic.core.base.stats import EngineStats
@@ -44,7 +46,6 @@ from zacoustic.core.engine.makeengine import MakeEngine
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualclock import NodeClock
 from zacoustic.testing.virtualfaults import schedule_faults
 from zacoustic.testing.virtualjournal import FULL, VirtualJournal
@@ -154,7 +155,7 @@ class VirtualNetwork:
 
     def run(self, *, until_s: float | None = None) -> None:
         """Run the actions up to an instant, or until none is left."""
-        self._agenda.run(until_s=until_s)
+        self._agenda.run(None if until_s is None else seconds_to_ns(until_s))
 
     @property
     def is_quiet(self) -> bool:

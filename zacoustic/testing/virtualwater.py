@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from zacoustic.channel.acknowledgement import ACKNOWLEDGEMENT_BYTES, patience_ns, turnaround_ns
+from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.faults import corrupt
 from zacoustic.channel.medium import Arrival, Emission, Medium, Reception
 from zacoustic.channel.position import Position
@@ -25,7 +26,6 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.engine.engine import Engine
-from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualmodem import Device, Modem
 from zacoustic.testing.virtualnode import VirtualNode
 

@@ -65,6 +65,7 @@ from zacoustic.core.transport.commands.commands import Commands
 from zacoustic.core.transport.commands.deduplication import DeduplicationTable
 from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import Transport
+from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 
@@ -300,10 +301,8 @@ class Engine:
         """
         self._now = now
         stack = self._stack_of(stream_id)
-        delivery_id = stack.protocols.publish(
-            stream_id, value, now, instance=instance, encoding=encoding, delete=delete,
-            queued_at=queued_at,
-        )  # fmt: skip
+        publication = Publication(stream_id, value, instance, encoding, delete, queued_at)
+        delivery_id = stack.protocols.publish(publication, now)
         return stack.ids.outer(delivery_id)
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:

@@ -27,7 +27,6 @@ from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
 from zacoustic.core.schedule.timing import LinkTimes
-from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
@@ -46,6 +45,7 @@ from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChan
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
+from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.transport.topics.topics import Topics
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
@@ -252,28 +252,12 @@ class Protocols:
 
     # Commands
 
-    def publish(
-        self,
-        stream_id: int,
-        value: object,
-        now: int,
-        *,
-        instance: Instance,
-        encoding: str | None,
-        delete: bool,
-        queued_at: int | None,
-    ) -> int:
+    def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
-        delivery_id = self.topics.publish(
-            stream_id,
-            value,
-            now,
-            instance=instance,
-            encoding=encoding,
-            delete=delete,
-            queued_at=queued_at,
+        delivery_id = self.topics.publish(publication, now)
+        self.deadlines.published(
+            publication.stream_id, publication.instance, now, deleted=publication.delete
         )
-        self.deadlines.published(stream_id, instance, now, deleted=delete)
         return delivery_id
 
     def pending(self, stream_id: int) -> int:

@@ -40,10 +40,10 @@ from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANE, LaneKey, Waiting
-from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
+from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.transport.topics.topics import NO_DELIVERY
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.rmw_desert.messages import Kind, Message, decode_message, encode_head
@@ -96,42 +96,30 @@ class RmwDesertProtocols(Protocols):
 
     # Commands
 
-    def publish(
-        self,
-        stream_id: int,
-        value: object,
-        now: int,
-        *,
-        instance: Instance,
-        encoding: str | None,
-        delete: bool,
-        queued_at: int | None,
-    ) -> int:
+    def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
+        stream_id, encoding = publication.stream_id, publication.encoding
         stream, _ = self._table.topic_of(self._address, stream_id)
-        stream.keys.key(self._address, instance)
-        if delete:
+        stream.keys.key(self._address, publication.instance)
+        if publication.delete:
             raise PayloadInvalidError(f"{stream.name}: a delete does not exist on this wire")
         if encoding is not None and encoding != stream.encoding:
             raise PayloadInvalidError(
                 f"{stream.name}: encoding {encoding}; allowed: {stream.encoding}"
             )
-        fields = stream.codec.encode(value)
-        made_at = now if queued_at is None else min(queued_at, now)
-        lifespan_s = stream.qos.lifespan_s
         item = Waiting(
             stream_id=stream_id,
             destination=BROADCAST,
             code=Kind.SAMPLE,
             head=encode_head(stream_id),
-            payload=fields,
-            queued_at=made_at,
-            expires_at=None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s),
+            payload=stream.codec.encode(publication.value),
+            queued_at=publication.made_at(now),
+            expires_at=publication.expires_at(stream, now),
         )
         self.queue.check_size(stream.name, item.size_bytes)
         count(self._stats.published, stream_id)
         self.queue.push((stream_id, SAMPLE_LANE), item, stream.qos)
-        self.deadlines.published(stream_id, instance, now, deleted=False)
+        self.deadlines.published(stream_id, publication.instance, now, deleted=False)
         return NO_DELIVERY
 
     def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:

@@ -7,13 +7,11 @@ A best-effort sample crosses once or not at all; a reliable one goes to
 from collections.abc import Callable, Set
 from typing import Any, Final
 
-from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.base.stats import EngineStats, count
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.queue import SAMPLE_LANE, TransmitQueue, Waiting
-from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable
 from zacoustic.core.transport.deliveries import SampleReceived
@@ -24,10 +22,10 @@ from zacoustic.core.transport.reliable.sending.slots import LEAST_ACK_BYTES
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.densestreams import DenseStreams
+from zacoustic.core.transport.topics.publication import EncodedSample, Publication, encode_sample
 from zacoustic.core.values.age import decode_age_s
-from zacoustic.core.values.encoding import encode_prefix
 from zacoustic.core.values.payload import PayloadError
-from zacoustic.core.wire.frame import SYNC_BYTES, Control, DenseBlock, Record
+from zacoustic.core.wire.frame import SYNC_BYTES, DenseBlock, Record
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
 from zacoustic.errors import UnknownStreamError
 
@@ -81,87 +79,73 @@ class Topics:
         self._subscriptions = subscriptions
         self._emit = emit
 
-    def publish(
-        self,
-        stream_id: int,
-        value: object,
-        now: int,
-        *,
-        instance: Instance,
-        encoding: str | None,
-        delete: bool,
-        queued_at: int | None,
-    ) -> int:
+    def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
-        stream, spec = self._table.topic_of(self._address, stream_id)
-        stream.keys.key(self._address, instance)
-        prefix = bytes((Control.DELETE,)) if delete else b""
-        if encoding is not None and encoding != stream.encoding and not delete:
-            prefix = bytes((Control.ENCODING,)) + encode_prefix(encoding)
-        made_at = now if queued_at is None else min(queued_at, now)
-        lifespan_s = stream.qos.lifespan_s
-        expires_at = None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s)
-        dense_value = None
-        if stream.dense_type is not None and not prefix:
-            dense_value, payload = stream.dense_value(value)
-        else:
-            payload = b"" if delete else stream.codec.encode(value)
-        stamped = stream.qos.stamp is Stamp.AGE and not delete
-        reliable = stream.qos.reliability is Reliability.RELIABLE
-        needed_bytes = len(prefix) + 1 + len(instance) + stamped + len(payload)
-        if reliable:
+        stream, spec = self._table.topic_of(self._address, publication.stream_id)
+        stream.keys.key(self._address, publication.instance)
+        sample = encode_sample(stream, publication, now)
+        is_reliable = stream.qos.reliability is Reliability.RELIABLE
+        if is_reliable:
             self._sending.check(stream)
-            needed_bytes += SYNC_BYTES + NUMBER_BYTES
-            needed_bytes = max(needed_bytes, LEAST_ACK_BYTES + len(instance))
         if self._subscriptions.subscribers(stream) == frozenset():
-            count(self._stats.published, stream_id)
-            count(self._stats.unsubscribed, stream_id)
-            if not reliable:
+            count(self._stats.published, stream.stream_id)
+            count(self._stats.unsubscribed, stream.stream_id)
+            if not is_reliable:
                 return NO_DELIVERY
             return self._subscriptions.refuse(stream, self._sending.next_delivery_id(), now)
-        largest_bytes = self._queue.largest_bytes
-        is_large = reliable and largest_bytes is not None and needed_bytes > largest_bytes
-        if reliable:
-            self._large.check(stream, len(payload))
-            if is_large and not delete:
-                delivery_id = self._large.publish(
-                    stream,
-                    payload,
-                    now,
-                    instance=instance,
-                    encoding=encoding if prefix else None,
-                    expires_at=expires_at,
-                )
-                count(self._stats.published, stream_id)
-                return delivery_id
-        self._queue.check_size(stream.name, needed_bytes, hint=_IN_PARTS)
-        count(self._stats.published, stream_id)
-        if reliable:
-            return self._sending.publish(
-                stream,
-                instance,
-                prefix=prefix,
-                payload=payload,
-                stamped=stamped,
-                queued_at=made_at,
-                expires_at=expires_at,
-                now=now,
-            )
+        if is_reliable:
+            return self._publish_reliably(stream, sample, now, is_delete=publication.delete)
+        self._queue.check_size(stream.name, sample.record_bytes, hint=_IN_PARTS)
+        count(self._stats.published, stream.stream_id)
         item = Waiting(
-            stream_id=stream_id,
+            stream_id=stream.stream_id,
             destination=self._destination(stream, spec),
-            prefix=prefix,
-            head=bytes(instance),
-            payload=payload,
-            stamped=stamped,
-            delimits_itself=stream.codec.delimits_itself or delete,
-            dense_value=dense_value,
-            tick=self._stats.published[stream_id],
-            queued_at=made_at,
-            expires_at=expires_at,
+            prefix=sample.prefix,
+            head=bytes(sample.instance),
+            payload=sample.payload,
+            stamped=sample.stamped,
+            delimits_itself=stream.codec.delimits_itself or publication.delete,
+            dense_value=sample.dense_value,
+            tick=self._stats.published[stream.stream_id],
+            queued_at=sample.made_at,
+            expires_at=sample.expires_at,
         )
-        self._copied.publish((stream_id, SAMPLE_LANE, *instance), item, stream.qos, now)
+        lane = (stream.stream_id, SAMPLE_LANE, *sample.instance)
+        self._copied.publish(lane, item, stream.qos, now)
         return NO_DELIVERY
+
+    def _publish_reliably(
+        self, stream: Stream, sample: EncodedSample, now: int, *, is_delete: bool
+    ) -> int:
+        self._large.check(stream, len(sample.payload))
+        needed_bytes = max(
+            sample.record_bytes + SYNC_BYTES + NUMBER_BYTES,
+            LEAST_ACK_BYTES + len(sample.instance),
+        )
+        largest_bytes = self._queue.largest_bytes
+        if largest_bytes is not None and needed_bytes > largest_bytes and not is_delete:
+            delivery_id = self._large.publish(
+                stream,
+                sample.payload,
+                now,
+                instance=sample.instance,
+                encoding=sample.encoding,
+                expires_at=sample.expires_at,
+            )
+            count(self._stats.published, stream.stream_id)
+            return delivery_id
+        self._queue.check_size(stream.name, needed_bytes, hint=_IN_PARTS)
+        count(self._stats.published, stream.stream_id)
+        return self._sending.publish(
+            stream,
+            sample.instance,
+            prefix=sample.prefix,
+            payload=sample.payload,
+            stamped=sample.stamped,
+            queued_at=sample.made_at,
+            expires_at=sample.expires_at,
+            now=now,
+        )
 
     def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
         """Take a record that may be decoded; returns why it is dropped, or None."""
