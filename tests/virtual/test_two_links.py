@@ -63,7 +63,7 @@ def use_all(fleet: TwoLinks, tag: bytes, *, node: int = 2) -> None:
 def test_each_stream_goes_by_its_link(nodes: int) -> None:
     fleet = TwoLinks(nodes)
     use_all(fleet, b"1")
-    fleet.network.apply(1, lambda engine, now: engine.demand.want(VIEW + BESIDE, now, {2}))
+    fleet.network.apply(1, lambda engine, now: engine.subscriptions.want(VIEW + BESIDE, now, {2}))
     fleet.network.run(until_s=60.0)
     fleet.network.publish(2, VIEW + BESIDE, b"view")
     fleet.network.publish(2, VIEW, b"nobody wants it")
