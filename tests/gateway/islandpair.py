@@ -4,23 +4,23 @@ import asyncio
 
 import zenoh
 
-from tests.gateway.islands import Island, Water
+from tests.gateway.networks import Channel, LocalNetwork
 from zacoustic.app.cli import main
 
 
 class Pair:
     """A gateway on the shore, one on the vehicle, a client at each."""
 
-    water: Water
-    shore_island: Island
-    auv_island: Island
+    channel: Channel
+    shore_network: LocalNetwork
+    auv_network: LocalNetwork
     shore: zenoh.Session
     auv: zenoh.Session
 
     @property
     def where(self) -> list[str]:
         """The arguments of a verb on the shore."""
-        return ["--connect", f"tcp/127.0.0.1:{self.shore_island.port}"]
+        return ["--connect", f"tcp/127.0.0.1:{self.shore_network.port}"]
 
 
 async def verb(*arguments: str) -> int:

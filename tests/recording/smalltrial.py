@@ -1,6 +1,6 @@
 """A small trial: the water, and the file of its fleet."""
 
-WATER = """{
+CHANNEL = """{
   nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [800, 0, 10] } ],
   config: "fleet.json5", loss: { frame: 0.1 },
   traffic: [
