@@ -53,7 +53,7 @@ from zacoustic.errors import ConfigError, PayloadInvalidError
 
 
 class RmwDesertProtocols(Protocols):
-    """The components of one engine.
+    """The components of one engine on one link.
 
     Args:
         context: What they share.
@@ -65,26 +65,13 @@ class RmwDesertProtocols(Protocols):
     """
 
     def __init__(
-        self,
-        context: Context,
-        rules: TransmitRules,
-        transports: Sequence[MakeTransport] = (),
+        self, context: Context, rules: TransmitRules, transports: Sequence[MakeTransport] = ()
     ) -> None:
         if transports:
             raise ConfigError("wire rmw_desert has no extensions; allowed: no other transports")
         super().__init__(context, rules)
-        self._address = context.address
-        self._table = context.table
-        self._timers = context.timers
-        self._calls = DesertCalls(
-            context.address,
-            context.table,
-            queue=context.queue,
-            timers=context.timers,
-            stats=context.stats,
-            rng=context.generators.of("rmw_desert calls"),
-            emit=context.emit,
-        )
+        self._stats = context.stats
+        self._calls = DesertCalls(context)
         discovery = rules.discovery or DiscoverySpec()
         self._discovery = Discovery(
             context.address, context.table, discovery, context.queue, context.emit
@@ -99,8 +86,8 @@ class RmwDesertProtocols(Protocols):
     def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
         stream_id, encoding = publication.stream_id, publication.encoding
-        stream, _ = self._table.topic_of(self._address, stream_id)
-        stream.keys.key(self._address, publication.instance)
+        stream, _ = self._context.table.topic_of(self._context.address, stream_id)
+        stream.keys.key(self._context.address, publication.instance)
         if publication.delete:
             raise PayloadInvalidError(f"{stream.name}: a delete does not exist on this wire")
         if encoding is not None and encoding != stream.encoding:
@@ -142,7 +129,9 @@ class RmwDesertProtocols(Protocols):
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a message on a link."""
-        return PacketEnvelope(capabilities, self._address, self._timers, self._give_up)
+        return PacketEnvelope(
+            capabilities, self._context.address, self._context.timers, self._give_up
+        )
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a packet is to go, ns; None: nothing is to be said."""
@@ -260,7 +249,7 @@ class RmwDesertProtocols(Protocols):
         )
 
     def _receive(self, source: int, message: Message, frame: ReceivedFrame, now: int) -> str | None:
-        stream = self._table.get(message.stream_id)
+        stream = self._context.table.get(message.stream_id)
         if stream is None:
             return self._discovery.receive(message, now)
         if message.kind is not Kind.SAMPLE:
@@ -272,14 +261,14 @@ class RmwDesertProtocols(Protocols):
     def _receive_sample(
         self, source: int, stream: Stream, spec: TopicSpec, message: Message, frame: ReceivedFrame
     ) -> str | None:
-        others = [address for address in spec.publishers or () if address != self._address]
+        others = [address for address in spec.publishers or () if address != self._context.address]
         if source == UNKNOWN_SOURCE and len(others) == 1:
             source = others[0]
         if spec.publishers is not None and not others:
             return "not_publisher"
         if source != UNKNOWN_SOURCE and not stream.may_publish(source):
             return "not_publisher"
-        if not stream.may_subscribe(self._address):
+        if not stream.may_subscribe(self._context.address):
             return "not_subscriber"
         try:
             value = stream.codec.decode(message.fields)
@@ -294,5 +283,5 @@ class RmwDesertProtocols(Protocols):
             received_at=frame.received_at,
             metrics=frame.metrics,
         )
-        self._hand_on(sample, frame.received_at)
+        self.deadlines.hand_on(sample, frame.received_at)
         return None
