@@ -144,7 +144,7 @@ class SimMedium(Modems[Place, Transmit]):
         elif place.pending:
             place.reject(request, "the modem is transmitting")
         else:
-            self.send(place, request)
+            self.send(address, request)
         self._alarm.set(self.agenda.next_at())
 
     def close(self) -> None:

@@ -115,8 +115,9 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
         self.farthest_s = medium.scenario.farthest_s
         """Longest propagation delay, one way, s."""
 
-    def send(self, station: StationT, frame: FrameT) -> None:
+    def send(self, address: int, frame: FrameT) -> None:
         """Take a frame from a node; `finished` follows."""
+        station = self.stations[address]
         station.pending.append(frame)
         self._start(station, frame)
 
