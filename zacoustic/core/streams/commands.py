@@ -154,7 +154,6 @@ class CommandState(msgspec.Struct, frozen=True, kw_only=True):
         """Return the response."""
         fields = msgspec.structs.asdict(self)
         fields["ordered"] = fields.pop("commanded")  # its name on the wire
-        fields["ordered"] = fields.pop("commanded")  # its name on the wire
         for name, longest in (
             ("left_s", LONGEST_SILENCE_S),
             ("min_interval_s", LONGEST_INTERVAL_S),
