@@ -14,9 +14,9 @@ from zacoustic.link.serving import parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
 
 if TYPE_CHECKING:
+    from zacoustic.channel.driver import Channel
     from zacoustic_desert.server import StandInServer
     from zacoustic_desert.standin import Observation, StandIn
-    from zacoustic_desert.water import Water
 
 FIRST_PORT: Final = 4000
 """Port of the first node in DESERT's sample script."""
@@ -106,9 +106,9 @@ def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":
     return StandIn(water, config, rng=rng, observer=reporter.observe)
 
 
-def _water(arguments: argparse.Namespace) -> "tuple[int, Water]":
+def _water(arguments: argparse.Namespace) -> "tuple[int, Channel]":
     """The seed, and the channel: a scenario's, or that of DESERT's sample."""
-    from zacoustic_desert.water import SampleWater, ScenarioWater
+    from zacoustic_desert.water import SampleWater, medium_of
 
     if arguments.scenario is None:
         seed = 1 if arguments.seed is None else arguments.seed
@@ -130,7 +130,7 @@ def _water(arguments: argparse.Namespace) -> "tuple[int, Water]":
         )
     if arguments.seed is not None:
         scenario = msgspec.structs.replace(scenario, seed=arguments.seed)
-    return scenario.seed, ScenarioWater(scenario, arguments.max_read_length)
+    return scenario.seed, medium_of(scenario, arguments.max_read_length)
 
 
 class _Reporter:

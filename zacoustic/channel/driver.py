@@ -16,7 +16,16 @@ SentT = TypeVar("SentT")
 
 
 class Channel(Protocol):
-    """What becomes of arrivals; `Medium` is one."""
+    """Who hears what and when, and with which outcome; `Medium` is one."""
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """Addresses of all nodes."""
+        ...
+
+    def transmit(self, source: int, frame_bytes: int, now: int) -> Emission:
+        """Let a node transmit; `now` never decreases."""
+        ...
 
     def finish(self, arrival: Arrival) -> Reception:
         """Return the outcome of an arrival; called once, when it ends, in order of time."""
