@@ -95,10 +95,8 @@ def test_lost_and_damaged_answers_are_none() -> None:
     for faulty in (Noted(links=(back,)), Noted(faults=FaultSpec(corrupt=1.0))):
         faulty.send(1, Sent(b"far?", 2, acknowledge=True))
         faulty.agenda.run()
-        ((_, (ending, _, _)),) = [
-            each for each in faulty.of(1) if isinstance(each[1], tuple)
-        ]  # fmt: skip
-        assert ending is Ending.NOT_DELIVERED
+        (end,) = [what for _, what in faulty.of(1) if isinstance(what, tuple)]
+        assert end == (Ending.NOT_DELIVERED, 0, None)
     assert [what for _, what in faulty.of(2) if isinstance(what, bytes)] != [b"far?"]
 
 
