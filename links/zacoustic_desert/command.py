@@ -91,7 +91,7 @@ async def _serve(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
 def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":
     from zacoustic_desert.standin import StandIn, StandInConfig
 
-    seed, water = _water(arguments)
+    seed, channel = _channel(arguments)
     csma = {"wait_s": 0.0, "listen_s": 0.0} if arguments.no_csma else {}
     try:
         config = StandInConfig(
@@ -103,19 +103,19 @@ def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":
     except ValueError as error:
         raise ConfigError(str(error)) from error
     rng = random.Random(f"stand-in/{seed}")
-    return StandIn(water, config, rng=rng, observer=reporter.observe)
+    return StandIn(channel, config, rng=rng, observer=reporter.observe)
 
 
-def _water(arguments: argparse.Namespace) -> "tuple[int, Channel]":
+def _channel(arguments: argparse.Namespace) -> "tuple[int, Channel]":
     """The seed, and the channel: a scenario's, or that of DESERT's sample."""
-    from zacoustic_desert.water import SampleWater, medium_of
+    from zacoustic_desert.channel import SampleChannel, medium_of
 
     if arguments.scenario is None:
         seed = 1 if arguments.seed is None else arguments.seed
         nodes = NODES if arguments.modems is None else arguments.modems
         if not 2 <= nodes <= 254:
             raise ConfigError(f"--modems is {nodes}; allowed: 2..254")
-        return seed, SampleWater(nodes, random.Random(f"water/{seed}"), loss=arguments.loss)
+        return seed, SampleChannel(nodes, random.Random(f"water/{seed}"), loss=arguments.loss)
     import msgspec
 
     from zacoustic.channel.scenario import scenario_from_mapping

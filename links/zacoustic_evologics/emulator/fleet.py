@@ -33,12 +33,12 @@ from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS
 from zacoustic_evologics.emulator.chassis import Behaviour
 from zacoustic_evologics.emulator.faults import NO_FAULTS, FaultPlan
+from zacoustic_evologics.emulator.medium import EmulatedMedium
 from zacoustic_evologics.emulator.modem import EmulatedModem
 from zacoustic_evologics.emulator.observation import Observer, ignore
 from zacoustic_evologics.emulator.signals import Hearing
 from zacoustic_evologics.emulator.station import FleetOutput, PortClosed, Station
 from zacoustic_evologics.emulator.store import PORT_OPTIONS
-from zacoustic_evologics.emulator.water import Water
 
 PORTS_LIMIT: Final = 64
 """Open ports of one modem; more are refused."""
@@ -96,14 +96,14 @@ class EmulatedFleet:
         self.scenario = scenario
         self.interpreter = interpreter
         self._agenda = Agenda()
-        self._water = Water(
+        self._medium = EmulatedMedium(
             scenario,
             self._agenda,
             begun=self._handle_sound,
             heard=self._handle_hearing,
             observer=observer,
         )
-        self._medium = self._water.medium
+        self._medium = self._medium.medium
         self._outputs: deque[FleetOutput] = deque()
         self._stations: dict[int, Station] = {}
         self._station_of_port: dict[int, Station] = {}
@@ -233,7 +233,7 @@ class EmulatedFleet:
                 del self._station_of_port[output.port_id]
             self._outputs.append(output)
         while (signal := station.modem.poll_signal()) is not None:
-            self._water.emit(station.node, signal)
+            self._medium.emit(station.node, signal)
         self._arm(station)
 
     def _handle_sound(self, node: int, sound: int) -> None:

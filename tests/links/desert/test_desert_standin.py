@@ -11,8 +11,8 @@ from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
 from zacoustic.errors import ConfigError
 from zacoustic_desert import standin as module
+from zacoustic_desert.channel import SampleChannel, medium_of
 from zacoustic_desert.standin import StandIn, StandInConfig
-from zacoustic_desert.water import SampleWater, medium_of
 
 MS = NS_PER_S // 1000
 
@@ -195,10 +195,10 @@ def test_queue_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_own_transmissions_are_remembered_no_longer_than_they_matter() -> None:
-    water = SampleWater(2, random.Random(1))
+    medium = SampleChannel(2, random.Random(1))
     for number in range(1000):
-        water.transmit(0, 64, number * NS_PER_S)
-    assert len(water._transmits[0]) < 10
+        medium.transmit(0, 64, number * NS_PER_S)
+    assert len(medium._transmits[0]) < 10
 
 
 @pytest.mark.parametrize(

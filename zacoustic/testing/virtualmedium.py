@@ -38,7 +38,7 @@ class Serve(Protocol):
         ...
 
 
-class VirtualWater(Modems[Device, Transmission]):
+class VirtualMedium(Modems[Device, Transmission]):
     """The modems of one link.
 
     Args:

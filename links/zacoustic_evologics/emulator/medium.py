@@ -32,7 +32,7 @@ _INTEGRITY_PER_DB: Final = 3.0
 _INTEGRITY_LIMITS: Final = (20, 255)
 
 
-class Water(Driver[Signal]):
+class EmulatedMedium(Driver[Signal]):
     """The shared channel of one scenario.
 
     Args:

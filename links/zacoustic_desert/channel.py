@@ -2,10 +2,10 @@
 
 Two kinds of channel, for one driver (`zacoustic.channel.driver`):
 
-- `SampleWater`, as measured with DESERT's sample script: every node 500 m from every other, modems
-  of 48 kbit/s, packets lost at a node that transmits when they begin to arrive, and a share at
-  random. What begins while a packet arrives does no harm: that is how the measured losses come out,
-  0.01 for 64 bytes and 0.15 for 512 with two packets a second each way.
+- `SampleChannel`, as measured with DESERT's sample script: every node 500 m from every other,
+  modems of 48 kbit/s, packets lost at a node that transmits when they begin to arrive, and a share
+  at random. What begins while a packet arrives does no harm: that is how the measured losses come
+  out, 0.01 for 64 bytes and 0.15 for 512 with two packets a second each way.
 - the `Medium` of a scenario file (`medium_of`): places, modem profiles, noise, collisions, faults.
 
 Pure and seeded: instants come in, and never decrease.
@@ -26,7 +26,7 @@ SAMPLE_BIT_RATE_BPS: Final = 48_000.0
 """Of the modems of the sample, bit/s."""
 
 
-class SampleWater:
+class SampleChannel:
     """Water as in DESERT's sample script.
 
     Args:
