@@ -27,7 +27,7 @@ SAMPLE_BIT_RATE_BPS: Final = 48_000.0
 
 
 class SampleChannel:
-    """Water as in DESERT's sample script.
+    """The channel of DESERT's sample script.
 
     Args:
         nodes: Number of nodes.

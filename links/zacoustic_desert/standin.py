@@ -3,7 +3,7 @@
 Each node has an application module (a socket, here `handle_write` and `poll_delivery`), a queue, a
 medium access, a modem::
 
-    write ─► unread bytes ─wake─► packet ─► queue ─period─► medium access ─listen─► water
+    write ─► unread bytes ─wake─► packet ─► queue ─period─► medium access ─listen─► channel
                                                                                       │
     poll_delivery ◄────────────── is a client there? ◄────────────────────────────────┘
 

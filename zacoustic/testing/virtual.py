@@ -14,7 +14,7 @@ gives one trace: `digest` identifies a run in 32 bytes.
 
 What goes wrong is in the scenario (`faults`, `loss`, `links`), or done by hand: `crash`, `start`,
 `set_link`. A node that crashes loses its engine and keeps its journal (`virtualjournal`), its
-clocks (`virtualclock`) and its modem (`virtualwater`). Its next engine gets what the journal has,
+clocks (`virtualclock`) and its modem (`virtualmedium`). Its next engine gets what the journal has,
 and the boot epoch after the last one that was committed.
 
 The modem of a node is what the scenario's profile says. `Modem` takes from it what the tests want

@@ -96,14 +96,14 @@ class EmulatedFleet:
         self.scenario = scenario
         self.interpreter = interpreter
         self._agenda = Agenda()
-        self._medium = EmulatedMedium(
+        self._driver = EmulatedMedium(
             scenario,
             self._agenda,
             begun=self._handle_sound,
             heard=self._handle_hearing,
             observer=observer,
         )
-        self._medium = self._medium.medium
+        self._medium = self._driver.medium
         self._outputs: deque[FleetOutput] = deque()
         self._stations: dict[int, Station] = {}
         self._station_of_port: dict[int, Station] = {}
@@ -233,7 +233,7 @@ class EmulatedFleet:
                 del self._station_of_port[output.port_id]
             self._outputs.append(output)
         while (signal := station.modem.poll_signal()) is not None:
-            self._medium.emit(station.node, signal)
+            self._driver.emit(station.node, signal)
         self._arm(station)
 
     def _handle_sound(self, node: int, sound: int) -> None:
