@@ -36,7 +36,7 @@ def test_scenarios_tell_of_every_outcome() -> None:
     raise AssertionError(f"no story tells of {expected}")
 
 
-# What the stories are there to find: they do when it is left out.
+# What the scenarios are there to find: they do when it is left out.
 
 
 def _everything_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
