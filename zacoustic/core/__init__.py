@@ -15,7 +15,7 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 `subscriptions`, `calls`, `actions`, `commands`; `repeating` until there is an
                 answer, `deliveries` is what becomes of samples
 `schedule`      `queue` to `composer` and `filling` to `port` to `transmitter`; `access`,
-                `airtime`, `silence` and `hosttime` say when; `timing` and `copies` how often;
+                `airtime`, `silence` and `hosttime` say when; `timing`, `pacers` and `copies` how often;
                 `sources` and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
                 tables; `handshake`, `introducing`, `contact`, `ranging`, `measurements`; `doubt`

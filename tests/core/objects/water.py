@@ -20,7 +20,10 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access.listening import Listening
+from zacoustic.core.schedule.pacers import Pacers
+from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.transport.objects.gate import Admission, ObjectReceived
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest
@@ -68,11 +71,14 @@ class Node:
         self.alive = True
         self.armed: int | None = None
         self.journal = JournalPort()
+        pacers = Pacers(Peers())
+        self.pacers = pacers
         self.timers = Timers()
         self.listening = Listening(water.capabilities)
         self.objects = Objects(
             epoch=epoch,
             limits=water.limits,
+            pacers=pacers,
             timers=self.timers,
             generators=Generators(random.Random(f"{water.seed}/{address}/{epoch}")),
             gate=self,
@@ -84,6 +90,7 @@ class Node:
         self.use_link(water.capabilities)
 
     def use_link(self, capabilities: LinkCapabilities) -> None:
+        self.pacers.times = LinkTimes(capabilities)
         self.objects.use_link(
             capabilities, capabilities.mtu_bytes, self.listening.pause_ns, self.water.now
         )
@@ -340,6 +347,7 @@ class Water:
             feedback = decode_feedback(record, 0)
             if feedback is not None:
                 node.objects.feedback(source, feedback[0], self.now)
+        node.pacers.heard(source, self.now)
         self.service(node)
 
     def _announce(self, node: Node, source: int, fragment: Fragment) -> None:

@@ -23,6 +23,7 @@ from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed, Composer
+from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
 from zacoustic.core.schedule.timing import LinkTimes
@@ -111,8 +112,9 @@ class Protocols:
             address, table, rules.contact, peers, timers, generators.of("contact"), emit
         )
         self.ranging = Ranging(address, table, timers, generators.of("ranging"), emit)
+        self.pacers = pacers = Pacers(peers)
         self.repeater = Repeater(
-            queue, peers, timers, generators.of("repeater"), handshake.introduce
+            queue, peers, pacers, timers, generators.of("repeater"), handshake.introduce
         )
         self.demand = Demand(
             address,
@@ -131,7 +133,7 @@ class Protocols:
             address,
             table,
             queue=queue,
-            peers=peers,
+            pacers=pacers,
             handshake=handshake,
             demand=self.demand,
             journal=journal,
@@ -155,6 +157,7 @@ class Protocols:
             address,
             table,
             rules.objects,
+            pacers=pacers,
             handshake=handshake,
             demand=self.demand,
             sending=self.sending,
@@ -327,11 +330,14 @@ class Protocols:
     def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
         self._doubt.settle(now)
-        return self.receiver.handle(opened, frame, now)
+        streams = self.receiver.handle(opened, frame, now)
+        self.pacers.heard(opened.source, now)
+        return streams
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""
         self.receiver.overhear(opened, frame, now)
+        self.pacers.heard(opened.source, now)
 
     # The life of the engine
 
@@ -369,10 +375,10 @@ class Protocols:
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
         settling_ns = self.handshake.settling_ns
         self.copied.use_link(times)
-        self.sending.use_link(times, settling_ns)
+        self.pacers.times = times
+        self.sending.use_link(settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)
-        self.repeater.use_link(times)
         self.receiving.use_link(times)
         self.large.objects.use_link(
             capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
@@ -388,7 +394,7 @@ class Protocols:
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
-        self.repeater.link_up()
+        self.pacers.link_up(now)
         self.services.link_up(now)
         self.actions.link_up(now)
 

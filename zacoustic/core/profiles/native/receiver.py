@@ -82,7 +82,7 @@ class Receiver:
         dense: Reads dense strings.
         services: Takes requests and answers.
         actions: Takes what is said about goals.
-        sending: Is told who is heard, and who has forgotten us.
+        sending: Is told who has forgotten us.
         large: Takes fragments of objects, and what receivers say of them.
         demand: Takes subscriptions.
         stats: Counts what is dropped.
@@ -177,8 +177,6 @@ class Receiver:
                 self._handle_table_talk(opened, item, now)
         if streams and epoch is not None:
             self._handshake.heard_introduced(source, epoch, now)
-        self._sending.heard(source, now)
-        self._services.heard(source)
         return tuple(streams)
 
     def overhear(self, opened: Opened, received: ReceivedFrame, now: int) -> None:

@@ -244,10 +244,6 @@ class Services:
             if isinstance(stream.spec, ServiceSpec):
                 self._queue.drop_lanes((stream.stream_id, _CONFIRM_LANE))
 
-    def heard(self, source: int) -> None:
-        """A frame of a node arrived: what had become rare for it is due."""
-        self._repeater.heard(source)
-
     def stream_differs(self, server: int, stream_id: int, now: int) -> None:
         """Fail the calls to a service that its server defines in another way."""
         for call_id in self._clients.to(server, stream_id):

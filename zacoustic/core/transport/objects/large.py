@@ -18,6 +18,7 @@ from zacoustic.core.base.qos import Reliability
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -61,6 +62,7 @@ class LargeSamples:
         address: Address of the node.
         table: Its streams.
         limits: How much memory objects may take.
+        pacers: When something may be repeated to others.
         handshake: Knows whether the tables agree.
         demand: Knows the subscribers of on-demand topics.
         sending: Has the counts of this node's keys.
@@ -78,6 +80,7 @@ class LargeSamples:
         table: StreamTable,
         limits: ObjectLimits,
         *,
+        pacers: Pacers,
         handshake: Handshake,
         demand: Demand,
         sending: ReliableSending,
@@ -102,6 +105,7 @@ class LargeSamples:
         self.objects = Objects(
             epoch=handshake.epoch,
             limits=limits,
+            pacers=pacers,
             timers=timers,
             generators=generators,
             gate=self,

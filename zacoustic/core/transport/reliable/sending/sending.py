@@ -15,9 +15,8 @@ from zacoustic.core.base.stats import Cause, EngineStats
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.peers.peers import Peers
+from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
-from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import (
@@ -53,6 +52,7 @@ class ReliableSending:
         address: Address of the node.
         table: Its streams.
         queue: Takes records.
+        pacers: When something may be repeated to others.
         handshake: Knows the boot epoch, and who defines a stream in another way.
         demand: Knows who has subscribed to on-demand topics.
         journal: Keeps what is to survive.
@@ -68,7 +68,7 @@ class ReliableSending:
         table: StreamTable,
         *,
         queue: TransmitQueue,
-        peers: Peers,
+        pacers: Pacers,
         handshake: Handshake,
         demand: Demand,
         journal: JournalPort,
@@ -83,7 +83,8 @@ class ReliableSending:
         self._timers = timers
         self._handshake = handshake
         self._keeping = Keeping(journal)
-        self._pacing = Pacing(table, peers, generators.of("pacing"), stats, handshake)
+        self._pacers = pacers
+        self._pacing = Pacing(table, pacers, generators.of("pacing"), stats, handshake)
         self._contradictions = Contradictions(
             self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
         )
@@ -102,6 +103,9 @@ class ReliableSending:
         self._paced_until: int | None = None
         self._next_delivery_id = 1
         self._order = 0
+        pacers.on_repeat(self._repeat)
+        pacers.on_change(self._changed)
+        pacers.on_release(self._released)
 
     # For the application
 
@@ -163,9 +167,8 @@ class ReliableSending:
 
     # For the link
 
-    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
-        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
-        self._pacing.times = times
+    def use_link(self, settling_ns: int) -> None:
+        """Take from a link within what time a repetition of a frame arrives."""
         self._settling_ns = self._contradictions.settling_ns = settling_ns
         self._changed()
 
@@ -182,14 +185,6 @@ class ReliableSending:
             self._go_on(lane, now)
 
     # For the water
-
-    def heard(self, source: int, now: int) -> None:
-        """A frame of a node arrived: if repetitions to it had become rare, they are due."""
-        if self._pacing.heard(source, now):
-            for lane in self._lanes:
-                if source in lane.receptions:
-                    lane.due_soon(source)
-            self._changed()
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
         """A node has begun a new life."""
@@ -253,7 +248,7 @@ class ReliableSending:
                 reception.in_sync = now >= reception.settled_at
         if expected >= reception.expected:
             reception.expected = expected
-            self._pacing.timing(source).quiet_until = 0
+            self._pacers.await_nothing(source)
             self._mark(lane, source, expected, ack.held, now)
             self._pacing.asked(lane, source, now)
             self.places.acknowledged(lane, source, expected, now)
@@ -291,6 +286,13 @@ class ReliableSending:
 
     # Below the methods above
 
+    def _released(self, address: int, now: int) -> None:
+        """What waits for a node is due."""
+        for lane in self._lanes:
+            if address in lane.receptions:
+                lane.due_soon(address)
+        self._changed()
+
     def _changed(self) -> None:
         self._timers.changed((Due.SENDING,), self._due_at, self._go_on_all)
 
@@ -317,7 +319,7 @@ class ReliableSending:
                 if sample.expires_at is not None and sample.expires_at <= now:
                     self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
             self._advance(lane, now)
-        self._repeat(now)
+        self._pacers.repeat(now)
 
     def _stored(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         if sample.stage is not Stage.STORING:
@@ -363,6 +365,7 @@ class ReliableSending:
         sample.stage = Stage.QUEUED
         lane.address(sample, lacking)
         sample.waiting.cause = Cause.REPEAT if sample.tries else None
+        self._pacing.introduces(lane, lacking)
         sample.waiting.part = Part(
             transmitted=partial(self._transmitted, lane, sample),
             reported=partial(self._reported, lane, sample),
@@ -417,7 +420,7 @@ class ReliableSending:
             order = self._pacing.first_acknowledged(
                 lane, latest, source, now, is_last=is_last, had_gap=had_gap
             )
-            self._pacing.answered(source, now)
+            self._pacers.answered(source, now)
             lane.due_soon(source, before=order)
         self._refresh(lane)
 
@@ -434,13 +437,12 @@ class ReliableSending:
         batch: list[tuple[SendLane, Outgoing]] = []
         for lane in self._lanes:
             sent = [sample for sample in lane.active() if lane.awaits(sample)]
-            if room_bytes <= 0 or all(self._pacing.ready_at(lane, each) > now for each in sent):
+            if not any(self._pacing.may_repeat(lane, each, now) for each in sent):
                 continue
             for sample in sent:
-                if self._pacing.due_at(lane, sample) <= now + slack_ns and room_bytes > 0:
+                is_due = self._pacing.due_at(lane, sample) <= now + slack_ns
+                if is_due and room_bytes > 0 and self._pacing.takes(lane, sample, now):
                     room_bytes -= sample.waiting.size_bytes
-                    if self._pacing.is_doubtful(lane, sample):
-                        room_bytes = min(room_bytes, times.mtu_bytes - sample.waiting.size_bytes)
                     batch.append((lane, sample))
         for lane, sample in batch:
             self._pacing.repeats(lane, sample, now)
@@ -448,7 +450,7 @@ class ReliableSending:
 
     def _out_of_sync(self, lane: SendLane, source: int) -> None:
         lane.lose_sync(source)
-        self._pacing.timing(source).quiet_until = 0
+        self._pacers.await_nothing(source)
         self._refresh(lane)
         lane.due_soon(source)
         self._changed()
