@@ -1,8 +1,8 @@
 """A link of your own: modems that talk by UDP on this computer. It passes the conformance battery.
 
 Run it: python examples/06_write_your_own_link.py
-By locator, udp/127.0.0.1:9000, with this in the pyproject.toml of your package:
-[project.entry-points."zacoustic.links"]   udp = "your_package:UdpLink"
+By locator, bench/127.0.0.1:9000, with this in the pyproject.toml of your package:
+[project.entry-points."zacoustic.links"]   bench = "your_package:BenchLink"
 """
 
 import asyncio
@@ -15,7 +15,7 @@ from zacoustic.core.clock import ns_to_seconds
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 
 
-class UdpLink(Link, asyncio.DatagramProtocol):
+class BenchLink(Link, asyncio.DatagramProtocol):
     """Modems that talk by UDP; node N listens at the port behind the base port by N."""
 
     capabilities = lt.LinkCapabilities(
@@ -98,7 +98,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
 
 
 async def main() -> None:
-    near, far = (UdpLink("127.0.0.1", 9310, address) for address in (1, 2))
+    near, far = (BenchLink("127.0.0.1", 9310, address) for address in (1, 2))
     async with Node(1, link=near) as talker, Node(2, link=far) as listener:
         subscription = listener.subscribe(bytes, "hello", stream_id=1)
         talker.create_publisher(bytes, "hello", stream_id=1).publish(b"through the air")

@@ -111,7 +111,7 @@ async def expedition(
             failed.result()
 
     async def start() -> str:
-        program = (sys.executable, "-m", "zacoustic.app.cli")
+        program = (sys.executable, "-m", "zacoustic")
         water = folder / "water.json5"
         text = (_HERE / "water.json5").read_text(encoding="utf-8")
         water.write_text(text.replace("seed: 7,", f"seed: 7, loss: {{ frame: {loss} }},"))

@@ -2,7 +2,6 @@
 
 import argparse
 import asyncio
-import contextlib
 import os
 import random
 import sys
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import is_duration, ns_to_seconds
 from zacoustic.errors import ConfigError
-from zacoustic.link.serving import parse_place, stopped_by_signals
+from zacoustic.link.serving import parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
 
 if TYPE_CHECKING:
@@ -68,29 +67,25 @@ class DesertEmulation(Command):
             ConfigError: The scenario or an argument is wrong.
             LinkOpenError: A port cannot be listened at.
         """
-        with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_serve(arguments))
+        run_until_stopped(lambda stop: _serve(arguments, stop))
         return EXIT_OK
 
 
-async def _serve(arguments: argparse.Namespace) -> None:
+async def _serve(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
     from zacoustic_desert.server import StandInServer
 
-    stop = asyncio.Event()
     reporter = _Reporter(stop, as_json=arguments.json)
     standin = _standin(arguments, reporter)
     host, ports = _parse_listen(arguments.listen, standin.nodes)
     if not is_duration(arguments.start_delay, or_zero=True):
         raise ConfigError(f"--start-delay is {arguments.start_delay:g}; allowed: 0 or more")
     server = StandInServer(standin, host=host, ports=ports, time_scale=arguments.time_scale)
-    # Signals first: a reader of "listening" may stop us at once.
-    with stopped_by_signals(stop):
-        await server.open(start_delay_s=arguments.start_delay)
-        try:
-            reporter.listening(server)
-            await stop.wait()
-        finally:
-            await server.close()
+    await server.open(start_delay_s=arguments.start_delay)
+    try:
+        reporter.listening(server)
+        await asyncio.get_running_loop().create_future()  # until it is cancelled
+    finally:
+        await server.close()
 
 
 def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":

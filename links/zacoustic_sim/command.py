@@ -2,12 +2,11 @@
 
 import argparse
 import asyncio
-import contextlib
 from typing import TYPE_CHECKING
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.link.serving import LineWriter, parse_place, stopped_by_signals
+from zacoustic.link.serving import LineWriter, parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
 
 if TYPE_CHECKING:
@@ -43,26 +42,23 @@ class MediumCommand(Command):
             ConfigError: The scenario or an argument is wrong.
             LinkOpenError: The address cannot be listened at.
         """
-        with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(self._serve(arguments))
+        run_until_stopped(lambda stop: self._serve(arguments, stop))
         return EXIT_OK
 
-    async def _serve(self, arguments: argparse.Namespace) -> None:
+    async def _serve(self, arguments: argparse.Namespace, stop: asyncio.Event) -> None:
         from zacoustic_sim.medium import SimMedium
         from zacoustic_sim.server import MediumServer
 
         scenario = _read_scenario(arguments.scenario, arguments.seed)
         host, port = parse_place(arguments.listen)
-        stop = asyncio.Event()
-        # Signals first: a reader of "listening" may stop us at once.
-        with stopped_by_signals(stop), LineWriter(self.name, stop) as writer:
+        with LineWriter(self.name, stop) as writer:
             reporter = _Reporter(writer, as_json=arguments.json)
             medium = SimMedium(scenario, time_scale=arguments.time_scale, observer=reporter.observe)
             server = MediumServer(medium, host, port)
             await server.open()
             try:
                 reporter.listening(server.address, arguments.scenario, scenario)
-                await stop.wait()
+                await asyncio.get_running_loop().create_future()  # until it is cancelled
             finally:
                 await server.close()
 

@@ -39,7 +39,7 @@ from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.linktypes import Transmission, TransmitOutcome
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import TAG_BYTES
+from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.session import GAP_S

@@ -152,7 +152,7 @@ class Process:
     """
 
     def __init__(self, verb: str | None, *arguments: object) -> None:
-        program = ["-m", "zacoustic.app.cli", verb] if verb else []
+        program = ["-m", "zacoustic", verb] if verb else []
         command = [sys.executable, *program, *map(str, arguments)]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         self._lines: queue.Queue[str] = queue.Queue()

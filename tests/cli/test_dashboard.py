@@ -23,7 +23,7 @@ def test_page_is_served_until_ctrl_c() -> None:
     async def scene() -> None:
         with zenoh_router() as port:
             where = ["--connect", f"tcp/127.0.0.1:{port}", "--listen", "127.0.0.1:0"]
-            command = [sys.executable, "-m", "zacoustic.app.cli", "dashboard", *where]
+            command = [sys.executable, "-m", "zacoustic", "dashboard", *where]
             # NiceGUI takes a program that pytest has started for a test of its own.
             environment = {name: each for name, each in os.environ.items() if "PYTEST" not in name}
             process = await asyncio.create_subprocess_exec(

@@ -16,8 +16,9 @@ from zacoustic.config import config_from_mapping, read_config
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.table import AGE_FIELD, StreamTable
 from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Speaker
+from zacoustic.core.wire.agreement import Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_error, encode_name
-from zacoustic.core.wire.frame import Ask, Confirm, DenseAck, Hello, TableRow, Tag
+from zacoustic.core.wire.frame import DenseAck
 
 FLEET = Path(__file__).parents[2] / "zacoustic" / "app" / "tools" / "demo" / "fleet.json5"
 TABLE = read_config(FLEET).table

@@ -16,7 +16,7 @@ from zacoustic.app.tools.demo.waters import WATERS
 
 # Sound needs 0.667 s, the shortest frame 0.16 s more; with DESERT 0.333 s, and it listens 0.1 s.
 QUICKEST_S = {"sim": 0.8, "evologics": 0.8, "evologics-serial": 0.8, "desert": 0.4}
-PROGRAM = [sys.executable, "-m", "zacoustic.app.cli", "demo", "--duration", "20"]
+PROGRAM = [sys.executable, "-m", "zacoustic", "demo", "--duration", "20"]
 
 
 def start(*arguments: str) -> subprocess.Popen[str]:

@@ -17,6 +17,7 @@ from typing import Final
 
 import pytest
 
+from tests.gateway.islands import zenoh_router
 from zacoustic.app.cli import complete_parser, main
 from zacoustic.app.cli.newfile import new_file
 from zacoustic.core.base.journal import JournalWrite
@@ -334,6 +335,33 @@ def test_an_interrupt_at_any_import_ends_it_without_a_word(
         )  # fmt: skip
         assert process.returncode in {0, 1, 130, -2}, (at, words)
         assert process.stderr == "", (at, words)
+
+
+IN_A_MODULE_IN_C: Final = """
+import os, signal, sys
+seen = []
+def interrupt(event, arguments):
+    if event == "import" and seen != ["over"]:
+        if seen:
+            seen[:] = ["over"]
+            os.kill(os.getpid(), signal.SIGINT)
+        elif arguments[0] == "msgspec._core" and arguments[1]:
+            seen.append("begun")
+sys.addaudithook(interrupt)
+"""
+
+
+def test_an_interrupt_that_a_module_in_c_drops_ends_what_serves(tmp_path: Path) -> None:
+    """Such modules import others while they begin, and drop any exception that comes then."""
+    (tmp_path / "sitecustomize.py").write_text(IN_A_MODULE_IN_C)
+    with zenoh_router() as port:
+        words = ["monitor", "--json", "--connect", f"tcp/127.0.0.1:{port}"]
+        process = subprocess.run(
+            [sys.executable, "-m", "zacoustic", *words], capture_output=True, text=True,
+            timeout=60, check=False, env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        )  # fmt: skip
+    assert process.returncode in {130, -2}
+    assert process.stderr == ""
 
 
 def test_a_journal_that_is_a_link_is_that_of_the_file(tmp_path: Path) -> None:

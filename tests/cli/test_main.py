@@ -26,7 +26,7 @@ EXAMPLE_CONFIG = '{ plugins: { acoustic: { address: 1, streams: [ { id: 1, topic
 
 def run(*arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "zacoustic.app.cli", *arguments],
+        [sys.executable, "-m", "zacoustic", *arguments],
         input=text,
         capture_output=True,
         text=True,
@@ -301,7 +301,7 @@ def test_a_reader_that_has_gone_is_no_error(tmp_path: Path) -> None:
     os.close(reading)
     try:
         process = subprocess.run(
-            [sys.executable, "-m", "zacoustic.app.cli", "check", str(config)],
+            [sys.executable, "-m", "zacoustic", "check", str(config)],
             stdout=writing, stderr=subprocess.PIPE, text=True, check=False, timeout=60,
         )  # fmt: skip
     finally:

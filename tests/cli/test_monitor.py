@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import signal
+import subprocess
 import sys
 from asyncio.subprocess import PIPE
 
@@ -43,7 +44,7 @@ def test_json_goes_on_and_follows_the_gateway_until_it_is_gone() -> None:
         async with asyncio.timeout(LIMIT_S):
             async with pair() as found:
                 words = ["monitor", *found.where, "--json", "--interval", "0.05"]
-                command = [sys.executable, "-m", "zacoustic.app.cli", *words]
+                command = [sys.executable, "-m", "zacoustic", *words]
                 process = await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=PIPE)
                 assert process.stdout is not None
                 assert json.loads(await process.stdout.readline())["streams"][2]["heard"] == 0
@@ -93,7 +94,7 @@ def test_live_view_draws_on_a_terminal_and_ends_on_ctrl_c() -> None:
             import pty
 
             ours, theirs = pty.openpty()
-            command = [sys.executable, "-m", "zacoustic.app.cli", "monitor", *found.where]
+            command = [sys.executable, "-m", "zacoustic", "monitor", *found.where]
             environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
             process = await asyncio.create_subprocess_exec(
                 *command, stdin=theirs, stdout=theirs, stderr=PIPE, env=environment
@@ -110,6 +111,26 @@ def test_live_view_draws_on_a_terminal_and_ends_on_ctrl_c() -> None:
             assert errors == b""
 
     run(scene())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell of Unix")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_job_in_the_background_of_a_script_ends_on_a_signal(number: signal.Signals) -> None:
+    """Its shell has had SIGINT ignored, which a process inherits."""
+    pytest.importorskip("rich")
+    with zenoh_router() as port:
+        program = [sys.executable, "-m", "zacoustic"]
+        words = ["monitor", "--connect", f"tcp/127.0.0.1:{port}"]
+        process = subprocess.Popen(
+            ["sh", "-c", 'trap "" INT; exec "$@"', "sh", *program, *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        assert process.stdout is not None
+        assert b"no gateway has been heard" in process.stdout.readline()
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=LIMIT_S)
+        assert (process.returncode, errors) == (0, b"")
 
 
 def test_once_without_a_gateway_is_exit_code_1(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ from typing import Final
 
 from tests.links.desert.desert_rig import DesertHarness
 from tests.links.evologics.driver.harness import HAS_TERMINALS, EvologicsHarness
+from tests.links.udp_pair import UdpHarness
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.link import Link, registry
 from zacoustic.testing.linkpair import LinkHarness
@@ -128,6 +129,7 @@ HARNESSES: Final[dict[str, dict[str, MakeHarness]]] = {
         },
         "tcp-ideal": lambda: SimServerHarness("ideal", 1.0, ""),
     },
+    "udp": {"peers": UdpHarness, "group": lambda: UdpHarness(is_group=True)},
 }
 """Link → condition → harness. A link stands here as soon as it is registered."""
 

@@ -11,7 +11,7 @@ from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.wire.frame import Hello
+from zacoustic.core.wire.agreement import Hello
 
 NODES = {1: "shore", 2: "auv", 3: "glider"}
 MTUS = (8, 32, 64, 512)

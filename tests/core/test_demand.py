@@ -15,6 +15,7 @@ from zacoustic.core.engine.events import (
     SubscribersChanged,
 )
 from zacoustic.core.linktypes import BROADCAST, Transmission
+from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.frame import parse_frame
@@ -61,7 +62,7 @@ def letters(frames: list[bytes]) -> list[Subscribe]:
     return [
         item
         for frame in frames
-        for item in parse_frame(frame, lambda *_: None, unicast=True)
+        for item in parse_frame(frame, lambda *_: None, CONTROLS, unicast=True)
         if isinstance(item, Subscribe)
     ]
 

@@ -6,24 +6,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from zacoustic.core.profiles.native.controls import CONTROLS
+from zacoustic.core.wire.agreement import ABSENT_DIGEST, Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.frame import (
-    ABSENT_DIGEST,
-    Ask,
-    Confirm,
     Control,
     DenseAck,
     DenseString,
-    Hello,
-    Item,
     Prefixes,
     Record,
     Stray,
-    TableRow,
-    Tag,
     parse_frame,
 )
 
-CONTROLS: tuple[Hello | Tag | Confirm | Ask | TableRow, ...] = (
+SAID: tuple[Hello | Tag | Confirm | Ask | TableRow, ...] = (
     Hello(1, 0x1234, b"abcd"),
     Tag(0xFFFF),
     Confirm(254, 7),
@@ -42,23 +38,23 @@ def measure(stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes) -> i
 
 
 def parse(frame: bytes) -> list[Item]:
-    return list(parse_frame(frame, measure))
+    return list(parse_frame(frame, measure, CONTROLS))
 
 
-@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize("control", SAID)
 def test_control_comes_back_as_it_was(control: Hello | Tag | Confirm | Ask | TableRow) -> None:
     assert parse(control.encode()) == [control]
     assert parse(bytes(3) + control.encode() + bytes(3)) == [control]
 
 
-@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize("control", SAID)
 def test_cut_control_is_truncated(control: Hello | Tag | Confirm | Ask | TableRow) -> None:
     for size in range(1, len(control.encode())):
         assert parse(control.encode()[:size]) == [Stray("truncated", size)]
 
 
 def test_controls_stand_in_any_order_before_records() -> None:
-    for order in itertools.permutations(CONTROLS, 3):
+    for order in itertools.permutations(SAID, 3):
         frame = b"".join(control.encode() for control in order) + b"\x02rest"
         assert parse(frame) == [*order, Record(2, b"rest")]
 
@@ -71,7 +67,7 @@ def test_record_ends_where_its_payload_shows() -> None:
     ]
 
 
-@pytest.mark.parametrize("control", [CONTROLS[0], CONTROLS[1]])
+@pytest.mark.parametrize("control", [SAID[0], SAID[1]])
 def test_nothing_behind_hello_or_tag_is_measured(control: Hello | Tag) -> None:
     assert parse(control.encode() + b"\x01ab\x01cd") == [control, Record(1, b"ab\x01cd")]
     delimited = control.encode() + b"\xb2\x03\x01ab\x01cd"
@@ -143,7 +139,7 @@ def test_any_bytes_are_taken_apart_and_accounted_for(frame: bytes) -> None:
 @given(
     st.lists(
         st.one_of(
-            st.sampled_from(CONTROLS[2:]).map(lambda control: control.encode()),
+            st.sampled_from(SAID[2:]).map(lambda control: control.encode()),
             st.binary(max_size=20).map(lambda content: b"\x02" + content),
             st.just(b"\x01ab"),
         ),
@@ -170,7 +166,7 @@ def test_an_acknowledgement_of_a_dense_string_names_its_source_in_a_broadcast(
     named, bare = DenseAck(address, mark), DenseAck(0, mark)
     assert len(bare.encode()) == 3
     assert parse(named.encode() + bytes(1)) == [named]
-    assert list(parse_frame(bare.encode() + b"\x02x", measure, unicast=True)) == [
+    assert list(parse_frame(bare.encode() + b"\x02x", measure, CONTROLS, unicast=True)) == [
         bare,
         Record(2, b"x"),
     ]

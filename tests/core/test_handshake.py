@@ -9,7 +9,7 @@ from zacoustic.core.linktypes import Transmission
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.wire.frame import ASSURED, WIRE_VERSION, Confirm, Hello, TableRow, Tag
+from zacoustic.core.wire.agreement import ASSURED, WIRE_VERSION, Confirm, Hello, TableRow, Tag
 
 NODES = {1: "shore", 2: "auv"}
 

@@ -9,7 +9,7 @@ from zacoustic.core.engine.events import RequestReceived, ResponseReceived
 from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import ASSURED, PROVISIONAL, WIRE_VERSION, Confirm, Hello, Tag
+from zacoustic.core.wire.agreement import ASSURED, PROVISIONAL, WIRE_VERSION, Confirm, Hello, Tag
 
 ARM: Final = 20
 

@@ -5,7 +5,7 @@ import pytest
 from tests.core.rig import End, link
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import Hello
+from zacoustic.core.wire.agreement import Hello
 
 TABLE = StreamTable([TopicSpec(stream_id=1, name="a")], nodes={1: "shore", 2: "auv"})
 FRAME = Hello(1, 1, TABLE.digest).encode() + b"\x01x"

@@ -15,7 +15,7 @@ from tests.core.calling import (
 from tests.core.rig import Rig
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.events import CallFailure, ResponseReceived
-from zacoustic.core.wire.frame import Hello
+from zacoustic.core.wire.agreement import Hello
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, QueueFullError
 
 

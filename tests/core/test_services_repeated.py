@@ -20,8 +20,8 @@ from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.linktypes import LinkState
 from zacoustic.core.transport.calls.calls import WINDOW
+from zacoustic.core.wire.agreement import Hello
 from zacoustic.core.wire.calls import CALL_NUMBERS
-from zacoustic.core.wire.frame import Hello
 from zacoustic.errors import QueueFullError
 
 

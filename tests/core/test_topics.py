@@ -12,7 +12,7 @@ from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.wire.frame import Hello
+from zacoustic.core.wire.agreement import Hello
 
 NODES = {1: "shore", 2: "auv"}
 TYPES = TypeTable([TypeSpec(name="N", fields=(FieldSpec(name="n", type="uint8", range=(0, 9)),))])

@@ -8,7 +8,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import LinkState, ReceivedFrame, TransmitOutcome, TransmitReport
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import Hello
+from zacoustic.core.wire.agreement import Hello
 
 
 def told() -> list[TraceRecord]:

@@ -45,7 +45,7 @@ def write_file(path: Path, mode: str = "router", **endpoints: int) -> Path:
 
 
 async def start(*arguments: object) -> Process:
-    command = [sys.executable, "-m", "zacoustic.app.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "zacoustic", *map(str, arguments)]
     return await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=PIPE)
 
 

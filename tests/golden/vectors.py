@@ -34,19 +34,10 @@ from zacoustic.core.transport.objects.code.code import Fragments
 from zacoustic.core.transport.objects.manifest import encode_object
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.wire.agreement import ASSURED, PROVISIONAL, Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_error, encode_name
 from zacoustic.core.wire.envelope import Envelope
-from zacoustic.core.wire.frame import (
-    ASSURED,
-    PROVISIONAL,
-    Ask,
-    Confirm,
-    Control,
-    DenseAck,
-    Hello,
-    TableRow,
-    Tag,
-)
+from zacoustic.core.wire.frame import Control, DenseAck
 from zacoustic.core.wire.goals import (
     REMINDER,
     UNKNOWN_RESULT,

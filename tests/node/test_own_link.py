@@ -27,7 +27,7 @@ class UdpHarness:
     addresses = (1, 2)
 
     async def set_up(self) -> tuple[Link, Link]:
-        link_type: type[Link] = load().UdpLink
+        link_type: type[Link] = load().BenchLink
         with socket.socket(type=socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             self._port = probe.getsockname()[1] - 1

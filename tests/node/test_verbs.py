@@ -40,7 +40,7 @@ def started(*words: object) -> Iterator[subprocess.Popen[str]]:
 
 
 def command(*words: object) -> list[str]:
-    return [sys.executable, "-m", "zacoustic.app.cli", *(str(word) for word in words)]
+    return [sys.executable, "-m", "zacoustic", *(str(word) for word in words)]
 
 
 def options() -> dict[str, Any]:

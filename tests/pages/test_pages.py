@@ -92,7 +92,7 @@ def test_the_plan_that_a_page_shows_does_not_fit_and_says_why(tmp_path: Path) ->
     command = ["plan", "water.json5", "--hours", "0.5"]
     with Walk("docs/plan.md", tmp_path):
         process = subprocess.run(
-            [sys.executable, "-m", "zacoustic.app.cli", *command],
+            [sys.executable, "-m", "zacoustic", *command],
             cwd=tmp_path,
             capture_output=True,
             text=True,

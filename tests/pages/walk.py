@@ -193,7 +193,7 @@ def _serves(words: list[str]) -> bool:
 def _program(words: list[str]) -> list[str]:
     match words:
         case ["zacoustic", *rest]:
-            return [sys.executable, "-m", "zacoustic.app.cli", *rest]
+            return [sys.executable, "-m", "zacoustic", *rest]
         case ["python", *rest]:
             return [sys.executable, *rest]
         case _:

@@ -18,7 +18,7 @@ from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.wire.frame import Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.wire.agreement import Ask, Confirm, Hello, TableRow, Tag
 
 NODES = {1: "shore", 2: "auv", 3: "glider"}
 TYPE = TypeSpec(

@@ -44,7 +44,7 @@ def test_page_follows_the_gateway_says_what_is_dead_and_loads_nothing_from_elsew
         async with api.async_playwright() as tool, AsyncExitStack() as gateways:
             found = await gateways.enter_async_context(pair())
             where = ["--connect", f"tcp/127.0.0.1:{found.shore_island.port}"]
-            command = [sys.executable, "-m", "zacoustic.app.cli", "dashboard", *where]
+            command = [sys.executable, "-m", "zacoustic", "dashboard", *where]
             environment = {name: each for name, each in os.environ.items() if "PYTEST" not in name}
             process = await asyncio.create_subprocess_exec(
                 *command, "--listen", "127.0.0.1:0", stdout=PIPE, env=environment

@@ -30,7 +30,7 @@ from zacoustic.core.transport.actions.news import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.core.wire.frame import Control
+from zacoustic.core.wire.agreement import CONFIRM_CODE
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Disturb, VirtualNetwork
 
@@ -317,7 +317,7 @@ def test_goal_runs_where_hello_of_the_server_was_heard_after_its_confirmation() 
 
     def disturb(source: int, node: int, now: int) -> tuple[float, ...]:
         assert desk is not None
-        confirms = desk.frames[-1][1][0] == Control.CONFIRM
+        confirms = desk.frames[-1][1][0] == CONFIRM_CODE
         return () if source == 1 and confirms and now > 60 * NS_PER_S else (0.0,)
 
     desk = Desk(disturb=disturb, trace=True, timeout_s=60)

@@ -18,7 +18,7 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import Tag
+from zacoustic.core.wire.agreement import Tag
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import VirtualNetwork
 

@@ -11,7 +11,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import Hello, Tag
+from zacoustic.core.wire.agreement import Hello, Tag
 from zacoustic.testing.virtual import VirtualNetwork
 
 DEPTH = 10

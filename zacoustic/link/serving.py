@@ -10,7 +10,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from typing import Any, Final, Self, TypeVar
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
@@ -94,7 +94,13 @@ class ScaledClock:
 
 @contextlib.contextmanager
 def stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
-    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals; on the loop."""
+    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals; on the loop.
+
+    Only the main thread can take signals: in another one nothing sets it.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     loop = asyncio.get_running_loop()
     numbers = (signal.SIGINT, signal.SIGTERM)
     if sys.platform == "win32":
@@ -131,6 +137,29 @@ async def until_stopped(stop: asyncio.Event, work: Coroutine[Any, Any, T]) -> T 
         for each in (task, stopped):
             each.cancel()
         await asyncio.gather(task, stopped, return_exceptions=True)
+
+
+def run_until_stopped(work: Callable[[asyncio.Event], Coroutine[Any, Any, T]]) -> T | None:
+    """Run some work on a loop of its own, until it ends or SIGINT or SIGTERM stops it.
+
+    Signals that a shell had ignored for this process, as it does for a job in the background of a
+    script, stop it as well: there is no other way to ask it.
+
+    Args:
+        work: Takes the event that stops it, which it may set itself; it is cancelled then.
+
+    Returns:
+        What came of it; None: it was stopped.
+    """
+
+    async def run() -> T | None:
+        stop = asyncio.Event()
+        with stopped_by_signals(stop):
+            return await until_stopped(stop, work(stop))
+
+    with contextlib.suppress(KeyboardInterrupt):  # before the loop takes the signals
+        return asyncio.run(run())
+    return None
 
 
 class LineWriter:

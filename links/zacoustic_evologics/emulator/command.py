@@ -26,14 +26,13 @@ is from now on, x east, y north, z down, in m::
 
 import argparse
 import asyncio
-import contextlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
-from zacoustic.link.serving import LineWriter, parse_place, stopped_by_signals
+from zacoustic.link.serving import LineWriter, parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
 
 if TYPE_CHECKING:
@@ -102,23 +101,20 @@ class EvologicsEmulation(Command):
             ConfigError: A file or an argument is wrong.
             LinkOpenError: An address cannot be listened at.
         """
-        with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(self._serve(arguments))
+        run_until_stopped(lambda stop: self._serve(arguments, stop))
         return EXIT_OK
 
-    async def _serve(self, arguments: argparse.Namespace) -> None:
+    async def _serve(self, arguments: argparse.Namespace, stop: asyncio.Event) -> None:
         from zacoustic_evologics.emulator.moves import follow_moves, unbuffered_input
         from zacoustic_evologics.emulator.running import RunningFleet
         from zacoustic_evologics.emulator.server import FleetServer
 
-        stop = asyncio.Event()
         writer = LineWriter("emulate evologics", stop)
         reporter = _Reporter(writer, as_json=arguments.json)
         fleet = _create_fleet(arguments, reporter.observe)
         addresses = fleet.addresses
         listens = [] if arguments.pty and not arguments.listen else _listens(arguments, addresses)
-        # Signals first: a reader of "listening" may stop us at once.
-        with stopped_by_signals(stop), writer:
+        with writer:
             running = RunningFleet(fleet, time_scale=arguments.time_scale)
             server = FleetServer(running)
             try:
@@ -127,7 +123,7 @@ class EvologicsEmulation(Command):
                 running.start()
                 if arguments.moves:
                     follow_moves(unbuffered_input(), running)
-                await stop.wait()
+                await asyncio.get_running_loop().create_future()  # until it is cancelled
             finally:
                 await server.close()
 

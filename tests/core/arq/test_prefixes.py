@@ -5,12 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zacoustic.core.base.qos import Qos, Reliability, Stamp
+from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.core.wire.content import measure_content
-from zacoustic.core.wire.frame import Control, Item, Prefixes, Record, Stray, Sync, parse_frame
+from zacoustic.core.wire.controls import Item
+from zacoustic.core.wire.frame import Control, Prefixes, Record, Stray, Sync, parse_frame
 
 RELIABLE = Qos(reliability=Reliability.RELIABLE)
 TABLE = StreamTable(
@@ -44,7 +46,7 @@ def parse(frame: bytes, *, unicast: bool = True) -> list[Item]:
     def measure(stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes) -> int | None:
         return measure_content(stream(stream_id), buffer, offset, prefixes, source=1)
 
-    return list(parse_frame(frame, measure, unicast=unicast))
+    return list(parse_frame(frame, measure, CONTROLS, unicast=unicast))
 
 
 SYNC = Sync(0x1234, 0x56789A)

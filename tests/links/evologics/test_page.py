@@ -13,7 +13,7 @@ from zacoustic_evologics.emulator import FaultKind
 
 PAGE = (Path(__file__).parents[3] / "docs" / "links.md").read_text(encoding="utf-8")
 SECTION = PAGE.partition("\n## EvoLogics")[2].partition("\n## ")[0]
-CLI = (sys.executable, "-m", "zacoustic.app.cli")
+CLI = (sys.executable, "-m", "zacoustic")
 
 
 def files(folder: Path) -> None:

@@ -5,8 +5,14 @@ import asyncio
 from typing import TYPE_CHECKING, Any
 
 from zacoustic.app.cli.arguments import check_positive
+from zacoustic.app.cli.participant import (
+    add_node_arguments,
+    class_of,
+    make_node,
+    print_value,
+    read_request,
+)
 from zacoustic.app.cli.printing import print_line, print_note
-from zacoustic.app.cli.pub import add_node_arguments, make_node
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.link.command import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.link.serving import stopped_by_signals
@@ -14,7 +20,6 @@ from zacoustic.link.serving import stopped_by_signals
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from zacoustic.core.values.types import TypeSpec
     from zacoustic.zenoh.node import GoalHandle, GoalResult, Node
 
     Handle = GoalHandle[Any, Any, Any]
@@ -96,11 +101,8 @@ class _Feedback:
         if self._held is not None:
             self._held.append(value)
             return
-        from zacoustic.zenoh.node.api.text import line_of, shown_value
-
-        shown = shown_value(value, "")
-        record = {"action": self._arguments.action, "event": "feedback", **shown}
-        print_line(record, f"feedback: {line_of(shown)}", as_json=self._arguments.json)
+        record = {"action": self._arguments.action, "event": "feedback"}
+        print_value(record, value, as_json=self._arguments.json, told="feedback: {}")
 
     def release(self) -> None:
         held, self._held = self._held or [], None
@@ -112,8 +114,6 @@ async def _begin(
     node: "Node", arguments: argparse.Namespace, take: "Callable[[object], None]"
 ) -> "Handle":
     """Send the goal, and wait until it is accepted or rejected."""
-    from zacoustic.zenoh.node.api.text import read_text
-
     stream = node.find_stream(arguments.action)
     if stream is None and arguments.value.lstrip().startswith("{"):
         raise ConfigError(
@@ -124,9 +124,8 @@ async def _begin(
     goal: Any = arguments.value.encode()
     if stream is not None:
         specs = (stream.type, stream.feedback_type, stream.response_type)
-        types = (_type(specs[0]), _type(specs[1]), _type(specs[2]))
-        text = arguments.value or ("{}" if specs[0] is not None else "")
-        goal = read_text(text, specs[0], source="VALUE")
+        types = (class_of(specs[0]), class_of(specs[1]), class_of(specs[2]))
+        goal = read_request(stream, arguments.value, source="VALUE")
     client = node.create_action_client(types, arguments.action)
     return await client.send_goal(goal, feedback_callback=take if arguments.feedback else None)
 
@@ -190,7 +189,3 @@ async def _first(task: "asyncio.Task[Any]", interrupted: asyncio.Event) -> None:
     await asyncio.wait({task, waiting}, return_when=asyncio.FIRST_COMPLETED)
     waiting.cancel()
     await asyncio.gather(waiting, return_exceptions=True)
-
-
-def _type(spec: "TypeSpec | None") -> type[bytes] | str:
-    return bytes if spec is None else spec.name

@@ -2,15 +2,17 @@
 
 import argparse
 import asyncio
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from zacoustic.app.cli.arguments import check_positive
-from zacoustic.app.cli.printing import print_line
-from zacoustic.app.cli.pub import add_node_arguments, make_node
+from zacoustic.app.cli.participant import (
+    add_node_arguments,
+    class_of,
+    make_node,
+    print_value,
+    read_request,
+)
 from zacoustic.link.command import EXIT_OK, Command
-
-if TYPE_CHECKING:
-    from zacoustic.core.values.types import TypeSpec
 
 _EXAMPLE = """examples:
   zacoustic call auv1/arm '{ on: true }' --connect tcp/127.0.0.1:7447
@@ -50,7 +52,7 @@ class CallCommand(Command):
 
 
 async def _call(arguments: argparse.Namespace) -> int:
-    from zacoustic.zenoh.node.api.text import line_of, read_text, read_untyped, shown_value
+    from zacoustic.zenoh.node.api.text import read_untyped
 
     async with make_node(arguments) as node:
         stream = node.find_stream(arguments.key)
@@ -58,15 +60,9 @@ async def _call(arguments: argparse.Namespace) -> int:
         if stream is None:
             request, _ = read_untyped(arguments.request, source="REQUEST")
         else:
-            text = arguments.request or ("{}" if stream.type is not None else "")
-            request = read_text(text, stream.type, source="REQUEST")
-            types = (_type(stream.type), _type(stream.response_type))
+            request = read_request(stream, arguments.request, source="REQUEST")
+            types = (class_of(stream.type), class_of(stream.response_type))
         client = node.create_client(types, arguments.key)
         response = await client.call(request, timeout_s=arguments.timeout)
-    shown = shown_value(response, "")
-    print_line({"key": arguments.key, **shown}, line_of(shown), as_json=arguments.json)
+    print_value({"key": arguments.key}, response, as_json=arguments.json)
     return EXIT_OK
-
-
-def _type(spec: "TypeSpec | None") -> type[bytes] | str:
-    return bytes if spec is None else spec.name

@@ -9,7 +9,7 @@ from zacoustic.app.cli.arguments import OBJECT_PER_LINE, add_json, add_node_file
 from zacoustic.app.cli.printing import print_json, print_text
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE, Command
-from zacoustic.link.serving import stopped_by_signals, until_stopped
+from zacoustic.link.serving import run_until_stopped
 from zacoustic.text.safetext import one_line
 
 if TYPE_CHECKING:
@@ -69,25 +69,23 @@ class GatewayCommand(Command):
             LinkError: The modem cannot be used.
         """
         if arguments.log == "text":
-            asyncio.run(_run(arguments))
+            run_until_stopped(lambda stop: _run(arguments, stop))
             return EXIT_OK
         from zacoustic.app.tools.field.jsonlog import log_as_json
 
         log_as_json({})
         try:
-            asyncio.run(_run(arguments))
+            run_until_stopped(lambda stop: _run(arguments, stop))
         except ZacousticError as error:  # the last line is JSON as well
             _logger.error("%s", error)
             return EXIT_USAGE if isinstance(error, ConfigError) else EXIT_FAILED
         return EXIT_OK
 
 
-async def _run(arguments: argparse.Namespace) -> None:
+async def _run(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
     from zacoustic.app.tools.field.jsonlog import log_as_json
     from zacoustic.config.metrics import metrics_argument
     from zacoustic.zenoh.gateway import Gateway
-
-    stop = asyncio.Event()
 
     def notify(notice: "Notice") -> None:
         if arguments.log == "json":
@@ -98,25 +96,23 @@ async def _run(arguments: argparse.Namespace) -> None:
             except BrokenPipeError:
                 stop.set()
 
-    with stopped_by_signals(stop):
-        gateway = Gateway.from_file(
-            arguments.file,
-            address=arguments.address,
-            locator=arguments.link,
-            journal=arguments.journal,
-            listen=arguments.listen,
-            record=arguments.record,
-            notify=notify,
-            metrics=metrics_argument(arguments.metrics),
-        )
-        if arguments.log == "json":
-            log_as_json({"node": gateway.config.address})
-        try:
-            await until_stopped(stop, gateway.start())
-            if not stop.is_set():
-                await until_stopped(stop, _failure(gateway))
-        finally:
-            await gateway.close()
+    gateway = Gateway.from_file(
+        arguments.file,
+        address=arguments.address,
+        locator=arguments.link,
+        journal=arguments.journal,
+        listen=arguments.listen,
+        record=arguments.record,
+        notify=notify,
+        metrics=metrics_argument(arguments.metrics),
+    )
+    if arguments.log == "json":
+        log_as_json({"node": gateway.config.address})
+    try:
+        await gateway.start()
+        await _failure(gateway)
+    finally:
+        await gateway.close()
 
 
 async def _failure(gateway: "Gateway") -> None:

@@ -2,7 +2,6 @@
 
 import argparse
 import asyncio
-import contextlib
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ from zacoustic.app.cli.arguments import check_positive
 from zacoustic.app.cli.printing import print_json
 from zacoustic.app.cli.topics import add_watch_arguments, chosen, make_watch
 from zacoustic.link.command import EXIT_OK, Command
+from zacoustic.link.serving import run_until_stopped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -57,8 +57,7 @@ class MonitorCommand(Command):
         check_positive(arguments, "interval")
         if not arguments.json:
             import rich  # noqa: F401 (said at once, not when there is something to draw)
-        with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(_watch(arguments))
+        run_until_stopped(lambda stop: _watch(arguments))
         return EXIT_OK
 
 

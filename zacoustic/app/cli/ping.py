@@ -6,8 +6,8 @@ import contextlib
 from typing import TYPE_CHECKING, Any, Final
 
 from zacoustic.app.cli.arguments import check_positive
+from zacoustic.app.cli.participant import add_node_arguments, make_node
 from zacoustic.app.cli.printing import print_json, print_line, print_text
-from zacoustic.app.cli.pub import add_node_arguments, make_node
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.text.digits import whole_number

@@ -1,4 +1,4 @@
-"""The verb `zacoustic pub`, and the arguments that it shares with `sub` and `call`."""
+"""The verb `zacoustic pub`: publishes a value."""
 
 import argparse
 import asyncio
@@ -8,10 +8,12 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.app.cli.arguments import OBJECT_PER_LINE, add_connect, add_json, check_positive
+from zacoustic.app.cli.arguments import check_positive
+from zacoustic.app.cli.participant import add_node_arguments, class_of, make_node
 from zacoustic.app.cli.printing import print_line, print_note
 from zacoustic.errors import ConfigError, DeliveryError
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, EXIT_TIMED_OUT, Command
+from zacoustic.link.serving import run_until_stopped
 
 if TYPE_CHECKING:
     from zacoustic.app.cli.progress import ProgressLine
@@ -69,9 +71,7 @@ class PubCommand(Command):
         check_positive(arguments, "rate", "count", "timeout")
         if (arguments.value is None) == (arguments.file is None):
             raise ConfigError("VALUE or --file FILE; allowed: one of the two")
-        with contextlib.suppress(KeyboardInterrupt):
-            return asyncio.run(_publish(arguments))
-        return EXIT_OK
+        return run_until_stopped(lambda stop: _publish(arguments)) or EXIT_OK
 
 
 async def _publish(arguments: argparse.Namespace) -> int:
@@ -81,7 +81,7 @@ async def _publish(arguments: argparse.Namespace) -> int:
 
     async with make_node(arguments) as node, _follower(node, arguments) as follower:
         stream = node.find_stream(arguments.key)
-        sample_type: Any = bytes if stream is None or stream.type is None else stream.type.name
+        sample_type: Any = class_of(None if stream is None else stream.type)
         value, encoding = _read_value(arguments, stream)
         publisher = node.create_publisher(sample_type, arguments.key)
         shown = shown_value(value, encoding or "")
@@ -198,34 +198,3 @@ async def _beats(rate_hz: float | None, count: int | None) -> AsyncIterator[None
         if rate_hz is not None and left != 0:
             due_at = max(due_at + 1 / rate_hz, loop.time())
             await asyncio.sleep(due_at - loop.time())
-
-
-def add_node_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare how a verb takes part: on Zenoh, or straight on a link."""
-    where = parser.add_mutually_exclusive_group()
-    add_connect(where)
-    where.add_argument("--link", metavar="LOCATOR", help="straight on a link; needs --config")
-    parser.add_argument("--config", metavar="FILE", help="file with the section plugins.acoustic")
-    parser.add_argument(
-        "--address", type=int, metavar="N", help="acoustic address, instead of the file's"
-    )
-    add_json(parser, OBJECT_PER_LINE)
-
-
-def make_node(arguments: argparse.Namespace) -> "Node":
-    """Make the node that the arguments describe; it is not open yet.
-
-    Raises:
-        ConfigError: A link without a config.
-    """
-    from zacoustic.zenoh.node import Node
-
-    if arguments.link is not None and arguments.config is None:
-        raise ConfigError("--link needs --config FILE, which tells the stream ids")
-    return Node(
-        "command line",
-        config=arguments.config,
-        link=arguments.link,
-        connect=arguments.connect,
-        address=arguments.address,
-    )

@@ -28,40 +28,9 @@ class ReplayCommand(Command):
             "recordings", metavar="FILE", nargs="+",
             help="recording, MCAP; with --what-if those of both ends",
         )  # fmt: skip
-        what = parser.add_mutually_exclusive_group()
-        what.add_argument(
-            "--check",
-            action="store_true",
-            help="make every engine again and compare frames, events and timers, byte for byte",
-        )
-        what.add_argument(
-            "--through", metavar="CONFIG",
-            help="the same inputs into engines of this configuration: which frames are others?",
-        )  # fmt: skip
-        what.add_argument(
-            "--what-if",
-            action="store_true",
-            help="the recorded load on a simulated channel, as it was and another way",
-        )
+        _add_modes(parser)
         _add_changes(parser)
-        onto = parser.add_argument_group("onto a Zenoh network, which is what it does otherwise")
-        add_connect(onto)
-        onto.add_argument(
-            "--config", metavar="FILE",
-            help="where the router is, and the keys of ROS topics; with --what-if: the streams "
-            "and rules of all nodes",
-        )  # fmt: skip
-        onto.add_argument(
-            "--rate", type=float, default=1.0, metavar="R", help="how many times as fast"
-        )
-        onto.add_argument("--fast", action="store_true", help="without waiting at all")
-        onto.add_argument(
-            "--key", action="append", default=[], metavar="EXPRESSION",
-            help="only what this key expression covers; may be given several times",
-        )  # fmt: skip
-        onto.add_argument(
-            "--node", type=int, metavar="N", help="whose samples, in a recording of several engines"
-        )
+        _add_zenoh(parser)
         add_json(parser)
         parser.epilog = (
             "--check exits with 1 when anything differs. What a recorded node had published is\n"
@@ -95,6 +64,25 @@ class ReplayCommand(Command):
         return _print_played(arguments, played)
 
 
+def _add_modes(parser: argparse.ArgumentParser) -> None:
+    """Declare what is done with the recording."""
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
+        "--check",
+        action="store_true",
+        help="make every engine again and compare frames, events and timers, byte for byte",
+    )
+    what.add_argument(
+        "--through", metavar="CONFIG",
+        help="the same inputs into engines of this configuration: which frames are others?",
+    )  # fmt: skip
+    what.add_argument(
+        "--what-if",
+        action="store_true",
+        help="the recorded load on a simulated channel, as it was and another way",
+    )
+
+
 def _add_changes(parser: argparse.ArgumentParser) -> None:
     """Declare what --what-if can change."""
     changes = parser.add_argument_group("another way, with --what-if; also --config")
@@ -109,6 +97,26 @@ def _add_changes(parser: argparse.ArgumentParser) -> None:
         "--scenario", metavar="FILE", help="the water, instead of the measured one"
     )
     changes.add_argument("--seed", type=int, default=1, metavar="N", help="of the losses")
+
+
+def _add_zenoh(parser: argparse.ArgumentParser) -> None:
+    """Declare what is put onto a Zenoh network, where, and how fast."""
+    onto = parser.add_argument_group("onto a Zenoh network, which is what it does otherwise")
+    add_connect(onto)
+    onto.add_argument(
+        "--config", metavar="FILE",
+        help="where the router is, and the keys of ROS topics; with --what-if: the streams "
+        "and rules of all nodes",
+    )  # fmt: skip
+    onto.add_argument("--rate", type=float, default=1.0, metavar="R", help="how many times as fast")
+    onto.add_argument("--fast", action="store_true", help="without waiting at all")
+    onto.add_argument(
+        "--key", action="append", default=[], metavar="EXPRESSION",
+        help="only what this key expression covers; may be given several times",
+    )  # fmt: skip
+    onto.add_argument(
+        "--node", type=int, metavar="N", help="whose samples, in a recording of several engines"
+    )
 
 
 def _what_if(arguments: argparse.Namespace) -> int:

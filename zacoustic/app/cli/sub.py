@@ -8,9 +8,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from zacoustic.app.cli.arguments import check_positive
+from zacoustic.app.cli.participant import add_node_arguments, class_of, make_node
 from zacoustic.app.cli.printing import print_line, print_note
-from zacoustic.app.cli.pub import add_node_arguments, make_node
 from zacoustic.link.command import EXIT_OK, EXIT_TIMED_OUT, Command
+from zacoustic.link.serving import run_until_stopped
 
 if TYPE_CHECKING:
     from zacoustic.zenoh.node import Node, Sample
@@ -47,9 +48,7 @@ class SubCommand(Command):
     def run(self, arguments: argparse.Namespace) -> int:
         """Print until enough have come, the time is over, or Ctrl-C."""
         check_positive(arguments, "count", "timeout")
-        with contextlib.suppress(KeyboardInterrupt):
-            return asyncio.run(_listen(arguments))
-        return EXIT_OK
+        return run_until_stopped(lambda stop: _listen(arguments)) or EXIT_OK
 
 
 async def _listen(arguments: argparse.Namespace) -> int:
@@ -79,7 +78,7 @@ def _subscribe(node: "Node", key: str | None, take: "Callable[[Sample[Any]], Non
 
     for name in _names(node, key):
         stream = node.find_stream(name)
-        sample_type: Any = bytes if stream is None or stream.type is None else stream.type.name
+        sample_type: Any = class_of(None if stream is None else stream.type)
         node.create_subscription(sample_type, name, take, Qos(depth=_DEPTH))
 
 

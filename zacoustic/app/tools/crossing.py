@@ -5,7 +5,7 @@ from typing import Final
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.wire.frame import TAG_BYTES
+from zacoustic.core.wire.agreement import TAG_BYTES
 
 IN_PARTS: Final = 'reliability: "reliable" in its stream: then it crosses in parts'
 """What makes a sample cross that fits no frame."""

@@ -6,7 +6,7 @@ arises in the engine itself.
 
 import msgspec
 
-from zacoustic.core.base.linktypes import LinkState, ModemRead, PeerMeasured
+from zacoustic.core.base.linktypes import ONE_LINK, LinkState, ModemRead, PeerMeasured
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.doubt import JournalDoubted
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
@@ -29,6 +29,7 @@ from zacoustic.core.transport.actions.news import (
 )
 from zacoustic.core.transport.calls.calls import CallFailed, RequestReceived, ResponseReceived
 from zacoustic.core.transport.commands.orders import StreamTuned
+from zacoustic.core.transport.contract import TransportEvent
 from zacoustic.core.transport.deliveries import (
     DeliveryEnded,
     DeliveryOutcome,
@@ -87,6 +88,7 @@ __all__ = [
     "StreamTuned",
     "StreamsDiffer",
     "SubscribersChanged",
+    "TransportEvent",
 ]
 
 
@@ -97,6 +99,8 @@ class LinkStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """The new state."""
     changed_at: int
     """Instant of the change, ns."""
+    link: str = ONE_LINK
+    """Name of the link."""
 
 
 class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
@@ -137,5 +141,6 @@ Event = (
     | JournalStateChanged
     | JournalDoubted
     | EngineRestarted
+    | TransportEvent
 )
 """Anything that an engine tells."""

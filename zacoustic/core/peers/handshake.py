@@ -62,10 +62,9 @@ from zacoustic.core.peers.peer import Peer
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import Agreement, Change, Life
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import (
+from zacoustic.core.wire.agreement import (
     ABSENT_DIGEST,
     ASSURED,
-    LAST_STREAM_ID,
     PROVISIONAL,
     WIRE_VERSION,
     Ask,
@@ -73,6 +72,7 @@ from zacoustic.core.wire.frame import (
     Hello,
     TableRow,
 )
+from zacoustic.core.wire.frame import LAST_STREAM_ID
 
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the water makes arrives within this many units. A few is what modems
@@ -81,6 +81,12 @@ PATIENCE_UNITS: Final = 16
 """So long the next frame of a peer is awaited to confirm its epoch behind it: with 64 bytes over
 1000 m 24 s, longer than from one report of a vehicle to the next."""
 _ASK_HELLO: Final = 0
+
+
+def unit_ns(capabilities: LinkCapabilities) -> int:
+    """Return the time in which the largest frame arrives, ns."""
+    propagation_ns = seconds_to_ns(capabilities.propagation_s)
+    return capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
 
 
 class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
@@ -124,6 +130,8 @@ class Handshake:
         self._rng = rng
         self._peers = peers
         self.introductions = Introductions(address, epoch, table, peers)
+        self._units_ns: dict[str, int] = {}
+        """Of each link that was up."""
         self._unit_ns = seconds_to_ns(1)
         self.patience_ns = PATIENCE_UNITS * self._unit_ns
         """How long the next frame of a peer is awaited, ns."""
@@ -138,15 +146,27 @@ class Handshake:
         """The present boot epoch of this node."""
         return self.introductions.epoch
 
+    @property
+    def digest(self) -> bytes:
+        """Digest of the table of this epoch."""
+        return self.introductions.digest
+
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
         if self._began_at is None:
             self._began_at = now
 
-    def use_link(self, capabilities: LinkCapabilities) -> None:
-        """Scale the pauses to a link: a unit is the time in which the largest frame arrives."""
-        propagation_ns = seconds_to_ns(capabilities.propagation_s)
-        self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+    def use_link(self, link: str, capabilities: LinkCapabilities, now: int) -> None:
+        """Scale the pauses to a link: a unit is the time in which the largest frame arrives.
+
+        What is known of a node holds on all links, so it is the unit of the slowest one.
+        """
+        self._units_ns[link] = unit_ns(capabilities)
+        longest_ns = max(self._units_ns.values())
+        if len(self._units_ns) > 1 and longest_ns > self._unit_ns:
+            for peer in self._peers.values():  # of a former life frames may come by that link
+                peer.settled_at = max(peer.settled_at, now + SETTLING_UNITS * longest_ns)
+        self._unit_ns = longest_ns
         self.introductions.unit_ns = self._unit_ns
         self.patience_ns = PATIENCE_UNITS * self._unit_ns
         self.settling_ns = SETTLING_UNITS * self._unit_ns
@@ -160,17 +180,22 @@ class Handshake:
 
     # What this node says
 
-    def introduce(self, address: int, stream_id: int) -> None:
+    def introduce(self, link: str, address: int, stream_id: int) -> None:
         """Make a record in the next frame to a node readable, whatever the node has forgotten."""
         peer = self._peers[address]
+        peer.link = link
         peer.owes_hello = True
-        if peer.digest != self._digest:
+        if peer.digest != self.digest:
             peer.owed_rows[stream_id] = None
 
-    def owed(self, destination: int, room_bytes: int, now: int) -> list[tuple[Cause, bytes]]:
+    def owed(
+        self, link: str, destination: int, room_bytes: int, now: int
+    ) -> list[tuple[Cause, bytes]]:
         """Take what is owed to the hearers of a frame and fits in it; a HELLO excepted."""
         taken: list[tuple[Cause, bytes]] = []
-        hearers = sorted(self._peers) if destination == BROADCAST else [destination]
+        hearers = [destination]
+        if destination == BROADCAST:
+            hearers = sorted(each for each, peer in self._peers.items() if peer.link == link)
         for address in hearers:
             peer = self._peers.get(address)
             if peer is not None and peer.is_owed:
@@ -187,24 +212,24 @@ class Handshake:
                     peer.speak_at = None
         return taken
 
-    def due_at(self, now: int) -> int | None:
+    def due_at(self, link: str, now: int) -> int | None:
         """Return the instant from which a frame goes that only says what is owed, ns, or None."""
-        speak = self._speak_next()
+        speak = self._speak_next(link)
         return speak and speak[0]
 
-    def offer(self, now: int) -> Offer | None:
+    def offer(self, link: str, now: int) -> Offer | None:
         """Offer what found no room in time: it goes before what else waits."""
-        speak = self._speak_next()
+        speak = self._speak_next(link)
         if speak is None or speak[0] > now:
             return None
         return Offer(destination=speak[1], owed_first=True, rides=True)
 
-    def _speak_next(self) -> tuple[int, int] | None:
+    def _speak_next(self, link: str) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next frame that only says what is owed, or None."""
         waiting = [
             (peer.speak_at, address)
             for address, peer in self._peers.items()
-            if peer.speak_at is not None and peer.is_owed
+            if peer.speak_at is not None and peer.link == link and peer.is_owed
         ]
         return min(waiting, default=None)
 
@@ -253,7 +278,7 @@ class Handshake:
             peer.begin_life(Change.NEW_LIFE)
             peer.epoch, peer.digest = hello.epoch, digest
             peer.settled_at = now + self.settling_ns
-            same = digest == self._digest
+            same = digest == self.digest
             self.news.append(
                 PeerSeen(
                     address=source,
@@ -324,7 +349,7 @@ class Handshake:
         if unicast and confirm.address == ASSURED:
             if now >= peer.settled_at:
                 peer.is_assured, peer.owes_confirm = True, False
-        elif unicast and peer.shares(self._digest):
+        elif unicast and peer.shares(self.digest):
             # It has not heard our own CONFIRM; that rides, since it may have nothing to say.
             peer.owes_confirm = True
 
@@ -374,7 +399,7 @@ class Handshake:
         """
         peer = self._peers[source]
         peer.ripen(now)
-        if peer.shares(self._digest):
+        if peer.shares(self.digest):
             if epoch == peer.epoch:
                 return None
             if epoch is None and peer.life(now) is Life.SETTLED:
@@ -405,14 +430,14 @@ class Handshake:
         Args and returns as `verdict`.
         """
         peer = self._peers[source]
-        if peer.differs_from(self._digest) and epoch == peer.epoch:
+        if peer.differs_from(self.digest) and epoch == peer.epoch:
             return "differs"
         return self.verdict(source, epoch, _ASK_HELLO, now)
 
     def knows_difference(self, address: int) -> bool:
         """Tell whether a node is known to hold another table."""
         peer = self._peers.get(address)
-        return peer is not None and peer.differs_from(self._digest)
+        return peer is not None and peer.differs_from(self.digest)
 
     def peer(self, address: int) -> Peer:
         """Return what is known of a node, and what is owed to it."""
@@ -423,10 +448,6 @@ class Handshake:
         return dict(self._peers)
 
     # Below the methods above
-
-    @property
-    def _digest(self) -> bytes:
-        return self.introductions.digest
 
     def _is_present(self, confirm: Confirm) -> bool:
         """Tell whether a CONFIRM is of this life; one before has perhaps had the same epoch."""
@@ -443,7 +464,7 @@ class Handshake:
         if is_old and peer.agreement is Agreement.UNCONFIRMED:
             peer.take(Change.EARLY_CONFIRM)
             peer.holds_at = now + self.settling_ns
-            if peer.shares(self._digest):
+            if peer.shares(self.digest):
                 # It introduces itself in every frame until it is told.
                 peer.owes_confirm = True
                 self._speak_soon(peer, max(peer.holds_at, peer.confirm_at))
@@ -453,7 +474,7 @@ class Handshake:
         return stream.digest if stream else ABSENT_DIGEST
 
     def _answer_introduction(self, peer: Peer, now: int) -> None:
-        if peer.digest == self._digest:
+        if peer.digest == self.digest:
             peer.owes_confirm = True
             earliest = now if peer.confirm_at <= now else peer.confirm_at + self.patience_ns
             self._speak_soon(peer, earliest)

@@ -266,6 +266,8 @@ class Ranging:
 
     def _due(self, now: int) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next exchange that is wanted, or None."""
+        if not self._quests:
+            return None
         wanted = [
             (at, address)
             for address, quest in self._quests.items()

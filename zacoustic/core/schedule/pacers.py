@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from zacoustic.core.base.signals import Signal
 from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.schedule.timing import LinkTimes, Pacer
 
@@ -22,29 +23,29 @@ class Pacers(PerPeer[Pacer]):
 
     Args:
         peers: The nodes.
+        introduce: Makes the next frame to a node readable there: address, stream id.
     """
 
-    def __init__(self, peers: Peers) -> None:
+    def __init__(
+        self,
+        peers: Peers,
+        introduce: Callable[[int, int], None] = lambda address, stream_id: None,
+    ) -> None:
         super().__init__(peers, Pacer)
         self.times: LinkTimes | None = None
         """The airtimes of the link; None before it was up."""
+        self.changed = Signal[[]]()
+        """A node may get something sooner than was told before."""
+        self.released = Signal[int, int]()
+        """``(address, now)``: what waits for a node is due."""
+        self._introduce = introduce
         self._heard_at = PerPeer(peers, int)
         self._repeating: deque[Callable[[int], None]] = deque()
         self._repeated_at = -1
-        self._changed: list[Callable[[], None]] = []
-        self._released: list[Callable[[int, int], None]] = []
 
     def on_repeat(self, told: Callable[[int], None]) -> None:
         """Let a mechanism repeat what is due, whichever of them was due first."""
         self._repeating.append(told)
-
-    def on_change(self, told: Callable[[], None]) -> None:
-        """Tell somebody that a node may have something sooner than it was told."""
-        self._changed.append(told)
-
-    def on_release(self, told: Callable[[int, int], None]) -> None:
-        """Tell somebody, ``(address, now)``, that what waits for a node is due."""
-        self._released.append(told)
 
     def repeat(self, now: int) -> None:
         """Something is due to be repeated: all that is may go with it, in the room of its frames.
@@ -75,12 +76,16 @@ class Pacers(PerPeer[Pacer]):
     def await_nothing(self, address: int) -> None:
         """No answer of a node is awaited any more."""
         self[address].quiet_until = 0
-        for told in self._changed:
-            told()
+        self.changed()
 
     def heard_at(self, address: int) -> int:
         """Return when a node was heard last, ns; before all instants if it never was."""
         return self._heard_at.get(address, -1)
+
+    def introduce(self, address: int, stream_id: int, *, anyway: bool = False) -> None:
+        """Let a silent node, or any, read what is repeated to it: it may have forgotten this one."""
+        if anyway or self[address].is_silent:
+            self._introduce(address, stream_id)
 
     def is_present(self, address: int, now: int) -> bool:
         """Tell whether a node was heard just now."""
@@ -96,8 +101,7 @@ class Pacers(PerPeer[Pacer]):
 
     def _release(self, address: int, now: int) -> None:
         self.await_nothing(address)
-        for told in self._released:
-            told(address, now)
+        self.released(address, now)
 
     def _round_trips_ns(self, number: int) -> int:
         return number * self.times.first_round_trip_ns if self.times is not None else 0

@@ -431,7 +431,7 @@ class TransmitQueue:
         """
         earliest: int | None = None
         for lane in list(self._busy.values()):
-            if lane.key[: len(only)] != only:
+            if only and lane.key[: len(only)] != only:
                 continue
             if self._drop_expired(lane, now) and lane.is_on:
                 due_at = lane.due_at

@@ -12,7 +12,6 @@ reminder is repeated; a node that lacks the record says so, and gets it `again`.
 
 import enum
 import random
-from collections.abc import Callable
 from functools import partial
 from typing import Final
 
@@ -108,7 +107,6 @@ class Repeater:
         pacers: When something may be repeated to them.
         timers: Repeat and end them.
         rng: Draws the pauses.
-        introduce: Makes the next frame to a node readable there: address, stream id.
     """
 
     def __init__(
@@ -118,18 +116,16 @@ class Repeater:
         pacers: Pacers,
         timers: Timers,
         rng: random.Random,
-        introduce: Callable[[int, int], None] = lambda address, stream_id: None,
     ) -> None:
         self._queue = queue
         self._timers = timers
-        self._introduce = introduce
         self._rng = rng
         self._pacers = pacers
         self._repetitions: dict[Repetition, None] = {}
-        peers.on_forget(lambda address, now: self._changed())
+        peers.forgotten.connect(lambda address, now: self._changed())
         pacers.on_repeat(self._repeat)
-        pacers.on_change(self._changed)
-        pacers.on_release(self._released)
+        pacers.changed.connect(self._changed)
+        pacers.released.connect(self._released)
 
     def start(
         self,
@@ -310,6 +306,6 @@ class Repeater:
             repetition.stage = _Stage.OVER
             return
         repetition.stage = _Stage.QUEUED
-        if repetition.introduces or self._pacers[repetition.record.destination].is_silent:
-            self._introduce(repetition.record.destination, repetition.record.stream_id)
+        record = repetition.record
+        self._pacers.introduce(record.destination, record.stream_id, anyway=repetition.introduces)
         self._queue.push(repetition.key, repetition.record, repetition.qos)

@@ -17,6 +17,7 @@ import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.wire.controls import Form, fixed
 
 CLOCK_CODE: Final = 0xBD
 TURN_CODE: Final = 0xBE
@@ -82,3 +83,8 @@ class ClockTime(msgspec.Struct, frozen=True):
 
 
 AccessControl: TypeAlias = Turn | ClockTime
+
+FORMS: Final[tuple[Form, ...]] = (
+    fixed(CLOCK_CODE, "CLOCK", CLOCK_BYTES, ClockTime.decode),
+    fixed(TURN_CODE, "TURN", TURN_BYTES, Turn.decode),
+)

@@ -4,7 +4,7 @@ A frame is a sequence of *records*. The first byte says which kind::
 
     0x00         padding
     0x01…0xAF    stream id: content of that stream follows
-    0xB0…0xBF    control, below
+    0xB0…0xBF    control
     0xC0…0xFF    dense block, to the end of the frame (`zacoustic.core.values.dense`)
 
 What follows a stream id is fixed by the stream, which both ends have in their tables: a
@@ -13,8 +13,8 @@ its payload delimits itself or the sender wrote the control ``LEN`` before it. S
 own last record; a receiver that meets an id it cannot measure takes the rest of the frame as that
 record.
 
-Two frozen controls never change, in any version: ``HELLO`` and ``TAG``. They let two ends find
-out that they speak different versions or hold different tables.
+Of the controls only those that belong to records are read here. The others, and who reads them,
+are in a table (`zacoustic.core.wire.controls`).
 """
 
 import enum
@@ -24,19 +24,10 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.values.encoding import decode_prefix
-from zacoustic.core.wire.access import CLOCK_BYTES, TURN_BYTES, AccessControl, ClockTime, Turn
-from zacoustic.core.wire.objects import Feedback, Fragment, decode_feedback, decode_fragment
-from zacoustic.core.wire.subscriptions import SUBSCRIBE_BYTES, SUBSCRIBE_CODE, Subscribe
-
-WIRE_VERSION: Final = 1
-"""Version of this wire format, in every HELLO."""
+from zacoustic.core.wire.agreement import HELLO_CODE, TAG_CODE
+from zacoustic.core.wire.controls import FIRST_EXTENSION, Controls, Extension, Item
 
 LAST_STREAM_ID: Final = 0xAF
-ASSURED: Final = 0
-"""Address of a CONFIRM in a unicast frame: the node that the frame is for, which has confirmed the
-sender."""
-PROVISIONAL: Final = 0xFF
-"""Address of a CONFIRM in a unicast frame: a provisional confirm for the destination."""
 DENSE_FROM: Final = 0xC0
 """A dense string begins with a byte from here on."""
 LONGEST_DELIMITED_BYTES: Final = 255
@@ -44,14 +35,8 @@ LONGEST_DELIMITED_BYTES: Final = 255
 
 
 class Control(enum.IntEnum):
-    """Control codes; all others are reserved."""
+    """The codes that belong to records; all others are in the table of `controls`."""
 
-    HELLO = 0xB0
-    """Version, boot epoch (2), table digest (4): who sends, and with which table. Frozen for
-    ever."""
-    TAG = 0xB1
-    """Boot epoch (2): the sender of this frame does not know that its hearers know its table.
-    Frozen for ever."""
     LEN = 0xB2
     """Length (1) of the record that follows, with its prefixes and its id."""
     DELETE = 0xB3
@@ -59,13 +44,6 @@ class Control(enum.IntEnum):
     ENCODING = 0xB4
     """Prefix: encoding of the sample (`zacoustic.core.values.encoding`), where it is not the
     stream's."""
-    CONFIRM = 0xB5
-    """Address (1), epoch (2): the sender knows the table of that node's epoch, and has the same."""
-    ASK = 0xB6
-    """Address (1), stream id or 0 (1): that node is asked for a HELLO, or for the digest of the
-    stream."""
-    TABLE = 0xB7
-    """Epoch (2), stream id (1), digest (4): one row of the sender's table."""
     SYNC = 0xB8
     """Prefix: lineage (2) and floor (3) of the count of a reliable topic
     (`zacoustic.core.transport.reliable`)."""
@@ -73,83 +51,9 @@ class Control(enum.IntEnum):
     """Prefix: the record acknowledges samples of the node with this address (1); in a unicast frame
     those of the frame's destination, without the address. Before a byte from `C0` on it is a
     control: `DenseAck`."""
-    FRAGMENT = 0xBA
-    """Transfer (1), index (2), data to the end: a fragment of an object
-    (`zacoustic.core.transport.objects`)."""
-    FEEDBACK = 0xBB
-    """Transfer (1) and more: a receiver's feedback about an object."""
-    SUBSCRIBE = SUBSCRIBE_CODE
-    """Page (1), version (1), streams (1): what a node wants of another one
-    (`zacoustic.core.transport.subscriptions`)."""
-    CLOCK = 0xBD
-    """Time (6), its error (1): network time at the first bit of this frame
-    (`zacoustic.core.wire.access`)."""
-    TURN = 0xBE
-    """Node (1), span (1): who may transmit now, or when the sender listens."""
-    RELAY = 0xBF
-    """Reserved: origin, destination, hops, sequence."""
 
 
-class Hello(msgspec.Struct, frozen=True):
-    """Who sends, and with which table."""
-
-    version: int
-    epoch: int
-    digest: bytes
-
-    def encode(self) -> bytes:
-        """Return the 8 bytes of the control."""
-        return bytes((Control.HELLO, self.version)) + self.epoch.to_bytes(2, "big") + self.digest
-
-
-class Tag(msgspec.Struct, frozen=True):
-    """The sender's epoch, where its table may be unknown."""
-
-    epoch: int
-
-    def encode(self) -> bytes:
-        """Return the 3 bytes of the control."""
-        return bytes((Control.TAG,)) + self.epoch.to_bytes(2, "big")
-
-
-class Confirm(msgspec.Struct, frozen=True):
-    """The sender knows and shares the table of a node's epoch."""
-
-    address: int
-    """The node, `ASSURED`, or `PROVISIONAL`."""
-    epoch: int
-
-    def encode(self) -> bytes:
-        """Return the 4 bytes of the control."""
-        return bytes((Control.CONFIRM, self.address)) + self.epoch.to_bytes(2, "big")
-
-
-class Ask(msgspec.Struct, frozen=True):
-    """A node is asked for its HELLO (stream id 0) or for one row of its table."""
-
-    address: int
-    stream_id: int
-
-    def encode(self) -> bytes:
-        """Return the 3 bytes of the control."""
-        return bytes((Control.ASK, self.address, self.stream_id))
-
-
-class TableRow(msgspec.Struct, frozen=True):
-    """The digest of one stream in the sender's table; four zero bytes when it has none."""
-
-    epoch: int
-    stream_id: int
-    digest: bytes
-
-    def encode(self) -> bytes:
-        """Return the 8 bytes of the control."""
-        return (
-            bytes((Control.TABLE,))
-            + self.epoch.to_bytes(2, "big")
-            + bytes((self.stream_id,))
-            + self.digest
-        )
+_PREFIXES: Final = frozenset(Control) - {Control.LEN}
 
 
 class Sync(msgspec.Struct, frozen=True):
@@ -221,66 +125,40 @@ class Stray(msgspec.Struct, frozen=True):
     size_bytes: int
 
 
-PlainItem = (
-    Hello
-    | Tag
-    | Confirm
-    | Ask
-    | TableRow
-    | AccessControl
-    | Fragment
-    | Feedback
-    | Subscribe
-    | DenseAck
-    | Record
-    | Stray
-)
-"""The contents of a frame besides a dense block."""
-
-Item = PlainItem | DenseString
-
 Measure = Callable[[int, bytes, int, Prefixes], int | None]
 """``(stream_id, buffer, offset, prefixes)`` → end of the content there; None: it shows none.
 Raises KeyError for a stream that the table does not have."""
 
-ABSENT_DIGEST: Final = bytes(4)
-"""Digest in a `TableRow` of a stream that the sender's table does not have."""
-
-_CONTROL_SIZES: Final = {
-    Control.HELLO: 8,
-    Control.TAG: 3,
-    Control.CONFIRM: 4,
-    Control.ASK: 3,
-    Control.TABLE: 8,
-    Control.SUBSCRIBE: SUBSCRIBE_BYTES,
-    Control.CLOCK: CLOCK_BYTES,
-    Control.TURN: TURN_BYTES,
-}
 PADDING: Final = b"\x00"
 """The byte of a frame without contents: every receiver skips it."""
-HELLO_BYTES: Final = _CONTROL_SIZES[Control.HELLO]
-TAG_BYTES: Final = _CONTROL_SIZES[Control.TAG]
 SYNC_BYTES: Final = 6
 DELIMITER_BYTES: Final = 2
 """What LEN and its length byte cost."""
 
 
-def parse_frame(frame: bytes, measure: Measure, *, unicast: bool = False) -> Iterator[Item]:
+def parse_frame(
+    frame: bytes, measure: Measure, controls: Controls, *, unicast: bool = False
+) -> Iterator[Item]:
     """Take a frame apart; never raises, for any bytes.
 
     Args:
         frame: The records of one frame, without envelope.
         measure: Finds where the content of a stream ends.
+        controls: What can be read besides.
         unicast: The frame is for one node.
 
     Yields:
         Controls and records in the order of the frame; at most one `Stray` for what cannot be
         read, after which only records that `LEN` delimits are still found.
     """
-    offset = 0
+    offset, has_records = 0, False
     while offset < len(frame):
         code = frame[offset]
-        if code in (Control.HELLO, Control.TAG):
+        if code in (HELLO_CODE, TAG_CODE):
+            if has_records:
+                # By which table they were written, and so where they end, was not said before them.
+                yield Stray("reserved", len(frame) - offset)
+                return
             # The tables may differ: only what LEN delimits can be trusted to end where it seems to.
             measure = _measure_nothing
         if code == 0:
@@ -292,21 +170,16 @@ def parse_frame(frame: bytes, measure: Measure, *, unicast: bool = False) -> Ite
                 return
             offset = start + frame[offset + 1]
             if offset > start:
-                yield _parse_delimited(frame[start:offset], unicast=unicast)
-        elif code in _CONTROL_SIZES:
-            size = _CONTROL_SIZES[Control(code)]
-            if offset + size > len(frame):
+                item = _parse_delimited(frame[start:offset], controls, unicast=unicast)
+                has_records |= isinstance(item, Record)
+                yield item
+        elif code in controls:
+            read = controls[code].read(frame, offset)
+            if read is None:
                 yield Stray("truncated", len(frame) - offset)
                 return
-            yield _parse_control(frame, offset)
-            offset += size
-        elif code == Control.FEEDBACK:
-            feedback = decode_feedback(frame, offset)
-            if feedback is None:
-                yield Stray("truncated", len(frame) - offset)
-                return
-            yield feedback[0]
-            offset = feedback[1]
+            item, offset = read
+            yield item
         elif code >= DENSE_FROM:
             yield DenseString(frame[offset:])
             return
@@ -315,27 +188,8 @@ def parse_frame(frame: bytes, measure: Measure, *, unicast: bool = False) -> Ite
             offset = ack[1]
         else:
             item, offset = _parse_record(frame, offset, measure, unicast=unicast)
+            has_records = True
             yield item
-
-
-def _parse_control(frame: bytes, offset: int) -> Item:
-    code = frame[offset]
-    body = frame[offset + 1 : offset + _CONTROL_SIZES[Control(code)]]
-    if code == Control.HELLO:
-        return Hello(body[0], int.from_bytes(body[1:3], "big"), body[3:7])
-    if code == Control.TAG:
-        return Tag(int.from_bytes(body, "big"))
-    if code == Control.CONFIRM:
-        return Confirm(body[0], int.from_bytes(body[1:3], "big"))
-    if code == Control.ASK:
-        return Ask(body[0], body[1])
-    if code == Control.SUBSCRIBE:
-        return Subscribe.decode(body)
-    if code == Control.CLOCK:
-        return ClockTime.decode(body)
-    if code == Control.TURN:
-        return Turn.decode(body)
-    return TableRow(int.from_bytes(body[0:2], "big"), body[2], body[3:7])
 
 
 def _parse_dense_ack(frame: bytes, offset: int, *, unicast: bool) -> tuple[DenseAck, int] | None:
@@ -347,10 +201,15 @@ def _parse_dense_ack(frame: bytes, offset: int, *, unicast: bool) -> tuple[Dense
     return DenseAck(0 if unicast else frame[offset + 1], mark), said_at + 2
 
 
-def _parse_delimited(piece: bytes, *, unicast: bool) -> Item:
-    """Parse the one record that LEN delimits: its content reaches to the end."""
-    item, _ = _parse_record(piece, 0, _measure_nothing, unicast=unicast)
-    return item
+def _parse_delimited(piece: bytes, controls: Controls, *, unicast: bool) -> Item:
+    """Parse what LEN delimits: a record, or a control that shows no end, or an extension."""
+    form = controls.get(piece[0])
+    if form is not None and not form.shows_end:
+        read = form.read(piece, 0)
+        return Stray("truncated", len(piece)) if read is None else read[0]
+    if piece[0] >= FIRST_EXTENSION:
+        return Extension(piece[0], piece[1:])
+    return _parse_record(piece, 0, _measure_nothing, unicast=unicast)[0]
 
 
 def _measure_nothing(stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes) -> None:
@@ -361,9 +220,6 @@ def _parse_record(
     frame: bytes, offset: int, measure: Measure, *, unicast: bool
 ) -> tuple[Item, int]:
     start, end = offset, len(frame)
-    if frame[offset] == Control.FRAGMENT:
-        fragment = decode_fragment(frame[offset:])
-        return fragment or Stray("truncated", end - start), end
     parsed = _parse_prefixes(frame, offset, unicast=unicast)
     if parsed is None or parsed[1] >= end:
         return Stray("truncated", end - start), end
@@ -382,7 +238,7 @@ def _parse_record(
 
 def _parse_prefixes(frame: bytes, offset: int, *, unicast: bool) -> tuple[Prefixes, int] | None:
     """Read what stands before a stream id; None: it is cut off."""
-    if not Control.DELETE <= frame[offset] <= Control.ACK:
+    if frame[offset] not in _PREFIXES:
         return _NO_PREFIXES, offset
     delete, encoding, sync, acknowledged = False, None, None, None
     while offset < len(frame):

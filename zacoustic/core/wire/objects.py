@@ -29,6 +29,8 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.wire.controls import Form
+
 FRAGMENT_CODE: Final = 0xBA
 FEEDBACK_CODE: Final = 0xBB
 FRAGMENT_HEADER_BYTES: Final = 4
@@ -175,3 +177,14 @@ def decode_feedback(buffer: bytes, offset: int) -> tuple[Feedback, int] | None:
     elif kind == 3 and len(body) >= 2:
         return Headless(transfer, int.from_bytes(body[:2], "big")), begin + 2
     return None
+
+
+def _read_fragment(buffer: bytes, offset: int) -> tuple[Fragment, int] | None:
+    fragment = decode_fragment(buffer[offset:])
+    return None if fragment is None else (fragment, len(buffer))
+
+
+FORMS: Final[tuple[Form, ...]] = (
+    Form(FRAGMENT_CODE, "FRAGMENT", _read_fragment, shows_end=False),
+    Form(FEEDBACK_CODE, "FEEDBACK", decode_feedback),
+)

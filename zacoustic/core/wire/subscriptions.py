@@ -18,6 +18,8 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.wire.controls import Form, fixed
+
 SUBSCRIBE_CODE: Final = 0xBC
 SUBSCRIBE_BYTES: Final = 4
 """Size with the code."""
@@ -69,3 +71,8 @@ def streams_of(page: int, bits: int) -> Iterator[int]:
 def bits_of(stream_ids: Iterable[int]) -> int:
     """Return the bits of streams of one page."""
     return sum(1 << stream_id % PAGE_STREAMS for stream_id in set(stream_ids))
+
+
+FORMS: Final[tuple[Form, ...]] = (
+    fixed(SUBSCRIBE_CODE, "SUBSCRIBE", SUBSCRIBE_BYTES, Subscribe.decode),
+)

@@ -42,7 +42,8 @@ class Intact:
     def __init__(
         self, renew: Renew, epoch: int, entries: Mapping[str, bytes], trial: Trial | None = None
     ) -> None:
-        self._renew = renew
+        self.renew = renew
+        """Makes an engine."""
         self._epoch = epoch
         self._trial = trial
         self.writes: list[JournalWrite] = []
@@ -106,7 +107,7 @@ class Intact:
 
     def _raises(self, entries: Mapping[str, bytes]) -> bool:
         try:
-            engine = self._renew(self._epoch, dict(entries))
+            engine = self.renew(self._epoch, dict(entries))
             if self._trial is not None:
                 self._trial(engine)
         except Exception:

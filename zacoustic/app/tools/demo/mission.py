@@ -120,7 +120,7 @@ class Mission:
                     await self._ledgers.refresh()
 
     async def _start(self, folder: Path) -> None:
-        program = (sys.executable, "-m", "zacoustic.app.cli")
+        program = (sys.executable, "-m", "zacoustic")
         await self._begin(self._water.child, *program, *self._water.verb(folder))
         await self._ready[self._water.child].wait()
         islands = write_islands(folder, self._water.locators)

@@ -1,38 +1,39 @@
-"""What an engine consists of above its link: one component for each thing that two nodes agree on.
+"""What an engine consists of above a link: one component for each thing that two nodes agree on.
 
-They share the transmit queue, the handshake and the journal, and know nothing of the link but its
-airtimes. What concerns all of them (a link, a report, the timer) is passed on from here.
+They share the transmit queue, and know nothing of the link but its airtimes. Handshake and journal
+they share with those of other links. What concerns all of them (a link, a report, the timer) is
+passed on from here.
 
 Here the native wire is spoken. Another wire profile overrides what is said and heard, and leaves
 the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
 """
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Sequence, Set
 
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.base.stats import EngineStats, count
-from zacoustic.core.base.timers import Timers
-from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.peers.peers import Peers
+from zacoustic.core.base.qos import Tuning
+from zacoustic.core.base.stats import count
+from zacoustic.core.peers.contact import PeerFound, PeerLost
+from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
+from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
+from zacoustic.core.peers.reception import Reception
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.composer import Composed, Composer
-from zacoustic.core.schedule.pacers import Pacers
+from zacoustic.core.schedule.composer import Composed, Composer, Ingredients
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
+from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.news import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
+from zacoustic.core.transport.contract import Transport
 from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.large import LargeSamples
 from zacoustic.core.transport.objects.objects import Objects
@@ -45,9 +46,16 @@ from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.transport.topics.topics import Topics
+from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
-from zacoustic.core.wire.frame import TAG_BYTES
+from zacoustic.core.wire.frame import DenseAck, DenseString
+from zacoustic.core.wire.objects import Complete, Fragment, Headless, Lacks, Refused
+from zacoustic.core.wire.subscriptions import Subscribe
+from zacoustic.errors import ConfigError
+
+MakeTransport = Callable[[Context], Transport]
+"""Makes a transport of somebody else; a subclass of `Transport` itself is one."""
 
 ProtocolEvent = (
     SampleReceived
@@ -67,55 +75,36 @@ ProtocolEvent = (
 
 
 class Protocols:
-    """The components of one engine.
+    """The components of one engine on one link.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        epoch: Its boot epoch.
-        peers: The other nodes.
+        context: What they share.
         rules: What the config says.
-        doubt: Whether something of former lives is forgotten.
-        journal: Keeps what is to survive.
-        timers: Call the components when something is due.
-        stats: Counts.
-        generators: One for each component that draws.
-        emit: Takes events.
+        transports: Make transports of somebody else.
+
+    Raises:
+        ConfigError: Two of them have the same name, or one has none.
     """
 
     def __init__(
         self,
-        address: int,
-        table: StreamTable,
-        epoch: int,
-        *,
-        peers: Peers,
+        context: Context,
         rules: TransmitRules,
-        doubt: Doubt,
-        journal: JournalPort,
-        timers: Timers,
-        stats: EngineStats,
-        generators: Generators,
-        emit: Callable[[ProtocolEvent], None],
+        transports: Sequence[MakeTransport] = (),
     ) -> None:
-        self._address = address
-        self._journal = journal
+        address, table, emit = context.address, context.table, context.emit
+        peers, handshake, queue = context.peers, context.handshake, context.queue
+        timers, generators, stats = context.timers, context.generators, context.stats
+        journal, doubt = context.journal, context.doubt
+        self._context = context
         self._stats = stats
-        self._emit = emit
-        self._doubt = doubt
-        self._epochs_to_keep = 0
-        self.queue = queue = TransmitQueue()
-        self.handshake = handshake = Handshake(
-            address, epoch, table, peers, generators.of("handshake")
-        )
-        self.contact = Contact(
-            address, table, rules.contact, peers, timers, generators.of("contact"), emit
+        self.queue = queue
+        self.heartbeats = Heartbeats(
+            address, table, rules.contact.heartbeat_s, generators.of("contact")
         )
         self.ranging = Ranging(address, table, timers, generators.of("ranging"), emit)
-        self.pacers = pacers = Pacers(peers)
-        self.repeater = Repeater(
-            queue, peers, pacers, timers, generators.of("repeater"), handshake.introduce
-        )
+        self.pacers = pacers = context.pacers
+        self.repeater = Repeater(queue, peers, pacers, timers, generators.of("repeater"))
         self.demand = Demand(
             address,
             table,
@@ -179,6 +168,7 @@ class Protocols:
             receiving=self.receiving,
             large=self.large,
             demand=self.demand,
+            dense=self.dense,
             emit=self._hand_on,
         )
         self.services = Services(
@@ -188,7 +178,7 @@ class Protocols:
             repeater=self.repeater,
             journal=journal,
             handshake=handshake,
-            begin_epoch=self.begin_epoch,
+            begin_epoch=context.node.epoch.begin,
             doubt=doubt,
             timers=timers,
             stats=stats,
@@ -201,49 +191,43 @@ class Protocols:
             repeater=self.repeater,
             journal=journal,
             handshake=handshake,
-            begin_epoch=self._renew_epoch,
+            begin_epoch=context.node.epoch.renew,
             doubt=doubt,
             timers=timers,
             stats=stats,
             emit=emit,
         )
-        self.receiver = Receiver(
-            table,
-            handshake,
-            self.topics,
-            self.dense,
-            self.services,
-            self.actions,
-            self.sending,
-            self.large,
-            self.demand,
-            stats,
+        self._register(context.reception)
+        self.receiver = Receiver(table, handshake, context.reception, stats)
+        self.transports = self._transports(context, transports)
+        made_of = Ingredients(
+            queue=queue,
+            dense=self.dense,
+            ranging=self.ranging,
+            objects=self.large.objects,
+            heartbeats=self.heartbeats,
+            extensions=tuple(self.transports.values()),
         )
-        self.composer = Composer(
-            queue,
-            handshake,
-            self.dense,
-            self.ranging,
-            self.large.objects,
-            self.contact,
-            stats,
-        )
+        self.composer = Composer(context.link, handshake, made_of, stats)
         for each in (self.services, self.actions, self.sending, self.demand, self.dense):
-            peers.on_restart(each.peer_restarted)
+            peers.restarted.connect(each.peer_restarted)
+        for told in (self.sending.peer_asked, self.dense.peer_asked):
+            peers.asked.connect(told)
+        for stopped in (self.services.stream_differs, self.actions.stream_differs):
+            peers.differs.connect(stopped)
+        context.reception.read.connect(pacers.heard)
         for one in (
             self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
-            self.objects, self.copied, self.deadlines, self.ranging, self.queue,
+            self.objects, self.copied, self.deadlines, self.ranging,
         ):  # fmt: skip
-            peers.on_forget(one.peer_forgotten)
-        self._write_epoch()
+            peers.forgotten.connect(one.peer_forgotten)
+        context.node.epoch.began.connect(self._epoch_changed)
+        context.node.epoch.outlast(lambda: self.services.is_calling)
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it.
-
-        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
-        """
-        return not self._epochs_to_keep or bool(self._journal.failure)
+        """The boot epoch is written down: no other life of the node will have it."""
+        return self._context.node.epoch.may_speak
 
     @property
     def objects(self) -> Objects:
@@ -305,11 +289,17 @@ class Protocols:
         """Answer a request with an error; see `Engine.reply_error`."""
         return self.services.reply_error(call, failure, text, now)
 
+    def tune(self, stream: Stream, tuning: Tuning) -> None:
+        """Lay an override over the QoS of what waits of a topic."""
+        for lane in SAMPLE_LANES:
+            self.queue.tune((stream.stream_id, lane), tuning)
+        self.objects.tune(stream.stream_id, tuning.over(stream.qos).priority, on=tuning.on)
+
     # What is said and heard
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a frame on a link."""
-        return Envelope(capabilities, self._address)
+        return Envelope(capabilities, self._context.address)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
@@ -327,27 +317,28 @@ class Protocols:
         """Make a frame of what medium access has to say, or return None."""
         return self.composer.speak(port, now)
 
-    def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
+    def receive(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
-        self._doubt.settle(now)
-        streams = self.receiver.handle(opened, frame, now)
-        self.pacers.heard(opened.source, now)
-        return streams
+        self._context.doubt.settle(now)
+        self._context.peers[opened.source].link = self._context.link
+        return self.receiver.handle(opened, frame, port, now)
 
-    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+    def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""
-        self.receiver.overhear(opened, frame, now)
+        self.receiver.overhear(opened, frame, port, now)
         self.pacers.heard(opened.source, now)
 
     # The life of the engine
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
-        self.contact.begin(now)
-        self.handshake.begin(now)
+        self.heartbeats.begin(now)
 
-    def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left."""
+    def recover(self) -> None:
+        """Go on with what a former life has left of this link."""
+        stored = self._context.stored
         self.demand.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
@@ -355,31 +346,21 @@ class Protocols:
         self.services.recover(stored)
         self.actions.recover(stored)
 
-    def begin_epoch(self, now: int) -> None:
-        """Begin a new boot epoch: what peers have confirmed is over."""
-        self.handshake.table_changed(now)
-        self.dense.epoch_changed()
-        self._write_epoch()
-        self.services.epoch_changed()
-        self.actions.epoch_changed(now)
-
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take the airtimes of a link, and drop what is too large for it."""
-        self.receiver.handle_access, self.receiver.handle_call = (
-            port.handle_control,
-            port.handle_call,
-        )
         capabilities = port.capabilities
-        self.handshake.use_link(capabilities)
+        self._context.handshake.use_link(self._context.link, capabilities, now)
         self.ranging.use_link(capabilities)
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
-        settling_ns = self.handshake.settling_ns
+        settling_ns = SETTLING_UNITS * unit_ns(capabilities)
         self.copied.use_link(times)
         self.pacers.times = times
         self.sending.use_link(settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)
         self.receiving.use_link(times)
+        for each in self.transports.values():
+            each.use_link(capabilities, now)
         self.large.objects.use_link(
             capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
         )
@@ -390,13 +371,15 @@ class Protocols:
 
     def link_up(self, now: int) -> None:
         """The link is up."""
-        self._doubt.link_up(now)
+        self._context.doubt.link_up(now)
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
         self.pacers.link_up(now)
         self.services.link_up(now)
         self.actions.link_up(now)
+        for each in self.transports.values():
+            each.link_up(now)
 
     def handle_timeout(self, now: int) -> None:
         """The node is awake, and timers may be due: do what has no instant of its own."""
@@ -405,23 +388,36 @@ class Protocols:
 
     # Below the methods above
 
-    def _renew_epoch(self, now: int) -> bool:
-        """Begin a new epoch unless a call is under way, which would not survive it."""
-        if self.services.is_calling:
-            return False
-        self.begin_epoch(now)
-        return True
+    def _transports(
+        self, context: Context, makers: Sequence[MakeTransport]
+    ) -> dict[str, Transport]:
+        made: dict[str, Transport] = {}
+        for make in makers:
+            each = make(context)
+            if not each.name or each.name in made:
+                raise ConfigError(f"transport {each.name!r}: allowed: a name of its own")
+            made[each.name] = each
+        return made
+
+    def _register(self, reception: Reception) -> None:
+        """Say who takes what of a frame."""
+        reception.on_records(TopicSpec, self.topics.receive, self.topics.receive_ack)
+        reception.on_records(ServiceSpec, self.services.receive)
+        reception.on_records(ActionSpec, self.actions.receive)
+        reception.on(DenseString, self.topics.receive_block)
+        reception.on(DenseAck, self.dense.acknowledged)
+        reception.on(Fragment, self.large.fragment)
+        for kind in (Lacks, Complete, Refused, Headless):
+            reception.on(kind, self.large.feedback)
+        reception.on(Subscribe, self.demand.receive)
+
+    def _epoch_changed(self, now: int) -> None:
+        self.dense.epoch_changed()
+        self.services.epoch_changed()
+        self.actions.epoch_changed(now)
 
     def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         self.topics.audience_changed(stream, newcomers, now)
-
-    def _write_epoch(self) -> None:
-        self._epochs_to_keep += 1
-        epoch_bytes = self.handshake.epoch.to_bytes(2, "big")
-        self._journal.write(EPOCH_KEY, epoch_bytes, self._epoch_kept)
-
-    def _epoch_kept(self, now: int) -> None:
-        self._epochs_to_keep -= 1
 
     def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
         self.large.unsubscribed(stream_id, sources, now)
@@ -429,4 +425,4 @@ class Protocols:
     def _hand_on(self, sample: SampleReceived, now: int) -> None:
         count(self._stats.received, sample.stream_id)
         self.deadlines.handed_on(sample, now)
-        self._emit(sample)
+        self._context.emit(sample)

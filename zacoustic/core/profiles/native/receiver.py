@@ -33,43 +33,22 @@ object_room``
 ======================  ===================================================================
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from functools import partial
 
 import msgspec
 
-from zacoustic.core.base.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.base.stats import NO_STREAM, EngineStats
+from zacoustic.core.base.linktypes import ReceivedFrame
+from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.peers.reception import Heard, HearingPort, Reception
+from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.actions import Actions
-from zacoustic.core.transport.calls.services import Services
-from zacoustic.core.transport.objects.large import LargeSamples
-from zacoustic.core.transport.reliable.sending.sending import ReliableSending
-from zacoustic.core.transport.subscriptions.demand import Demand
-from zacoustic.core.transport.topics.densestreams import DenseStreams
-from zacoustic.core.transport.topics.topics import Topics
-from zacoustic.core.values.payload import PayloadError
-from zacoustic.core.wire.access import ANYBODY, AccessControl, ClockTime, Turn
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 from zacoustic.core.wire.content import measure_content
+from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.envelope import Opened
-from zacoustic.core.wire.frame import (
-    WIRE_VERSION,
-    Ask,
-    Confirm,
-    DenseAck,
-    DenseString,
-    Hello,
-    Prefixes,
-    Record,
-    Stray,
-    TableRow,
-    Tag,
-    parse_frame,
-)
-from zacoustic.core.wire.objects import Call, Feedback, Fragment
-from zacoustic.core.wire.subscriptions import Subscribe
+from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
 
 
 class Receiver:
@@ -78,13 +57,7 @@ class Receiver:
     Args:
         table: The streams of this node.
         handshake: Decides what may be decoded.
-        topics: Takes samples.
-        dense: Reads dense strings.
-        services: Takes requests and answers.
-        actions: Takes what is said about goals.
-        sending: Is told who has forgotten us.
-        large: Takes fragments of objects, and what receivers say of them.
-        demand: Takes subscriptions.
+        reception: Knows who takes what.
         stats: Counts what is dropped.
     """
 
@@ -92,194 +65,75 @@ class Receiver:
         self,
         table: StreamTable,
         handshake: Handshake,
-        topics: Topics,
-        dense: DenseStreams,
-        services: Services,
-        actions: Actions,
-        sending: ReliableSending,
-        large: LargeSamples,
-        demand: Demand,
+        reception: Reception,
         stats: EngineStats,
     ) -> None:
         self._table = table
         self._handshake = handshake
-        self._topics = topics
-        self._dense = dense
-        self._services = services
-        self._actions = actions
-        self._sending = sending
-        self._large = large
-        self._demand = demand
+        self._reception = reception
         self._stats = stats
-        self.handle_access: Callable[[int, AccessControl, ReceivedFrame, int], None] | None = None
-        """Takes controls of medium access: source, control, frame, now."""
-        self.handle_call: Callable[[int, Call, ReceivedFrame, int], None] | None = None
-        """Is told when the sender of a fragment will listen: source, call, frame, now."""
 
-    def handle(self, opened: Opened, received: ReceivedFrame, now: int) -> tuple[int, ...]:
-        """Take one frame apart; returns the streams of the records that were in it."""
-        source = opened.source
+    def handle(
+        self, opened: Opened, received: ReceivedFrame, port: HearingPort, now: int
+    ) -> tuple[int, ...]:
+        """Take one frame apart; returns the streams of what was in it."""
+        heard = self._heard(opened, received, port, now)
+        self._handshake.begin_frame(heard.source, now)
+        items: list[Item] = []
+        for item in self._items(opened, unicast=heard.is_unicast):
+            self._drop(self._reception.first(heard, item))
+            if heard.is_foreign:
+                break
+            items.append(item)
+        for item in items:
+            self._drop(self._take(heard, item))
+        if heard.streams and heard.epoch is not None:
+            self._handshake.heard_introduced(heard.source, heard.epoch, now)
+        self._reception.read(heard.source, now)
+        return tuple(heard.streams)
+
+    def overhear(
+        self, opened: Opened, received: ReceivedFrame, port: HearingPort, now: int
+    ) -> None:
+        """Take from a frame for another node what concerns everybody."""
+        heard = self._heard(opened, received, port, now)
+        for item in self._items(opened, unicast=True):
+            if isinstance(item, Hello) and item.version != WIRE_VERSION:
+                break
+            self._reception.overheard(heard, item)
+
+    # Below the methods above
+
+    def _heard(self, opened: Opened, received: ReceivedFrame, port: HearingPort, now: int) -> Heard:
         if received.destination != opened.destination:
             # The frame's own destination: a link without addresses does not know it.
             received = msgspec.structs.replace(received, destination=opened.destination)
-        epoch: int | None = None
-        tagged: int | None = None
-        streams: list[int] = []
-        self._handshake.begin_frame(source, now)
-        measure = partial(self._measure, source)
-        unicast = opened.destination != BROADCAST
-        for item in parse_frame(opened.records, measure, unicast=unicast):
-            if isinstance(item, Record):
-                streams.append(item.stream_id)
-                reason = self._handle_record(source, epoch, item, received, now)
-                if reason is not None:
-                    self._stats.drop(reason)
-            elif isinstance(item, DenseString):
-                streams += self._handle_dense(source, epoch, item, received, now)
-            elif isinstance(item, DenseAck):
-                reason = self._dense.acknowledged(source, item)
-                if reason is not None:
-                    self._stats.drop(reason)
-            elif isinstance(item, Stray):
-                self._stats.drop(item.reason)
-            elif isinstance(item, Hello):
-                self._handshake.heard_hello(source, item, now, unicast=unicast)
-                if item.version != WIRE_VERSION:
-                    self._stats.drop("version")
-                    break
-                epoch = item.epoch
-            elif isinstance(item, Tag):
-                self._handshake.heard_tag(source, item.epoch, now, unicast=unicast)
-                epoch = tagged = item.epoch
-            elif isinstance(item, Fragment | Feedback):
-                streams.append(self._stream_of(source, item))
-                reason = self._handle_object(opened, item, received, now)
-                if reason is not None:
-                    self._stats.drop(reason)
-            elif isinstance(item, Subscribe):
-                streams.append(NO_STREAM)
-                reason = self._handle_letter(opened, epoch, item, now)
-                if reason is not None:
-                    self._stats.drop(reason)
-            elif isinstance(item, ClockTime | Turn):
-                if self.handle_access is not None:
-                    self.handle_access(source, item, received, now)
-            else:
-                is_ours = isinstance(item, Confirm) and self._handshake.confirms_us(
-                    item, unicast=unicast
-                )
-                if is_ours and tagged is not None:
-                    # A TAG, and that its sender shares our table: as good as a HELLO.
-                    hello = Hello(WIRE_VERSION, tagged, self._table.digest)
-                    self._handshake.heard_hello(source, hello, now, unicast=unicast)
-                    if unicast:
-                        self._handshake.heard_introduction(source)
-                self._handle_table_talk(opened, item, now)
-        if streams and epoch is not None:
-            self._handshake.heard_introduced(source, epoch, now)
-        return tuple(streams)
+        return Heard(opened.source, received, port, self._handshake, now)
 
-    def overhear(self, opened: Opened, received: ReceivedFrame, now: int) -> None:
-        """Take from a frame for another node when its sender pauses: that concerns everybody."""
+    def _items(self, opened: Opened, *, unicast: bool) -> Iterator[Item]:
         measure = partial(self._measure, opened.source)
-        for item in parse_frame(opened.records, measure, unicast=True):
-            if isinstance(item, Hello) and item.version != WIRE_VERSION:
-                break
-            if isinstance(item, Fragment):
-                if self.handle_call is not None:
-                    self.handle_call(opened.source, item.call, received, now)
-            elif isinstance(item, Turn) and item.node == ANYBODY and self.handle_access is not None:
-                self.handle_access(opened.source, item, received, now)
+        return parse_frame(opened.records, measure, CONTROLS, unicast=unicast)
 
-    def _handle_dense(
-        self, source: int, epoch: int | None, item: DenseString, received: ReceivedFrame, now: int
-    ) -> list[int]:
-        """Take the samples of a dense string; returns their streams."""
-        reason = self._handshake.verdict_dense(source, epoch, now)
-        if reason is not None:
-            self._stats.drop(reason)
-            return []
-        if not self._dense.concerns_us(source, received.destination):
-            self._stats.drop("not_subscriber")
-            return []
-        try:
-            samples = self._dense.receive(source, item.string)
-        except PayloadError:
-            self._stats.drop("dense")
-            return []
-        for stream_id, value in samples:
-            reason = self._topics.receive_dense(source, stream_id, value, received, now)
-            if reason is not None:
-                self._stats.drop(reason)
-        return [stream_id for stream_id, _ in samples]
-
-    def _stream_of(self, source: int, item: Fragment | Feedback) -> int:
-        """Return the stream of what a frame has of an object, as far as it is known here."""
-        if isinstance(item, Feedback):
-            return NO_STREAM
-        return self._large.objects.stream_coming(source, item.transfer)
-
-    def _handle_object(
-        self, opened: Opened, item: Fragment | Feedback, received: ReceivedFrame, now: int
-    ) -> str | None:
-        objects = self._large.at(now).objects
-        if isinstance(item, Fragment):
-            if self.handle_call is not None:
-                self.handle_call(opened.source, item.call, received, now)
-            return objects.fragment(opened.source, item, received, now)
-        if opened.destination == BROADCAST:
-            return "not_for_us"
-        return objects.feedback(opened.source, item, now)
-
-    def _handle_letter(
-        self, opened: Opened, epoch: int | None, letter: Subscribe, now: int
-    ) -> str | None:
-        if opened.destination == BROADCAST:
-            return "not_for_us"
-        return self._demand.receive(opened.source, epoch, letter, now)
-
-    def _handle_record(
-        self,
-        source: int,
-        epoch: int | None,
-        record: Record,
-        received: ReceivedFrame,
-        now: int,
-    ) -> str | None:
-        if record.prefixes.acknowledged is not None:
-            # Whoever acknowledges has read our records, so the stream is the same there.
-            stream = self._table.get(record.stream_id)
-            if stream is None or not isinstance(stream.spec, TopicSpec):
-                return "unknown_stream"
-            return self._topics.receive_ack(source, stream, record, now)
-        reason = self._handshake.verdict(source, epoch, record.stream_id, now)
+    def _take(self, heard: Heard, item: Item) -> str | None:
+        """Take something in the second pass; returns why it is dropped, or None."""
+        if isinstance(item, Stray):
+            return item.reason
+        if not isinstance(item, Record):
+            return self._reception.second(heard, item)
+        heard.streams.append(item.stream_id)
+        is_ack = item.prefixes.acknowledged is not None
+        reason = None if is_ack else heard.refusal(item.stream_id)
         if reason is not None:
             return reason
-        stream = self._table.get(record.stream_id)
+        stream = self._table.get(item.stream_id)
         if stream is None:
             return "unknown_stream"
-        if isinstance(stream.spec, ActionSpec):
-            return self._actions.receive(source, stream, stream.spec, record.content, now)
-        if isinstance(stream.spec, ServiceSpec):
-            return self._services.receive(
-                source, stream, stream.spec, record.content, now, introduced=epoch is not None
-            )
-        return self._topics.receive(source, stream, record, received, now)
+        give = self._reception.ack if is_ack else self._reception.record
+        return give(heard, stream, item)
 
-    def _handle_table_talk(self, opened: Opened, item: Confirm | Ask | TableRow, now: int) -> None:
-        source = opened.source
-        if isinstance(item, Confirm):
-            unicast = opened.destination != BROADCAST
-            self._handshake.heard_confirm(source, item, now, unicast=unicast)
-        elif isinstance(item, Ask):
-            if self._handshake.heard_ask(source, item, now):
-                self._sending.lost_sync(source, now)
-                self._dense.peer_forgot(source)
-        else:
-            self._handshake.heard_row(source, item, now)
-            if self._handshake.differs(source, item.stream_id):
-                self._services.stream_differs(source, item.stream_id, now)
-                self._actions.stream_differs(source, item.stream_id, now)
+    def _drop(self, reason: str | None) -> None:
+        if reason is not None:
+            self._stats.drop(reason)
 
     def _measure(
         self, source: int, stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes

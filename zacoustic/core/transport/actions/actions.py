@@ -11,6 +11,7 @@ from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.queue import TransmitQueue
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ActionSpec
@@ -20,6 +21,7 @@ from zacoustic.core.transport.actions.news import ActionEvent
 from zacoustic.core.transport.actions.post import GoalPost
 from zacoustic.core.transport.actions.server import GoalServer
 from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.wire.frame import Record
 from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus, decode_message
 from zacoustic.errors import LocalError, UnknownStreamError
 
@@ -197,19 +199,11 @@ class Actions:
         """This node has begun a new epoch."""
         self._client.epoch_changed(now)
 
-    def receive(
-        self, source: int, stream: Stream, spec: ActionSpec, content: bytes, now: int
-    ) -> str | None:
-        """Take a record that may be decoded; returns why it is dropped, or None.
-
-        Args:
-            source: Who sent it.
-            stream: The action's stream.
-            spec: Its spec.
-            content: What stands behind the stream id.
-            now: The instant.
-        """
-        message = decode_message(content, from_client=spec.server == self._address)
+    def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
+        """Take a record that may be decoded; returns why it is dropped, or None."""
+        spec, source, now = stream.spec, heard.source, heard.now
+        assert isinstance(spec, ActionSpec)
+        message = decode_message(record.content, from_client=spec.server == self._address)
         if message is None:
             return "payload"
         if spec.server == self._address:

@@ -18,6 +18,7 @@ from zacoustic.core.base.stats import Cause, EngineStats, count
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import SETTLING_UNITS, Handshake
+from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ServiceSpec
@@ -39,6 +40,7 @@ from zacoustic.core.wire.calls import (
     encode_call_byte,
 )
 from zacoustic.core.wire.content import server_bytes, server_of, split_age
+from zacoustic.core.wire.frame import Record
 from zacoustic.errors import LocalError
 
 _REQUEST_LANE: Final = 1
@@ -188,28 +190,13 @@ class Services:
 
     # For the water
 
-    def receive(
-        self,
-        source: int,
-        stream: Stream,
-        spec: ServiceSpec,
-        content: bytes,
-        now: int,
-        *,
-        introduced: bool,
-    ) -> str | None:
-        """Take a record that may be decoded; returns why it is dropped, or None.
-
-        Args:
-            source: Who sent it.
-            stream: The service.
-            spec: Its spec.
-            content: What stands behind the stream id.
-            now: The instant.
-            introduced: The frame began with HELLO or TAG.
-        """
-        server, start = server_of(spec, content, 0)
-        content = content[start:]
+    def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
+        """Take a record that may be decoded; returns why it is dropped, or None."""
+        spec, source, now = stream.spec, heard.source, heard.now
+        assert isinstance(spec, ServiceSpec)
+        introduced = heard.epoch is not None
+        server, start = server_of(spec, record.content, 0)
+        content = record.content[start:]
         if not content:
             return "payload"
         kind, number = decode_call_byte(content[0])

@@ -15,9 +15,10 @@ import msgspec
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Reliability
-from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.base.stats import NO_STREAM, EngineStats
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
@@ -43,7 +44,7 @@ from zacoustic.core.transport.reliable.sending.sendlane import Outgoing
 from zacoustic.core.transport.subscriptions.demand import NOBODY, Demand
 from zacoustic.core.values.encoding import decode_prefix
 from zacoustic.core.values.payload import PayloadError
-from zacoustic.core.wire.objects import Reason
+from zacoustic.core.wire.objects import Feedback, Fragment, Reason
 from zacoustic.errors import LocalError, UnknownStreamError
 
 _OUTCOMES: Final = {
@@ -248,6 +249,20 @@ class LargeSamples:
         self._places.refused(object_id, address, now)
 
     # For objects that arrive: `zacoustic.core.transport.objects.gate.Gate`
+
+    def fragment(self, heard: Heard, fragment: Fragment) -> str | None:
+        """Take a fragment; returns why it is dropped, or None."""
+        self._now = heard.now
+        heard.streams.append(self.objects.stream_coming(heard.source, fragment.transfer))
+        return self.objects.fragment(heard.source, fragment, heard.frame, heard.now)
+
+    def feedback(self, heard: Heard, feedback: Feedback) -> str | None:
+        """Take a feedback; returns why it is dropped, or None."""
+        self._now = heard.now
+        heard.streams.append(NO_STREAM)
+        if not heard.is_unicast:
+            return "not_for_us"
+        return self.objects.feedback(heard.source, feedback, heard.now)
 
     def admit(self, source: int, stream_id: int) -> Admission:
         """Return the table's facts about an object; stream 0: not yet known."""

@@ -266,8 +266,10 @@ class Objects:
         """Return the instant from which a frame with an object's record is to go, or None."""
         if self._timing is None:
             return None
-        instants = [self._incoming.due_at(now), self._fragment_due_at(now)]
-        return min((at for at in instants if at is not None), default=None)
+        answer_at, fragment_at = self._incoming.due_at(now), self._fragment_due_at(now)
+        if answer_at is None or fragment_at is None:
+            return fragment_at if answer_at is None else answer_at
+        return min(answer_at, fragment_at)
 
     def owes_answer(self, now: int) -> bool:
         """Tell whether to send feedback about an object, or whether it is still on the air."""

@@ -9,6 +9,7 @@ from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import NO_STREAM, Cause
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.streams.specs import LAST_STREAM_ID, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -158,30 +159,23 @@ class Demand:
 
     # For the channel
 
-    def receive(self, source: int, epoch: int | None, letter: Subscribe, now: int) -> str | None:
-        """Take a letter, or an answer, that was for this node alone.
-
-        Args:
-            source: Who wrote it.
-            epoch: Of the HELLO or TAG of its frame; None: there is none.
-            letter: Its contents.
-            now: The instant.
-
-        Returns:
-            Why it is dropped, or None.
-        """
+    def receive(self, heard: Heard, letter: Subscribe) -> str | None:
+        """Take a subscribe message, or an answer; returns why it is dropped, or None."""
+        heard.streams.append(NO_STREAM)
+        if not heard.is_unicast:
+            return "not_for_us"
         if letter.page > LAST_STREAM_ID // PAGE_STREAMS:
             return "payload"
         readable = set()
         for stream_id in self._named(letter):
-            reason = self._handshake.verdict(source, epoch, stream_id, now)
+            reason = heard.refusal(stream_id)
             if reason == "unconfirmed":
                 return reason
             if reason is None:
                 readable.add(stream_id)
         if letter.is_answer:
-            return self._wishes.answered(source, letter, now)
-        return self._audiences.receive(source, letter, readable, now)
+            return self._wishes.answered(heard.source, letter, heard.now)
+        return self._audiences.receive(heard.source, letter, readable, heard.now)
 
     def sample_received(self, source: int, stream: Stream, now: int, *, is_alone: bool) -> None:
         """A sample came from `source`, for this node alone or for others too."""

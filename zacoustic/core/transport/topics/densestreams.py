@@ -28,6 +28,7 @@ from typing import Any, Final
 
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.peers.handshake import SETTLING_UNITS, Handshake
+from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.streams.specs import TopicSpec
@@ -112,12 +113,12 @@ class DenseStreams:
             self._counted_at.append(now)
         self._speaker.sent(encoded)
 
-    def acknowledged(self, source: int, ack: DenseAck) -> str | None:
+    def acknowledged(self, heard: Heard, ack: DenseAck) -> str | None:
         """Take a peer's acknowledgement; return why it is dropped, or None."""
         if ack.address not in (0, self._address):
             return None  # for another node
         self.savings.book(-len(ack.encode()))
-        if self._speaker is None or not self._speaker.acknowledged(source, ack.mark):
+        if self._speaker is None or not self._speaker.acknowledged(heard.source, ack.mark):
             return "unexpected_ack"
         return None
 
@@ -181,13 +182,13 @@ class DenseStreams:
     def peer_restarted(self, address: int, epoch: int, now: int) -> None:
         """A peer begins a new boot epoch: it holds nothing of ours, and we nothing of its."""
         self._heard.pop(address, None)
-        self.peer_forgot(address)
+        self.peer_asked(address, now)
 
     def peer_forgotten(self, address: int, now: int) -> None:
         """Nothing is to be kept of a node."""
         self.peer_restarted(address, 0, now)
 
-    def peer_forgot(self, address: int) -> None:
+    def peer_asked(self, address: int, now: int) -> None:
         """A peer does not know us any more."""
         if self._speaker is not None:
             self._speaker.forget(address)

@@ -8,9 +8,10 @@ from collections.abc import Callable, Set
 from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.queue import SAMPLE_LANE, TransmitQueue, Waiting
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
@@ -22,10 +23,11 @@ from zacoustic.core.transport.reliable.sending.places import LEAST_ACK_BYTES
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.subscriptions.demand import Demand
 from zacoustic.core.transport.topics.copied import CopiedSamples
+from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.encoding import encode_prefix
 from zacoustic.core.values.payload import PayloadError
-from zacoustic.core.wire.frame import SYNC_BYTES, Control, Record
+from zacoustic.core.wire.frame import SYNC_BYTES, Control, DenseString, Record
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
 from zacoustic.errors import UnknownStreamError
 
@@ -43,6 +45,7 @@ class Topics:
         table: Its streams.
         queue: Takes the samples.
         copied: Takes best-effort samples, which may go several times.
+        dense: Reads dense blocks.
         stats: Counts.
         sending: Takes reliable samples on their way out.
         receiving: Takes reliable samples on their way in.
@@ -58,6 +61,7 @@ class Topics:
         *,
         queue: TransmitQueue,
         copied: CopiedSamples,
+        dense: DenseStreams,
         stats: EngineStats,
         sending: ReliableSending,
         receiving: ReliableReceiving,
@@ -69,6 +73,7 @@ class Topics:
         self._table = table
         self._queue = queue
         self._copied = copied
+        self._dense = dense
         self._stats = stats
         self._sending = sending
         self._receiving = receiving
@@ -158,10 +163,9 @@ class Topics:
         self._copied.publish((stream_id, SAMPLE_LANE, *instance), item, stream.qos, now)
         return NO_DELIVERY
 
-    def receive(
-        self, source: int, stream: Stream, record: Record, received: ReceivedFrame, now: int
-    ) -> str | None:
+    def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
         """Take a record that may be decoded; returns why it is dropped, or None."""
+        source, received, now = heard.source, heard.frame, heard.now
         if not stream.may_publish(source):
             return "not_publisher"
         if not stream.may_subscribe(self._address):
@@ -216,34 +220,26 @@ class Topics:
         self._emit(sample, now)
         return None
 
-    def receive_dense(
-        self,
-        source: int,
-        stream_id: int,
-        value: dict[str, Any],
-        received: ReceivedFrame,
-        now: int,
-    ) -> str | None:
-        """Take a sample of a dense string; returns why it is dropped, or None."""
-        stream = self._table.by_id(stream_id)
-        if not stream.may_subscribe(self._address):
+    def receive_block(self, heard: Heard, block: DenseString) -> str | None:
+        """Take the samples of a dense block; returns why it is dropped, or None."""
+        reason = heard.dense_refusal()
+        if reason is not None:
+            return reason
+        if not self._dense.concerns_us(heard.source, heard.frame.destination):
             return "not_subscriber"
-        code: int | None = value.pop(AGE_FIELD, None)
-        sample = SampleReceived(
-            stream_id=stream_id,
-            source=source,
-            instance=(),
-            value=stream.dense_sample(value),
-            deleted=False,
-            encoding=stream.encoding,
-            age_s=None if code is None else decode_age_s(code),
-            received_at=received.received_at,
-            metrics=received.metrics,
-        )
-        self._emit(sample, now)
+        try:
+            samples = self._dense.receive(heard.source, block.string)
+        except PayloadError:
+            return "dense"
+        for stream_id, value in samples:
+            heard.streams.append(stream_id)
+            if not self._table.by_id(stream_id).may_subscribe(self._address):
+                self._stats.drop("not_subscriber")
+            else:
+                self._receive_dense(heard, stream_id, value)
         return None
 
-    def receive_ack(self, source: int, stream: Stream, record: Record, now: int) -> str | None:
+    def receive_ack(self, heard: Heard, stream: Stream, record: Record) -> str | None:
         """Take an ACK; returns why it is dropped, or None."""
         if record.prefixes.acknowledged not in (0, self._address):
             return None  # for another node
@@ -252,7 +248,8 @@ class Topics:
         if ack is None:
             return "payload"
         instance = tuple(record.content[:wild])
-        return self._sending.acknowledged(source, stream, instance, ack, record.prefixes.sync, now)
+        sync = record.prefixes.sync
+        return self._sending.acknowledged(heard.source, stream, instance, ack, sync, heard.now)
 
     def audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         """Others subscribe to an on-demand topic than before: what waits is for those."""
@@ -267,6 +264,23 @@ class Topics:
         else:
             for _ in range(self._queue.drop_stream(stream.stream_id)):
                 count(self._stats.unsubscribed, stream.stream_id)
+
+    def _receive_dense(self, heard: Heard, stream_id: int, value: dict[str, Any]) -> None:
+        """Hand on a sample of a dense block."""
+        stream = self._table.by_id(stream_id)
+        code: int | None = value.pop(AGE_FIELD, None)
+        sample = SampleReceived(
+            stream_id=stream_id,
+            source=heard.source,
+            instance=(),
+            value=stream.dense_sample(value),
+            deleted=False,
+            encoding=stream.encoding,
+            age_s=None if code is None else decode_age_s(code),
+            received_at=heard.frame.received_at,
+            metrics=heard.frame.metrics,
+        )
+        self._emit(sample, heard.now)
 
     def _destination(self, stream: Stream, spec: TopicSpec) -> int:
         """Return the one subscriber of a topic, or `BROADCAST`."""

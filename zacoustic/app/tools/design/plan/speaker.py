@@ -25,7 +25,8 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.dense import DenseCodec, DenseSample, Encoded, Listener
 from zacoustic.core.values.dense import Speaker as DenseSpeaker
 from zacoustic.core.values.payload import PayloadError
-from zacoustic.core.wire.frame import DELIMITER_BYTES, HELLO_BYTES, TAG_BYTES, Confirm
+from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES, Confirm
+from zacoustic.core.wire.frame import DELIMITER_BYTES
 
 CONFIRM_BYTES: Final = len(Confirm(1, 1).encode())
 _DENSE_ACK_BYTES: Final = 3

@@ -42,7 +42,8 @@ from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, StreamTable
 from zacoustic.core.values.dense import DenseSample
 from zacoustic.core.wire.access import ANYBODY, NOBODY, TURN_CODE, ClockTime, Turn
-from zacoustic.core.wire.frame import SYNC_BYTES, TAG_BYTES
+from zacoustic.core.wire.agreement import TAG_BYTES
+from zacoustic.core.wire.frame import SYNC_BYTES
 from zacoustic.core.wire.numbers import NUMBER_BYTES
 from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualmodem import Modem

@@ -8,13 +8,14 @@ bytes.
 
 import json
 from collections.abc import Mapping
-from typing import Any, assert_never
+from typing import Any
 
 from zacoustic.app.tools.inspect.decode.decoded import DecodedItem, decoded, printable
 from zacoustic.app.tools.inspect.decode.desert import DesertWords
 from zacoustic.app.tools.inspect.decode.overheard import Overheard
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.qos import Reliability, Stamp
+from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
@@ -22,24 +23,26 @@ from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
-from zacoustic.core.wire.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
-from zacoustic.core.wire.content import measure_content, server_of, split_age
-from zacoustic.core.wire.frame import (
+from zacoustic.core.wire.agreement import (
     ABSENT_DIGEST,
     ASSURED,
     PROVISIONAL,
     WIRE_VERSION,
     Ask,
     Confirm,
+    Hello,
+    TableRow,
+    Tag,
+)
+from zacoustic.core.wire.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
+from zacoustic.core.wire.content import measure_content, server_of, split_age
+from zacoustic.core.wire.controls import Extension, Item
+from zacoustic.core.wire.frame import (
     DenseAck,
     DenseString,
-    Hello,
-    PlainItem,
     Prefixes,
     Record,
     Stray,
-    TableRow,
-    Tag,
     parse_frame,
 )
 from zacoustic.core.wire.goals import (
@@ -121,7 +124,7 @@ class FrameDecoder:
             return self._desert.explain(records, source)
         reader = _Reader(self._table, source)
         items: list[DecodedItem] = []
-        for item in parse_frame(records, reader.measure, unicast=unicast):
+        for item in parse_frame(records, reader.measure, CONTROLS, unicast=unicast):
             if isinstance(item, Hello | Tag) and self._overheard is not None:
                 self._overheard.introduced(source, item.epoch)
             if isinstance(item, DenseString):
@@ -172,7 +175,7 @@ class _Reader:
         text = f"{head}: {json.dumps(shown, ensure_ascii=False)}"
         return DecodedItem(kind="sample", text=text, stream_id=stream_id, name=key, value=shown)
 
-    def explain(self, item: PlainItem) -> DecodedItem:
+    def explain(self, item: Item) -> DecodedItem:
         match item:
             case Record():
                 return self._record(item)
@@ -231,8 +234,11 @@ class _Reader:
                 why = _WHY_STRAY.get(reason, reason)
                 text = f"STRAY {size_bytes} bytes: {why}"
                 return DecodedItem(kind="stray", text=text, fault=reason)
+            case Extension(code, body):
+                text = f"EXTENSION {code:02X} of a transport not known here: {body.hex()}"
+                return DecodedItem(kind="extension", text=text, value=body.hex())
             case _:
-                assert_never(item)
+                raise AssertionError(f"no words for {item}")
 
     def _hello(self, hello: Hello) -> DecodedItem:
         text = f"HELLO version {hello.version}, epoch {hello.epoch}, table {hello.digest.hex()}"

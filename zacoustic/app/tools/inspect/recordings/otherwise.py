@@ -29,9 +29,11 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.agreement import WIRE_VERSION, Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.wire.envelope import Envelope, Opened
-from zacoustic.core.wire.frame import WIRE_VERSION, Ask, Confirm, Hello, TableRow, Tag, parse_frame
+from zacoustic.core.wire.frame import parse_frame
 from zacoustic.run.recording.calls import Recorded, read_outcome
 from zacoustic.run.recording.life import Life
 
@@ -296,7 +298,7 @@ class _Through:
         """
         first: Hello | Tag | None = None
         controls, offset = b"", 0
-        for item in parse_frame(opened.records, lambda *_: None):
+        for item in parse_frame(opened.records, lambda *_: None, CONTROLS):
             if not isinstance(item, Hello | Tag | Confirm | Ask | TableRow):
                 break
             said = item.encode()

@@ -108,6 +108,8 @@ class Replies:
 
     def due_at(self, now: int) -> int | None:
         """Return the instant at which the next answer is to go, or None."""
+        if not self._replies:
+            return None
         for place, reply in list(self._replies.items()):
             if reply.until is not None and reply.until < now and not reply.is_on_air:
                 del self._replies[place]

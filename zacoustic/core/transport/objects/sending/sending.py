@@ -113,7 +113,7 @@ class OutgoingObjects:
         """Instant before which no fragment of a stream goes, ns, by stream."""
         self._off: set[int] = set()
         self._priorities: dict[int, Priority] = {}
-        pacers.on_release(self._released)
+        pacers.released.connect(self._released)
 
     def __len__(self) -> int:
         return len(self._sendings)
@@ -256,6 +256,8 @@ class OutgoingObjects:
 
     def next(self, now: int) -> tuple[Sending | None, int]:
         """Return the object whose fragment is next, and the instant from which it may go."""
+        if not self._sendings:
+            return None, now
         quiet_until = self.listens_until(now)
         best: tuple[int, tuple[int, int]] | None = None
         chosen: Sending | None = None
@@ -318,6 +320,8 @@ class OutgoingObjects:
     @property
     def is_exclusive(self) -> bool:
         """Of the objects that have been begun, the first is exclusive."""
+        if not self._sendings:
+            return False
         going = (each for each in self._sendings.values() if each.stream_id not in self._off)
         begun = [each for each in going if each.outgoing.transmitted]
         return bool(begun) and min(begun, key=lambda each: each.rank).exclusive
@@ -336,14 +340,10 @@ class OutgoingObjects:
 
     def listens_until(self, now: int) -> int:
         """Return the instant until which an answer may come; `now` when none is awaited."""
-        return max(
-            (
-                each.outgoing.listens_until
-                for each in self._sendings.values()
-                if each.outgoing.listens
-            ),
-            default=now,
-        )
+        if not self._sendings:
+            return now
+        listening = (each.outgoing for each in self._sendings.values() if each.outgoing.listens)
+        return max((each.listens_until for each in listening), default=now)
 
     def answered(self, source: int, feedback: Feedback, now: int) -> bool:
         """Take a feedback; False when it belongs to no object or is not new."""

@@ -178,12 +178,6 @@ class Pacing:
                 self.timing(address).unanswered(now, self.times)
         self._await_answer(lane, sample, now, now + self.pause_ns(lane, sample))
 
-    def introduces(self, lane: SendLane, lacking: list[int]) -> None:
-        """Let those be able to read a sample who may have come back and forgotten this node."""
-        for address in lacking:
-            if self.timing(address).is_silent:
-                self._handshake.introduce(address, lane.key[0])
-
     def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
         """Tell whether all receivers that lack a sample have not answered again and again."""
         times = self.times

@@ -104,8 +104,8 @@ class ReliableSending:
         self._next_delivery_id = 1
         self._order = 0
         pacers.on_repeat(self._repeat)
-        pacers.on_change(self._changed)
-        pacers.on_release(self._released)
+        pacers.changed.connect(self._changed)
+        pacers.released.connect(self._released)
 
     # For the application
 
@@ -188,15 +188,15 @@ class ReliableSending:
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
         """A node has begun a new life."""
-        self.lost_sync(source, now)
+        self.peer_asked(source, now)
 
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing is to be kept of a node; what it lacks goes with SYNC if it is there again."""
         self._pacing.forget(source)
         self._changed()
-        self.lost_sync(source, now)
+        self.peer_asked(source, now)
 
-    def lost_sync(self, source: int, now: int) -> None:
+    def peer_asked(self, source: int, now: int) -> None:
         """A node does not know us, or has begun a new life: what it lacks goes with SYNC."""
         for lane in self._lanes:
             reception = lane.receptions.get(source)
@@ -365,7 +365,8 @@ class ReliableSending:
         sample.stage = Stage.QUEUED
         lane.address(sample, lacking)
         sample.waiting.cause = Cause.REPEAT if sample.tries else None
-        self._pacing.introduces(lane, lacking)
+        for address in lacking:
+            self._pacers.introduce(address, stream.stream_id)
         sample.waiting.part = Part(
             transmitted=partial(self._transmitted, lane, sample),
             reported=partial(self._reported, lane, sample),

@@ -113,7 +113,7 @@ class TextModel:
                 counts = dict(counts)
                 for each, count in more.items():
                     counts[each] = counts.get(each, 0) + count
-            candidates = sorted(each for each in counts if each not in excluded)
+            candidates = sorted(counts.keys() - excluded)
             if not candidates:
                 continue
             different = len(candidates)

@@ -1,0 +1,181 @@
+"""Reception: who takes what of a frame. Each layer registers what is its own, and nobody knows all.
+
+A frame is read in two passes. The first takes what it says of its sender, wherever that stands: who
+it is, and whether both know each other's tables. From that follows the verdict on the rest. The
+second takes controls and records in the order of the frame, in the light of it.
+
+A frame for another node is read only for what concerns everybody.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from zacoustic.core.base.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.base.signals import Signal
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.wire.access import AccessControl
+from zacoustic.core.wire.controls import FIRST_EXTENSION, LAST_EXTENSION, Extension, Item
+from zacoustic.core.wire.frame import Record
+from zacoustic.core.wire.objects import Call
+
+
+class HearingPort(Protocol):
+    """The port on which a frame came, as the frame concerns it."""
+
+    def handle_control(
+        self, source: int, control: AccessControl, frame: ReceivedFrame, now: int
+    ) -> None:
+        """Take a control of medium access."""
+
+    def handle_call(self, source: int, call: Call, frame: ReceivedFrame, now: int) -> None:
+        """Take from a fragment when its sender will listen."""
+
+
+class Heard:
+    """A frame that is being read, and what it says of its sender.
+
+    Args:
+        source: Address of its sender.
+        frame: The frame, with its own destination.
+        port: On which it came.
+        handshake: Knows what is agreed with its sender.
+        now: The instant.
+    """
+
+    __slots__ = (
+        "_handshake", "epoch", "frame", "is_foreign", "now", "port", "source", "streams", "tagged",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        source: int,
+        frame: ReceivedFrame,
+        port: HearingPort,
+        handshake: Handshake,
+        now: int,
+    ) -> None:
+        self._handshake = handshake
+        self.source = source
+        self.frame = frame
+        self.port = port
+        self.now = now
+        self.epoch: int | None = None
+        """Boot epoch in its HELLO or TAG; None: it has neither."""
+        self.tagged: int | None = None
+        """Boot epoch in its TAG; None: it has none."""
+        self.is_foreign = False
+        """It has a HELLO of another wire version."""
+        self.streams: list[int] = []
+        """Streams of what was in it; 0 where something belongs to none."""
+
+    @property
+    def is_unicast(self) -> bool:
+        """It is for this node alone."""
+        return self.frame.destination != BROADCAST
+
+    def refusal(self, stream_id: int) -> str | None:
+        """Return why a record of a stream may not be decoded, one word, or None."""
+        return self._handshake.verdict(self.source, self.epoch, stream_id, self.now)
+
+    def dense_refusal(self) -> str | None:
+        """Return why a dense block may not be decoded, one word, or None."""
+        return self._handshake.verdict_dense(self.source, self.epoch, self.now)
+
+
+Take = Callable[[Heard, Any], str | None]
+"""Takes something that stands in a frame; returns why it is dropped, one word, or None."""
+TakeRecord = Callable[[Heard, Stream, Record], str | None]
+"""The same for a record of a stream that both ends define in the same way."""
+TakeExtension = Callable[[Heard, bytes], str | None]
+"""The same for the body of an extension."""
+
+
+class Reception:
+    """Who takes what."""
+
+    def __init__(self) -> None:
+        self._of_sender: dict[type[Item], Take] = {}
+        self._takers: dict[type[Item], tuple[Take, ...]] = {}
+        self._overhearers: dict[type[Item], Take] = {}
+        self._records: dict[type, TakeRecord] = {}
+        self._acks: dict[type, TakeRecord] = {}
+        self._extensions: dict[int, TakeExtension] = {}
+        self.read = Signal[int, int]()
+        """``(address, now)``: a frame of a node has been read."""
+        self.on(Extension, self._extension)
+
+    # Who takes what
+
+    def of_sender(self, kind: type[Item], take: Take) -> None:
+        """Have somebody take a control that says something of its sender, in the first pass."""
+        self._of_sender[kind] = take
+
+    def on(self, kind: type[Item], take: Take) -> None:
+        """Have somebody take a control in the second pass, after those that have asked before."""
+        self._takers[kind] = (*self._takers.get(kind, ()), take)
+
+    def overhear(self, kind: type[Item], take: Take) -> None:
+        """Have somebody take a control from frames for other nodes."""
+        self._overhearers[kind] = take
+
+    def on_records(self, spec: type, take: TakeRecord, take_ack: TakeRecord | None = None) -> None:
+        """Have somebody take the records of a kind of streams.
+
+        Args:
+            spec: Class of the streams' specs.
+            take: Takes a record that may be decoded.
+            take_ack: Takes an acknowledgement: whoever sends one has read records of this node, so
+                it needs no verdict.
+        """
+        self._records[spec] = take
+        if take_ack is not None:
+            self._acks[spec] = take_ack
+
+    def on_extension(self, code: int, take: TakeExtension) -> None:
+        """Have somebody take an extension.
+
+        Raises:
+            ValueError: The code is none of an extension, or somebody takes it already.
+        """
+        if not FIRST_EXTENSION <= code <= LAST_EXTENSION or code in self._extensions:
+            raise ValueError(
+                f"extension code is {code:02X}; allowed: one of "
+                f"{FIRST_EXTENSION:02X}..{LAST_EXTENSION:02X} that no other transport has"
+            )
+        self._extensions[code] = take
+
+    # What is taken
+
+    def first(self, heard: Heard, item: Item) -> str | None:
+        """Give out what a frame says of its sender; returns why it is dropped, or None."""
+        take = self._of_sender.get(type(item))
+        return None if take is None else take(heard, item)
+
+    def second(self, heard: Heard, item: Item) -> str | None:
+        """Give out anything else but records; returns why it is dropped, or None."""
+        reason = None
+        for take in self._takers.get(type(item), ()):
+            reason = take(heard, item)
+        return reason
+
+    def overheard(self, heard: Heard, item: Item) -> None:
+        """Give out what a frame for another node says."""
+        take = self._overhearers.get(type(item))
+        if take is not None:
+            take(heard, item)
+
+    def record(self, heard: Heard, stream: Stream, record: Record) -> str | None:
+        """Give out a record that may be decoded; returns why it is dropped, or None."""
+        return self._records[type(stream.spec)](heard, stream, record)
+
+    def ack(self, heard: Heard, stream: Stream, record: Record) -> str | None:
+        """Give out an acknowledgement; returns why it is dropped, or None."""
+        take = self._acks.get(type(stream.spec))
+        return "unknown_stream" if take is None else take(heard, stream, record)
+
+    # Below the methods above
+
+    def _extension(self, heard: Heard, said: Extension) -> str | None:
+        take = self._extensions.get(said.code)
+        return "reserved" if take is None else take(heard, said.body)

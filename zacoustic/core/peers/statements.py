@@ -1,0 +1,62 @@
+"""What a frame says of its sender, and of what that knows of this node: the first pass over it.
+
+HELLO and TAG say which life of it speaks, CONFIRM that it knows the table of this node, ASK and
+TABLE what one of the two does not know. `Handshake` has the rules; here stands which control means
+what.
+"""
+
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.peers import Peers
+from zacoustic.core.peers.reception import Heard, Reception
+from zacoustic.core.wire.agreement import WIRE_VERSION, Ask, Confirm, Hello, TableRow, Tag
+
+
+class Statements:
+    """Takes the controls of agreement.
+
+    Args:
+        handshake: Is told.
+        peers: Signal what others have to know of it.
+        reception: Gives them out.
+    """
+
+    def __init__(self, handshake: Handshake, peers: Peers, reception: Reception) -> None:
+        self._handshake = handshake
+        self._peers = peers
+        reception.of_sender(Hello, self._hello)
+        reception.of_sender(Tag, self._tag)
+        reception.of_sender(Confirm, self._confirm)
+        reception.of_sender(Ask, self._ask)
+        reception.of_sender(TableRow, self._row)
+
+    def _hello(self, heard: Heard, hello: Hello) -> str | None:
+        self._handshake.heard_hello(heard.source, hello, heard.now, unicast=heard.is_unicast)
+        if hello.version != WIRE_VERSION:
+            heard.is_foreign = True
+            return "version"
+        heard.epoch = hello.epoch
+        return None
+
+    def _tag(self, heard: Heard, tag: Tag) -> None:
+        self._handshake.heard_tag(heard.source, tag.epoch, heard.now, unicast=heard.is_unicast)
+        heard.epoch = heard.tagged = tag.epoch
+
+    def _confirm(self, heard: Heard, confirm: Confirm) -> None:
+        source, now, unicast = heard.source, heard.now, heard.is_unicast
+        is_ours = self._handshake.confirms_us(confirm, unicast=unicast)
+        if is_ours and heard.tagged is not None:
+            # A TAG, and that its sender shares our table: as good as a HELLO.
+            hello = Hello(WIRE_VERSION, heard.tagged, self._handshake.digest)
+            self._handshake.heard_hello(source, hello, now, unicast=unicast)
+            if unicast:
+                self._handshake.heard_introduction(source)
+        self._handshake.heard_confirm(source, confirm, now, unicast=unicast)
+
+    def _ask(self, heard: Heard, ask: Ask) -> None:
+        if self._handshake.heard_ask(heard.source, ask, heard.now):
+            self._peers.asked(heard.source, heard.now)
+
+    def _row(self, heard: Heard, row: TableRow) -> None:
+        self._handshake.heard_row(heard.source, row, heard.now)
+        if self._handshake.differs(heard.source, row.stream_id):
+            self._peers.differs(heard.source, row.stream_id, heard.now)

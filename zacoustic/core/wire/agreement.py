@@ -1,0 +1,122 @@
+"""The controls by which a frame says who its sender is, and what it knows of its hearers.
+
+Two of them are frozen: HELLO and TAG never change, in any version. They let two ends find out that
+they speak different versions or hold different tables.
+"""
+
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.wire.controls import Form, fixed
+
+WIRE_VERSION: Final = 1
+"""Version of this wire format, in every HELLO."""
+ASSURED: Final = 0
+"""Address of a CONFIRM in a unicast frame: the node that the frame is for, which has confirmed the
+sender."""
+PROVISIONAL: Final = 0xFF
+"""Address of a CONFIRM in a unicast frame: a provisional confirm for the destination."""
+ABSENT_DIGEST: Final = bytes(4)
+"""Digest in a `TableRow` of a stream that the sender's table does not have."""
+
+HELLO_CODE: Final = 0xB0
+TAG_CODE: Final = 0xB1
+CONFIRM_CODE: Final = 0xB5
+ASK_CODE: Final = 0xB6
+TABLE_CODE: Final = 0xB7
+HELLO_BYTES: Final = 8
+TAG_BYTES: Final = 3
+"""Sizes with the code."""
+
+
+class Hello(msgspec.Struct, frozen=True):
+    """Who sends, and with which table."""
+
+    version: int
+    epoch: int
+    digest: bytes
+
+    def encode(self) -> bytes:
+        """Return the 8 bytes of the control."""
+        return bytes((HELLO_CODE, self.version)) + self.epoch.to_bytes(2, "big") + self.digest
+
+    @staticmethod
+    def decode(body: bytes) -> "Hello":
+        """Read the seven bytes behind the code."""
+        return Hello(body[0], int.from_bytes(body[1:3], "big"), body[3:7])
+
+
+class Tag(msgspec.Struct, frozen=True):
+    """The sender's epoch, where its table may be unknown."""
+
+    epoch: int
+
+    def encode(self) -> bytes:
+        """Return the 3 bytes of the control."""
+        return bytes((TAG_CODE,)) + self.epoch.to_bytes(2, "big")
+
+    @staticmethod
+    def decode(body: bytes) -> "Tag":
+        """Read the two bytes behind the code."""
+        return Tag(int.from_bytes(body, "big"))
+
+
+class Confirm(msgspec.Struct, frozen=True):
+    """The sender knows and shares the table of a node's epoch."""
+
+    address: int
+    """The node, `ASSURED`, or `PROVISIONAL`."""
+    epoch: int
+
+    def encode(self) -> bytes:
+        """Return the 4 bytes of the control."""
+        return bytes((CONFIRM_CODE, self.address)) + self.epoch.to_bytes(2, "big")
+
+    @staticmethod
+    def decode(body: bytes) -> "Confirm":
+        """Read the three bytes behind the code."""
+        return Confirm(body[0], int.from_bytes(body[1:3], "big"))
+
+
+class Ask(msgspec.Struct, frozen=True):
+    """A node is asked for its HELLO (stream id 0) or for one row of its table."""
+
+    address: int
+    stream_id: int
+
+    def encode(self) -> bytes:
+        """Return the 3 bytes of the control."""
+        return bytes((ASK_CODE, self.address, self.stream_id))
+
+    @staticmethod
+    def decode(body: bytes) -> "Ask":
+        """Read the two bytes behind the code."""
+        return Ask(body[0], body[1])
+
+
+class TableRow(msgspec.Struct, frozen=True):
+    """The digest of one stream in the sender's table; four zero bytes when it has none."""
+
+    epoch: int
+    stream_id: int
+    digest: bytes
+
+    def encode(self) -> bytes:
+        """Return the 8 bytes of the control."""
+        epoch = self.epoch.to_bytes(2, "big")
+        return bytes((TABLE_CODE,)) + epoch + bytes((self.stream_id,)) + self.digest
+
+    @staticmethod
+    def decode(body: bytes) -> "TableRow":
+        """Read the seven bytes behind the code."""
+        return TableRow(int.from_bytes(body[0:2], "big"), body[2], body[3:7])
+
+
+FORMS: Final[tuple[Form, ...]] = (
+    fixed(HELLO_CODE, "HELLO", HELLO_BYTES, Hello.decode),
+    fixed(TAG_CODE, "TAG", TAG_BYTES, Tag.decode),
+    fixed(CONFIRM_CODE, "CONFIRM", 4, Confirm.decode),
+    fixed(ASK_CODE, "ASK", 3, Ask.decode),
+    fixed(TABLE_CODE, "TABLE", 8, TableRow.decode),
+)
