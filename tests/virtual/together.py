@@ -118,18 +118,6 @@ def finished_s(seed: int, loads: Collection[Load]) -> float:
     return NEVER
 
 
-def ratio(both: Collection[Load], seeds: Collection[int]) -> float:
-    """Return the time that two loads take together, in parts of the sum of both alone.
-
-    Args:
-        both: The loads.
-        seeds: Of the runs whose times are summed up.
-    """
-    together_s = sum(finished_s(seed, both) for seed in seeds)
-    alone_s = sum(finished_s(seed, (load,)) for load in both for seed in seeds)
-    return together_s / alone_s
-
-
 def _give(network: VirtualNetwork, load: Load) -> None:
     commands: dict[Load, Callable[[Engine, int], object]] = {
         Load.CALLS: lambda engine, now: engine.call(_CALL, b"call", now),

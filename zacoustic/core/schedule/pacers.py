@@ -83,7 +83,7 @@ class Pacers(PerPeer[Pacer]):
         return self._heard_at.get(address, -1)
 
     def introduce(self, address: int, stream_id: int, *, anyway: bool = False) -> None:
-        """Let a silent node, or any, read what is repeated to it: it may have forgotten this one."""
+        """Let a silent node, or any, read what is repeated to it: it may have forgotten us."""
         if anyway or self[address].is_silent:
             self._introduce(address, stream_id)
 

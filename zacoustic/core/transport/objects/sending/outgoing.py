@@ -168,13 +168,16 @@ class OutgoingObject:
             self.due_at = min(self.due_at, max(now, self.listens_until))
             view.turn_at = min(view.turn_at, self.due_at)
 
-    def take(self, timing: Timing, *, window_follows: bool, is_present: bool) -> Fragment:
+    def take(
+        self, timing: Timing, *, window_follows: bool, is_present: bool, is_silent: bool
+    ) -> Fragment:
         """Return the fragment that is next, for transmission.
 
         Args:
             timing: The durations.
             window_follows: A listen window follows.
             is_present: A receiver was heard just now.
+            is_silent: None was heard for long.
         """
         self._asked = self._waiting() if self.is_withdrawn else self._lacking()
         if self.is_withdrawn:
@@ -182,7 +185,7 @@ class OutgoingObject:
             return Fragment(self.transfer, Call.ANSWER, NO_FRAGMENT, WITHDRAWN)
         if not self._round:
             is_known = self._is_answered or (is_present and not self.is_unheard)
-            self._round.extend(self._plan(timing, is_known=is_known))
+            self._round.extend(self._plan(timing, is_known=is_known, is_silent=is_silent))
         index = self._round.popleft()
         left = len(self._round)
         call = Call.WINDOW if window_follows else Call.NONE
@@ -385,12 +388,13 @@ class OutgoingObject:
             if view.holds and not view.is_finished and is_turn(each)
         ]
 
-    def _plan(self, timing: Timing, *, is_known: bool) -> Iterator[int]:
+    def _plan(self, timing: Timing, *, is_known: bool, is_silent: bool) -> Iterator[int]:
         """Return the indices of the next round.
 
         Args:
             timing: The durations.
             is_known: A receiver is known to be there.
+            is_silent: None was heard for long.
         """
         layout = self.fragments.layout
         waiting = self._lacking()
@@ -398,7 +402,7 @@ class OutgoingObject:
         planned: list[int] = []
         unknown = any(None in view.lacking.values() for view in waiting)
         if (silent and not is_known) or (self.next_source == layout.fragments and unknown):
-            return self._probe(timing, waiting)
+            return self._probe(timing, waiting, is_silent=is_silent)
         if any(view.headless for view in waiting):
             planned += self._head()
         # Of the block whose source is not all sent, the rest of that goes first.
@@ -427,7 +431,7 @@ class OutgoingObject:
             if not is_known:
                 end = min(end, self.next_source + max(1, _MOST_UNHEARD - len(planned)))
             planned += range(self.next_source, end)
-        return iter(planned) if planned else self._probe(timing, waiting)
+        return iter(planned or self._probe(timing, waiting, is_silent=is_silent))
 
     def _behind(self, waiting: list[ReceiverView]) -> list[int]:
         """Return the blocks with sent and missing fragments."""
@@ -435,12 +439,14 @@ class OutgoingObject:
             {block for view in waiting for block, lacking in view.lacking.items() if lacking != 0}
         )
 
-    def _probe(self, timing: Timing, waiting: list[ReceiverView]) -> Iterator[int]:
+    def _probe(
+        self, timing: Timing, waiting: list[ReceiverView], *, is_silent: bool
+    ) -> Iterator[int]:
         """Plan a short round: no receiver has answered, or their losses are unknown."""
         behind = self._behind(waiting) or [self.fragments.layout.blocks - 1]
         lacking = max(view.lacking.get(behind[-1]) or 1 for view in waiting)
         number = min(timing.run_frames, lacking)
-        if min(view.unanswered for view in waiting) >= _PATIENT_QUESTIONS:
+        if is_silent or min(view.unanswered for view in waiting) >= _PATIENT_QUESTIONS:
             return iter(self._repairs(behind[-1], 1))
         head = self._head() if any(view.headless for view in waiting) else []
         number = max(number, _SHORTEST_ROUND - len(head))

@@ -301,8 +301,13 @@ class OutgoingObjects:
         elif not outgoing.has_fragments:
             return self.take(now, timing, frames_before_pause)
         else:
-            is_present = any(self._pacers.is_present(each, now) for each in outgoing.lacking)
-            fragment = outgoing.take(timing, window_follows=window_follows, is_present=is_present)
+            lacking = outgoing.lacking
+            fragment = outgoing.take(
+                timing,
+                window_follows=window_follows,
+                is_present=any(self._pacers.is_present(each, now) for each in lacking),
+                is_silent=bool(lacking) and all(self._pacers[each].is_silent for each in lacking),
+            )
         self._keep_place(sending)
         return sending, fragment
 
@@ -394,15 +399,12 @@ class OutgoingObjects:
         times, outgoing = self._pacers.times, sending.outgoing
         if times is None or not outgoing.is_unheard:
             return 0
-        return min(
-            (
-                0
-                if self._pacers.heard_at(each) > outgoing.asked_at
-                else self._pacers[each].ready_at(times, sending.priority)
-                for each in outgoing.lacking
-            ),
-            default=0,
-        )
+        ready_at: list[int] = []
+        for each in outgoing.lacking:
+            pacer = self._pacers[each]
+            is_back = self._pacers.heard_at(each) > outgoing.asked_at and not pacer.is_silent
+            ready_at.append(0 if is_back else pacer.ready_at(times, sending.priority))
+        return min(ready_at, default=0)
 
     def _silence_ns(self, sending: Sending) -> int:
         """Draw how long receivers are left in peace that do not answer; 0: they may."""
