@@ -377,7 +377,7 @@ class LinkRunner:
                 step()
         except (ConfigError, RangeUnavailableError) as error:
             self._fail(error)  # the link cannot do what the config asks of it
-        except Exception as error:
+        except Exception as error:  # of the engine or the receiver of its events: a bug
             if self._replacement is None:
                 self._fail(error)
             elif self.failure is None:
@@ -387,7 +387,7 @@ class LinkRunner:
         """Run a step that is none of the engine: what it raises stops the runner."""
         try:
             step()
-        except Exception as error:
+        except Exception as error:  # of the link or a file: a bug
             self._fail(error)
 
     def _lose_engine(self, next_one: Replacement, error: Exception, frame: bytes | None) -> None:

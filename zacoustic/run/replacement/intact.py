@@ -54,7 +54,7 @@ class Intact:
             try:
                 self.engine = renew(epoch, self.entries)
                 return
-            except Exception as error:
+            except Exception as error:  # whatever a bug or an entry makes an engine raise
                 self._sort(error)
         else:
             self._sort(None)
@@ -110,6 +110,6 @@ class Intact:
             engine = self.renew(self._epoch, dict(entries))
             if self._trial is not None:
                 self._trial(engine)
-        except Exception:
+        except Exception:  # as above: that it raises is the answer
             return True
         return False

@@ -45,7 +45,7 @@ class Replacement:
         if self._outstanding.passes(event):
             try:
                 deliver(event)
-            except Exception as error:
+            except Exception as error:  # the application's, or a bug: the engine is whole
                 self.faults.note(error, instant(), event=event)
 
     def committed(self, write: JournalWrite) -> None:
@@ -84,7 +84,7 @@ class Replacement:
                 try:
                     intact = Intact(self._renew, epoch, self._entries, trial)
                     break
-                except Exception as error:
+                except Exception as error:  # such as no memory: tried again until one is made
                     await asyncio.sleep(max(self.faults.note(error, instant()), FIRST_PAUSE_S))
             intact.engine.stats.dropped["internal_error"] = self.faults.count
             self._entries = intact.entries

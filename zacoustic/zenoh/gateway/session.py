@@ -116,7 +116,7 @@ class GatewaySession:
             self.runner.apply(self._streams.drain)
         except LinkClosedError:
             return  # the runner has failed, and `wait_failed` says so
-        except Exception as error:
+        except Exception as error:  # a fault: the gateway ends, and says so
             _logger.exception("gateway %d: stopped by a fault", self.network.redundant.address)
             self.failure = error
             self._ended.set()

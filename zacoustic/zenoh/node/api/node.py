@@ -13,7 +13,7 @@ import msgspec
 from zacoustic.config import Config
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.peers.measurements import Range
-from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.commands import Order, OrderState, check_timeout
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import ConfigError, LocalError, SessionError
@@ -182,13 +182,14 @@ class Node(EndpointMaker):
             The state there then.
 
         Raises:
-            LocalError: No such node, or the command makes no sense here.
+            LocalError: No such node, a longer time, or the command makes no sense here.
             ServiceError: The node refuses it, with a reason.
             CallTimeoutError: No answer in time; it may have been executed.
             DeliveryError: It cannot be given from here.
             LinkClosedError: The node was closed, or has failed.
         """
         carrier = self._opened()
+        check_timeout(timeout_s)
         if isinstance(peer, str):
             peer = self._known().address_of(peer)
         return await carrier.order(peer, order, timeout_s)

@@ -235,7 +235,7 @@ class LinkCarrier:
     async def _wait_failed(self) -> None:
         try:
             await self._runner.wait_failed()
-        except Exception as failure:
+        except Exception as failure:  # whatever has stopped the runner
             error = LinkClosedError(f"the node has failed: {failure}")
             error.__cause__ = failure
             self._end_all(error)
