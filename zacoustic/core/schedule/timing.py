@@ -50,6 +50,7 @@ seconds: so long does a node wait that comes back and says nothing of itself."""
 _PATIENCE: Final = 2
 """So many times as many as usually go unheard before an answer comes are no sign of absence: they
 come on top of the first few. Where six frames in ten are lost, every sixth exchange succeeds."""
+_MOST_USUAL: Final = 6.0
 _USUAL_PARTS: Final = 8
 """What is usual becomes less by such a part with each answer to what went once; more by half."""
 
@@ -241,8 +242,8 @@ class Pacer:
     def answered(self, *, in_crowd: bool = True) -> None:
         """The node has told that it has something of what it lacked; others may speak as well."""
         if self._silent_factor < _SILENT_FACTORS[-1]:  # else it was not there
-            more = max(0.0, self._unheard - self._usually_unheard)
-            self._usually_unheard += more / 2
+            unheard = min(float(self._unheard), _MOST_USUAL)
+            self._usually_unheard += max(0.0, unheard - self._usually_unheard) / 2
         self._unheard = 0
         if self._doubts_guess:
             self._unanswered = max(0, self._unanswered - _DOUBLING)

@@ -159,7 +159,7 @@ class OutgoingObject:
     def is_unheard(self) -> bool:
         """Its receivers have had a round, and have not answered: they may not be there."""
         is_due = self.listens or not self._round
-        return is_due and bool(self.transmitted) and not self._is_answered and self.has_fragments
+        return is_due and bool(self.transmitted) and not self._is_answered and bool(self._lacking())
 
     def release(self, address: int, now: int) -> None:
         """A receiver is there again: what waits for it is due."""

@@ -291,7 +291,8 @@ class OutgoingObjects:
         outgoing = sending.outgoing
         if outgoing.listens:
             self._give_up_listening(outgoing, now)
-            if outgoing.is_withdrawn and outgoing.is_past_asking:
+            is_alone = all(self._pacers[each].is_silent for each in outgoing.waiting)
+            if outgoing.is_withdrawn and (is_alone or outgoing.is_past_asking):
                 self._end(sending)
                 return self.take(now, timing, frames_before_pause)
         turn = self._turn(sending, now)
@@ -397,7 +398,7 @@ class OutgoingObjects:
     def _ready_at(self, sending: Sending) -> int:
         """Return when an object may go that no receiver has heard, as far as is known."""
         times, outgoing = self._pacers.times, sending.outgoing
-        if times is None or not outgoing.is_unheard:
+        if times is None or outgoing.is_withdrawn or not outgoing.is_unheard:
             return 0
         ready_at: list[int] = []
         for each in outgoing.lacking:
