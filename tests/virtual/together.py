@@ -28,7 +28,7 @@ from zacoustic.core.engine.events import (
     ResultReceived,
     SubscribersChanged,
 )
-from zacoustic.core.streams.commands import ORDERS_STREAM_ID, Order, OrderKind
+from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
@@ -122,10 +122,10 @@ def _give(network: VirtualNetwork, load: Load) -> None:
     commands: dict[Load, Callable[[Engine, int], object]] = {
         Load.CALLS: lambda engine, now: engine.call(_CALL, b"call", now),
         Load.GOALS: lambda engine, now: engine.actions.send_goal(_GOAL, b"goal", now),
-        Load.COMMANDS: lambda engine, now: engine.orders.send(
-            _OTHER, Order(kind=OrderKind.ASK), now
+        Load.COMMANDS: lambda engine, now: engine.commands.send(
+            _OTHER, RemoteCommand(kind=CommandKind.ASK), now
         ),
-        Load.SUBSCRIPTION: lambda engine, now: engine.demand.want(_VIEW, now),
+        Load.SUBSCRIPTION: lambda engine, now: engine.subscriptions.want(_VIEW, now),
     }
     if load in commands:
         network.apply(_GIVER, commands[load])
@@ -148,7 +148,7 @@ def _ended(address: int, event: Event) -> Load | None:
         case DeliveryEnded(outcome=DeliveryOutcome.DELIVERED, stream_id=stream_id):
             return Load.OBJECT if stream_id == _OBJECT else Load.SAMPLES
         case ResponseReceived(stream_id=stream_id):
-            return Load.COMMANDS if stream_id == ORDERS_STREAM_ID else Load.CALLS
+            return Load.COMMANDS if stream_id == COMMANDS_STREAM_ID else Load.CALLS
         case ResultReceived():
             return Load.GOALS
         case SubscribersChanged() if address == _OTHER and event.subscribers:

@@ -11,7 +11,7 @@ the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
 from collections.abc import Callable, Sequence, Set
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.base.qos import Tuning
+from zacoustic.core.base.qos import Override
 from zacoustic.core.base.stats import count
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
@@ -30,7 +30,7 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
-from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
 from zacoustic.core.transport.contract import Transport
@@ -41,7 +41,7 @@ from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.core.transport.reliable.receiving.receiving import ReliableReceiving
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.repeating import Repeater
-from zacoustic.core.transport.subscriptions.demand import Demand, SubscribersChanged
+from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged, Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
@@ -49,7 +49,7 @@ from zacoustic.core.transport.topics.topics import Topics
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
-from zacoustic.core.wire.frame import DenseAck, DenseString
+from zacoustic.core.wire.frame import DenseAck, DenseBlock
 from zacoustic.core.wire.objects import Complete, Fragment, Headless, Lacks, Refused
 from zacoustic.core.wire.subscriptions import Subscribe
 from zacoustic.errors import ConfigError
@@ -105,26 +105,26 @@ class Protocols:
         self.ranging = Ranging(address, table, timers, generators.of("ranging"), emit)
         self.pacers = pacers = context.pacers
         self.repeater = Repeater(queue, peers, pacers, timers, generators.of("repeater"))
-        self.demand = Demand(
+        self.subscriptions = Subscriptions(
             address,
             table,
             queue=queue,
             repeater=self.repeater,
             handshake=handshake,
             journal=journal,
-            changed=self._audience_changed,
+            changed=self._subscribers_changed,
             unsubscribed=self._unsubscribed,
             emit=emit,
         )
-        self.deadlines = Deadlines(address, table, self.demand, timers, stats, emit)
-        self.dense = DenseStreams(address, table, handshake, self.demand)
+        self.deadlines = Deadlines(address, table, self.subscriptions, timers, stats, emit)
+        self.dense = DenseStreams(address, table, handshake, self.subscriptions)
         self.sending = ReliableSending(
             address,
             table,
             queue=queue,
             pacers=pacers,
             handshake=handshake,
-            demand=self.demand,
+            subscriptions=self.subscriptions,
             journal=journal,
             doubt=doubt,
             timers=timers,
@@ -148,7 +148,7 @@ class Protocols:
             rules.objects,
             pacers=pacers,
             handshake=handshake,
-            demand=self.demand,
+            subscriptions=self.subscriptions,
             sending=self.sending,
             receiving=self.receiving,
             journal=journal,
@@ -167,7 +167,7 @@ class Protocols:
             sending=self.sending,
             receiving=self.receiving,
             large=self.large,
-            demand=self.demand,
+            subscriptions=self.subscriptions,
             dense=self.dense,
             emit=self._hand_on,
         )
@@ -209,7 +209,7 @@ class Protocols:
             extensions=tuple(self.transports.values()),
         )
         self.composer = Composer(context.link, handshake, made_of, stats)
-        for each in (self.services, self.actions, self.sending, self.demand, self.dense):
+        for each in (self.services, self.actions, self.sending, self.subscriptions, self.dense):
             peers.restarted.connect(each.peer_restarted)
         for told in (self.sending.peer_asked, self.dense.peer_asked):
             peers.asked.connect(told)
@@ -217,7 +217,8 @@ class Protocols:
             peers.differs.connect(stopped)
         context.reception.read.connect(pacers.heard)
         for one in (
-            self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
+            self.services, self.actions, self.sending, self.receiving, self.subscriptions,
+            self.dense,
             self.objects, self.copied, self.deadlines, self.ranging,
         ):  # fmt: skip
             peers.forgotten.connect(one.peer_forgotten)
@@ -289,11 +290,11 @@ class Protocols:
         """Answer a request with an error; see `Engine.reply_error`."""
         return self.services.reply_error(call, failure, text, now)
 
-    def tune(self, stream: Stream, tuning: Tuning) -> None:
+    def override(self, stream: Stream, override: Override) -> None:
         """Lay an override over the QoS of what waits of a topic."""
         for lane in SAMPLE_LANES:
-            self.queue.tune((stream.stream_id, lane), tuning)
-        self.objects.tune(stream.stream_id, tuning.over(stream.qos).priority, on=tuning.on)
+            self.queue.override((stream.stream_id, lane), override)
+        self.objects.override(stream.stream_id, override.over(stream.qos).priority, on=override.on)
 
     # What is said and heard
 
@@ -339,7 +340,7 @@ class Protocols:
     def recover(self) -> None:
         """Go on with what a former life has left of this link."""
         stored = self._context.stored
-        self.demand.recover(stored)
+        self.subscriptions.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
         self.large.recover(stored)
@@ -404,20 +405,20 @@ class Protocols:
         reception.on_records(TopicSpec, self.topics.receive, self.topics.receive_ack)
         reception.on_records(ServiceSpec, self.services.receive)
         reception.on_records(ActionSpec, self.actions.receive)
-        reception.on(DenseString, self.topics.receive_block)
+        reception.on(DenseBlock, self.topics.receive_block)
         reception.on(DenseAck, self.dense.acknowledged)
         reception.on(Fragment, self.large.fragment)
         for kind in (Lacks, Complete, Refused, Headless):
             reception.on(kind, self.large.feedback)
-        reception.on(Subscribe, self.demand.receive)
+        reception.on(Subscribe, self.subscriptions.receive)
 
     def _epoch_changed(self, now: int) -> None:
         self.dense.epoch_changed()
         self.services.epoch_changed()
         self.actions.epoch_changed(now)
 
-    def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
-        self.topics.audience_changed(stream, newcomers, now)
+    def _subscribers_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        self.topics.subscribers_changed(stream, newcomers, now)
 
     def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
         self.large.unsubscribed(stream_id, sources, now)
