@@ -65,6 +65,7 @@ from zacoustic.core.transport.commands.commands import Commands
 from zacoustic.core.transport.commands.deduplication import DeduplicationTable
 from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import Transport
+from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 
@@ -241,7 +242,7 @@ class Engine:
         """A journal write is safe."""
         self._now = now
         for stack in self._stacks.values():
-            stack.protocols.large.at(now)
+            stack.protocols.note(now)
         self._journal.committed(write_id, now)
 
     def handle_journal_state(self, failure: str, now: int) -> None:
@@ -300,10 +301,8 @@ class Engine:
         """
         self._now = now
         stack = self._stack_of(stream_id)
-        delivery_id = stack.protocols.publish(
-            stream_id, value, now, instance=instance, encoding=encoding, delete=delete,
-            queued_at=queued_at,
-        )  # fmt: skip
+        publication = Publication(stream_id, value, instance, encoding, delete, queued_at)
+        delivery_id = stack.protocols.publish(publication, now)
         return stack.ids.outer(delivery_id)
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
@@ -313,13 +312,12 @@ class Engine:
         """
         self._now = now
         found = self._given_by(delivery_id)
-        return found is not None and found[0].protocols.large.cancel(found[1], now)
+        return found is not None and found[0].protocols.cancel_delivery(found[1], now)
 
     def refuse_object(self, source: int, transfer: int, now: int, link: str | None = None) -> bool:
         """Refuse the rest of an object that `ObjectProgress` has told of; False when it is over."""
         self._now = now
-        objects = self._stack(link).protocols.large.at(now).objects
-        return objects.cancel_incoming(source, transfer)
+        return self._stack(link).protocols.refuse_object(source, transfer, now)
 
     def call(
         self, stream_id: int, value: object, now: int, *, timeout_s: float | None = None
@@ -457,12 +455,12 @@ class Engine:
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
-        return self._stack_of(stream_id).protocols.sending.delivering(stream_id)
+        return self._stack_of(stream_id).protocols.delivering(stream_id)
 
     def is_delivering(self, delivery_id: int) -> bool:
         """Tell whether a reliable sample has not ended."""
         found = self._given_by(delivery_id)
-        return found is not None and found[0].protocols.sending.is_delivering(found[1])
+        return found is not None and found[0].protocols.is_delivering(found[1])
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""

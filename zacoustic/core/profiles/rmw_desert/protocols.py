@@ -40,10 +40,10 @@ from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANE, LaneKey, Waiting
-from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
+from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.transport.topics.topics import NO_DELIVERY
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.rmw_desert.messages import Kind, Message, decode_message, encode_head
@@ -53,7 +53,7 @@ from zacoustic.errors import ConfigError, PayloadInvalidError
 
 
 class RmwDesertProtocols(Protocols):
-    """The components of one engine.
+    """The components of one engine on one link.
 
     Args:
         context: What they share.
@@ -65,26 +65,13 @@ class RmwDesertProtocols(Protocols):
     """
 
     def __init__(
-        self,
-        context: Context,
-        rules: TransmitRules,
-        transports: Sequence[MakeTransport] = (),
+        self, context: Context, rules: TransmitRules, transports: Sequence[MakeTransport] = ()
     ) -> None:
         if transports:
             raise ConfigError("wire rmw_desert has no extensions; allowed: no other transports")
         super().__init__(context, rules)
-        self._address = context.address
-        self._table = context.table
-        self._timers = context.timers
-        self._calls = DesertCalls(
-            context.address,
-            context.table,
-            queue=context.queue,
-            timers=context.timers,
-            stats=context.stats,
-            rng=context.generators.of("rmw_desert calls"),
-            emit=context.emit,
-        )
+        self._stats = context.stats
+        self._calls = DesertCalls(context)
         discovery = rules.discovery or DiscoverySpec()
         self._discovery = Discovery(
             context.address, context.table, discovery, context.queue, context.emit
@@ -96,42 +83,30 @@ class RmwDesertProtocols(Protocols):
 
     # Commands
 
-    def publish(
-        self,
-        stream_id: int,
-        value: object,
-        now: int,
-        *,
-        instance: Instance,
-        encoding: str | None,
-        delete: bool,
-        queued_at: int | None,
-    ) -> int:
+    def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
-        stream, _ = self._table.topic_of(self._address, stream_id)
-        stream.keys.key(self._address, instance)
-        if delete:
+        stream_id, encoding = publication.stream_id, publication.encoding
+        stream, _ = self._context.table.topic_of(self._context.address, stream_id)
+        stream.keys.key(self._context.address, publication.instance)
+        if publication.delete:
             raise PayloadInvalidError(f"{stream.name}: a delete does not exist on this wire")
         if encoding is not None and encoding != stream.encoding:
             raise PayloadInvalidError(
                 f"{stream.name}: encoding {encoding}; allowed: {stream.encoding}"
             )
-        fields = stream.codec.encode(value)
-        made_at = now if queued_at is None else min(queued_at, now)
-        lifespan_s = stream.qos.lifespan_s
         item = Waiting(
             stream_id=stream_id,
             destination=BROADCAST,
             code=Kind.SAMPLE,
             head=encode_head(stream_id),
-            payload=fields,
-            queued_at=made_at,
-            expires_at=None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s),
+            payload=stream.codec.encode(publication.value),
+            queued_at=publication.made_at(now),
+            expires_at=publication.expires_at(stream, now),
         )
         self.queue.check_size(stream.name, item.size_bytes)
         count(self._stats.published, stream_id)
         self.queue.push((stream_id, SAMPLE_LANE), item, stream.qos)
-        self.deadlines.published(stream_id, instance, now, deleted=False)
+        self.deadlines.published(stream_id, publication.instance, now, deleted=False)
         return NO_DELIVERY
 
     def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
@@ -154,7 +129,9 @@ class RmwDesertProtocols(Protocols):
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a message on a link."""
-        return PacketEnvelope(capabilities, self._address, self._timers, self._give_up)
+        return PacketEnvelope(
+            capabilities, self._context.address, self._context.timers, self._give_up
+        )
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a packet is to go, ns; None: nothing is to be said."""
@@ -272,7 +249,7 @@ class RmwDesertProtocols(Protocols):
         )
 
     def _receive(self, source: int, message: Message, frame: ReceivedFrame, now: int) -> str | None:
-        stream = self._table.get(message.stream_id)
+        stream = self._context.table.get(message.stream_id)
         if stream is None:
             return self._discovery.receive(message, now)
         if message.kind is not Kind.SAMPLE:
@@ -284,14 +261,14 @@ class RmwDesertProtocols(Protocols):
     def _receive_sample(
         self, source: int, stream: Stream, spec: TopicSpec, message: Message, frame: ReceivedFrame
     ) -> str | None:
-        others = [address for address in spec.publishers or () if address != self._address]
+        others = [address for address in spec.publishers or () if address != self._context.address]
         if source == UNKNOWN_SOURCE and len(others) == 1:
             source = others[0]
         if spec.publishers is not None and not others:
             return "not_publisher"
         if source != UNKNOWN_SOURCE and not stream.may_publish(source):
             return "not_publisher"
-        if not stream.may_subscribe(self._address):
+        if not stream.may_subscribe(self._context.address):
             return "not_subscriber"
         try:
             value = stream.codec.decode(message.fields)
@@ -306,5 +283,5 @@ class RmwDesertProtocols(Protocols):
             received_at=frame.received_at,
             metrics=frame.metrics,
         )
-        self._hand_on(sample, frame.received_at)
+        self.deadlines.hand_on(sample, frame.received_at)
         return None

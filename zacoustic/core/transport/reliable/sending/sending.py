@@ -7,18 +7,15 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import LIFE_KEY, JournalPort
+from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
-from zacoustic.core.base.stats import Cause, EngineStats
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.schedule.pacers import Pacers
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import (
     DeliveryEnded,
     DeliveryEvent,
@@ -49,47 +46,32 @@ class ReliableSending:
     """What this node has published reliably.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        queue: Takes records.
-        pacers: When something may be repeated to others.
-        handshake: Knows the boot epoch, and who defines a stream in another way.
+        context: What the components of its engine share.
         subscriptions: Knows who has subscribed to on-demand topics.
-        journal: Keeps what is to survive.
-        doubt: Whether something of former lives is forgotten.
-        generators: One for each component that draws.
-        stats: Is told how long answers take.
-        emit: Takes events.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        pacers: Pacers,
-        handshake: Handshake,
-        subscriptions: Subscriptions,
-        journal: JournalPort,
-        doubt: Doubt,
-        timers: Timers,
-        generators: Generators,
-        stats: EngineStats,
-        emit: Callable[[DeliveryEvent], None],
-    ) -> None:
-        self._table = table
-        self._queue = queue
-        self._timers = timers
-        self._handshake = handshake
-        self._keeping = Keeping(journal)
-        self._pacers = pacers
-        self._pacing = Pacing(table, pacers, generators.of("pacing"), stats, handshake)
-        self._contradictions = Contradictions(
-            self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
+    def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
+        self._table = context.table
+        self._queue = context.queue
+        self._timers = context.timers
+        self._handshake = context.handshake
+        self._keeping = Keeping(context.journal)
+        self._pacers = context.pacers
+        self._pacing = Pacing(
+            context.table,
+            context.pacers,
+            context.generators.of("pacing"),
+            context.stats,
+            context.handshake,
         )
-        self._emit = emit
-        self._lanes = SendLanes(address, table, handshake, subscriptions)
+        self._contradictions = Contradictions(
+            self._keeping,
+            context.doubt,
+            context.generators.of("contradictions"),
+            self._out_of_sync,
+        )
+        self._emit: Callable[[DeliveryEvent], None] = context.emit
+        self._lanes = SendLanes(context.address, context.table, context.handshake, subscriptions)
         self.slots = LargeSlots(
             self._lanes,
             self._keeping,
@@ -103,9 +85,12 @@ class ReliableSending:
         self._paced_until: int | None = None
         self._next_delivery_id = 1
         self._order = 0
-        pacers.on_repeat(self._repeat)
-        pacers.changed.connect(self._changed)
-        pacers.released.connect(self._released)
+        context.pacers.on_repeat(self._repeat)
+        context.pacers.changed.connect(self._changed)
+        context.pacers.released.connect(self._released)
+        context.peers.restarted.connect(self.peer_restarted)
+        context.peers.asked.connect(self.peer_asked)
+        context.peers.forgotten.connect(self.peer_forgotten)
 
     # For the application
 
