@@ -14,10 +14,10 @@ not end that, since it may answer the first (RFC 6298, and Karn's rule). Answers
 it: one that comes sooner behind a repetition than any ever did was for what went before that, and
 so was the first of two that say the same. Then that is measured.
 
-Repetitions to a node of which nothing is heard come
-less and less often: it may be out of range for half an hour. The first frame heard of it ends that.
-So do those to a node that is heard and does not answer, since the channel may be crowded; those of
-an emergency not rarer than every four round trips, since the node is in range.
+Repetitions to a node of which nothing is heard come less and less often: it may be out of range for
+half an hour. The first frame heard of it releases a turn, its answer ends that. So do those to a
+node that is heard and does not answer, since the channel may be crowded. Those of an emergency do
+not become rare.
 """
 
 import random
