@@ -169,7 +169,7 @@ class ReliableSending:
                     sample.expires_at = now + seconds_to_ns(lifespan_s)
             self._go_on(lane, now)
 
-    # For the water
+    # For the channel
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
         """A node has begun a new life."""
