@@ -53,7 +53,6 @@ from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, Subscri
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
-from zacoustic.core.profiles.native.protocols import MakeTransport
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
@@ -62,9 +61,8 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.commands.commands import Commands
-from zacoustic.core.transport.commands.deduplication import DeduplicationTable
 from zacoustic.core.transport.commands.overrides import Overrides
-from zacoustic.core.transport.contract import Transport
+from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
@@ -143,18 +141,11 @@ class Engine:
         """Commands about on-demand topics: `want`; and who wants them of this node."""
         self.deadlines = AwaitedSamples(self._stacks.values())
         """Of what a sample is awaited; to be read only."""
-        ledger = DeduplicationTable(stored, journal)
-        self._peers.forgotten.connect(ledger.peer_forgotten)
+        overrides = Overrides(
+            address, table, override=self._override, stored=stored, journal=journal
+        )
         self.commands = Commands(
-            address,
-            table,
-            self._first.protocols.services,
-            self._handshake,
-            Overrides(address, table, override=self._override, stored=stored, journal=journal),
-            ledger,
-            self.silence,
-            rules.commands_from,
-            emit,
+            node, self._first.protocols.services, overrides, self.silence, rules.commands_from
         )
         """Commands to other nodes, and to this one: `send`, `execute`."""
         for stack in self._stacks.values():

@@ -21,6 +21,7 @@ commands cannot be replayed.
 ============================  ======================================================================
 """
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import msgspec
@@ -42,6 +43,7 @@ __all__ = [
     "Extension",
     "Heard",
     "LinkCapabilities",
+    "MakeTransport",
     "Offer",
     "Part",
     "Said",
@@ -97,3 +99,7 @@ class Transport:
             now: The instant.
         """
         return None
+
+
+MakeTransport = Callable[[Context], Transport]
+"""Makes a transport; a subclass of `Transport` itself is one."""

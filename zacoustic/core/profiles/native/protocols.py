@@ -4,48 +4,43 @@ They share the transmit queue, and know nothing of the link but its airtimes. Ha
 they share with those of other links. What concerns all of them (a link, a report, the timer) is
 passed on from here.
 
-Here the native wire is spoken. Another wire profile overrides what is said and heard, and leaves
-the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
+Here the native wire is spoken; `zacoustic.core.profiles.rmw_desert.protocols` speaks another one.
 """
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
+from types import MappingProxyType
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
 from zacoustic.core.peers.heartbeats import Heartbeats
-from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
+from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed, Composer, Ingredients
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
+from zacoustic.core.schedule.queue import LaneKey
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
-from zacoustic.core.transport.contract import Transport
+from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
-from zacoustic.core.transport.objects.objects import Objects
 from zacoustic.core.transport.objects.progress import ObjectProgress
-from zacoustic.core.transport.repeating import Repeater
-from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged, Subscriptions
-from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
+from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
+from zacoustic.core.transport.topics.deadlines import DeadlineMissed
 from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.transport.topics.topics import Topics
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.errors import ConfigError
-
-MakeTransport = Callable[[Context], Transport]
-"""Makes a transport of somebody else; a subclass of `Transport` itself is one."""
 
 ProtocolEvent = (
     SampleReceived
@@ -64,7 +59,7 @@ ProtocolEvent = (
 """What the components tell the application."""
 
 
-class Protocols:
+class Protocols(Profile):
     """The components of one engine on one link.
 
     Args:
@@ -79,35 +74,19 @@ class Protocols:
     def __init__(
         self, context: Context, rules: TransmitRules, transports: Sequence[MakeTransport] = ()
     ) -> None:
-        self._context = context
-        self.queue = context.queue
+        super().__init__(context)
         self.heartbeats = Heartbeats(
             context.address,
             context.table,
             rules.contact.heartbeat_s,
             context.generators.of("contact"),
         )
-        self.ranging = Ranging(
-            context.address,
-            context.table,
-            context.timers,
-            context.generators.of("ranging"),
-            context.emit,
-        )
-        self.repeater = repeater = Repeater(
-            context.queue,
-            context.peers,
-            context.timers,
-            context.generators.of("repeater"),
-            partial(context.handshake.introduce, context.link),
-        )
-        self.services = Services(context, repeater)
-        self.actions = Actions(context, repeater)
-        self.subscriptions = Subscriptions(context, repeater)
-        self.deadlines = Deadlines(context, self.subscriptions)
+        self.services: Services = Services(context, self.repeater)
+        self.actions: Actions = Actions(context, self.repeater)
         self.topics = Topics(context, rules.objects, self.subscriptions, self.deadlines)
-        context.reception.read.connect(lambda address, now: repeater.heard(address))
-        context.peers.forgotten.connect(self.ranging.peer_forgotten)
+        self.objects = self.topics.large.objects
+        """Samples that are larger than a frame, on the channel."""
+        context.reception.read.connect(lambda address, now: self.repeater.heard(address))
         self.transports = make_transports(context, transports)
         self.receiver = Receiver(context.table, context.handshake, context.reception, context.stats)
         made_of = Ingredients(
@@ -119,25 +98,6 @@ class Protocols:
             extensions=tuple(self.transports.values()),
         )
         self.composer = Composer(context.link, context.handshake, made_of, context.stats)
-
-    @property
-    def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it."""
-        return self._context.epoch.may_speak
-
-    @property
-    def objects(self) -> Objects:
-        """Samples that are larger than a frame, on the channel."""
-        return self.topics.large.objects
-
-    @property
-    def is_idle(self) -> bool:
-        """Nothing waits."""
-        return not self.queue and self.topics.large.objects.is_idle
-
-    def owes_acknowledgement(self, now: int) -> bool:
-        """Tell whether something waits that says what has come."""
-        return self.queue.has_acknowledgement or self.topics.large.objects.owes_answer(now)
 
     # Commands
 
@@ -151,7 +111,7 @@ class Protocols:
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
-        return self.queue.pending(stream_id) + self.topics.large.objects.pending(stream_id)
+        return super().pending(stream_id) + self.objects.pending(stream_id)
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
@@ -187,9 +147,33 @@ class Protocols:
 
     def override(self, stream: Stream, override: Override) -> None:
         """Lay an override over the QoS of what waits of a topic."""
-        for lane in SAMPLE_LANES:
-            self.queue.override((stream.stream_id, lane), override)
+        super().override(stream, override)
         self.objects.override(stream.stream_id, override.over(stream.qos).priority, on=override.on)
+
+    # Getters
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing waits."""
+        return super().is_idle and self.objects.is_idle
+
+    @property
+    def is_exclusive(self) -> bool:
+        """What is under way needs the channel for itself."""
+        return self.objects.is_exclusive
+
+    def owes_acknowledgement(self, now: int) -> bool:
+        """Tell whether something waits that says what has come."""
+        return self.queue.has_acknowledgement or self.objects.owes_answer(now)
+
+    def has_fragment(self, now: int) -> bool:
+        """Whether a fragment of an object is due, which fills its frame."""
+        return self.objects.has_fragment(now)
+
+    def hold(self, stream_id: int, until: int) -> None:
+        """Send nothing of a stream before an instant."""
+        super().hold(stream_id, until)
+        self.objects.hold(stream_id, until)
 
     # What is said and heard
 
@@ -252,13 +236,11 @@ class Protocols:
         self.repeater.use_link(times)
         for each in self.transports.values():
             each.use_link(capabilities, now)
-        self.topics.large.objects.use_link(
-            capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
-        )
+        self.objects.use_link(capabilities, port.envelope.room_bytes, port.listening.pause_ns, now)
         oversized = self.queue.limit(port.envelope.room_bytes - TAG_BYTES)
         self.topics.sending.dropped(oversized, now)
         for _ in oversized:
-            self._context.stats.drop("oversized")
+            self._stats.drop("oversized")
 
     def link_up(self, now: int) -> None:
         """The link is up."""
@@ -279,7 +261,9 @@ class Protocols:
         self.topics.awake(now)
 
 
-def make_transports(context: Context, makers: Sequence[MakeTransport]) -> dict[str, Transport]:
+def make_transports(
+    context: Context, makers: Sequence[MakeTransport]
+) -> MappingProxyType[str, Transport]:
     """Make transports of somebody else; returns them by name.
 
     Raises:
@@ -291,4 +275,4 @@ def make_transports(context: Context, makers: Sequence[MakeTransport]) -> dict[s
         if not each.name or each.name in made:
             raise ConfigError(f"transport {each.name!r}: allowed: a name of its own")
         made[each.name] = each
-    return made
+    return MappingProxyType(made)
