@@ -94,6 +94,11 @@ class Gateway:
             address=config.address,
             table=config.table,
             link=link or registry.create(_locator(config), config.address),
+            beside={
+                each.name: registry.create(each.locator, config.address)
+                for each in config.links[1:]
+                if each.name is not None
+            },
             rules=config.rules,
             ranges=config.ranges_to(),
             journal=journal,
