@@ -136,8 +136,8 @@ def run(
     rng = random.Random(seed)
     for kind in kinds:
         network.at(CRASHES_AT_S + rng.uniform(0, 1), partial(_give, network, kind))
-    for at_s in forged_s:
-        network.at(CRASHES_AT_S + at_s, forge)
+    for forged_at_s in forged_s:
+        network.at(CRASHES_AT_S + forged_at_s, forge)
     network.run(until_s=_BACK_AT_S)
     away = [each for each in sent if each.at > CRASHES_AT_S * NS_PER_S]
     capabilities = network.engine(_GIVER).capabilities
