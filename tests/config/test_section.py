@@ -111,10 +111,10 @@ def test_what_a_node_keeps_in_its_journal_is_its_own_affair() -> None:
     section = changed("streams.0.reliability", "reliable")
     section["streams"][0]["journal"] = True
     section["streams"][2]["journal"] = False
-    changed = config_from_mapping(section, source="-")
+    other = config_from_mapping(section, source="-")
     assert [stream.spec.journal for stream in usual.table] == [False, False, True]
-    assert [stream.spec.journal for stream in changed.table] == [True, False, False]
-    assert changed.table.digest == usual.table.digest
+    assert [stream.spec.journal for stream in other.table] == [True, False, False]
+    assert other.table.digest == usual.table.digest
 
 
 def test_folder_of_the_journal_is_relative_to_that_of_the_file(tmp_path: Path) -> None:
