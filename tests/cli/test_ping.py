@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.watched import WATCHED, lines_of, pair, verb
+from tests.cli.watched import WATCHED, lines_of, pair
+from tests.gateway.islandpair import verb
 from tests.gateway.networks import SECTION, get, run
 from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main

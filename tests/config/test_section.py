@@ -46,7 +46,9 @@ def test_least_section_is_an_address() -> None:
 
 
 def test_address_and_locator_beside_the_file_win() -> None:
-    section = changed("links.1", {"locator": "sim/other:7000"})
+    section = changed(
+        "links", [{"name": name, "locator": "sim/other:7000"} for name in ("sound", "radio")]
+    )
     config = config_from_mapping(section, source="-", address=1, locator="desert/host:4000")
     assert config.address == 1
     assert [link.locator for link in config.links] == ["desert/host:4000"]

@@ -281,7 +281,7 @@ def test_topics_of_ros_are_recorded_and_put_under_their_own_keys(tmp_path: Path)
 
 @pytest.fixture
 def trial(tmp_path: Path) -> Path:
-    from tests.recording.test_formats import CHANNEL, FLEET
+    from tests.recording.smalltrial import CHANNEL, FLEET
     from zacoustic.app.cli import main
 
     (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")

@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from tests.recording.memory import recorded
+from tests.recording.smalltrial import CHANNEL, FLEET
 from tests.recording.test_exact import measure, run_survey, survey
-from tests.recording.test_formats import CHANNEL, FLEET
 from tests.virtual.fleet import line
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import recorded_to
