@@ -48,7 +48,7 @@ def _ages_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _nobody_is_introduced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Handshake, "introduce", lambda self, link, address, stream_id: None)
+    monkeypatch.setattr(Handshake, "introduce", lambda self, *arguments: None)
 
 
 def _many_last_words(monkeypatch: pytest.MonkeyPatch) -> None:
