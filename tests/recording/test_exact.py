@@ -18,7 +18,7 @@ from tests.virtual.fleet import line
 from tests.virtual.goalscenario import GoalScenario
 from tests.virtual.twolinks import ARM, BESIDE, PLAN, RADIO, SOUND, TwoLinks
 from zacoustic.app.tools.design.sim.recorder import recorded_to
-from zacoustic.app.tools.inspect.recordings.checking import Verdict, check_messages
+from zacoustic.app.tools.inspect.recordings.replaying.checking import Verdict, check_messages
 from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.tap import CALLS

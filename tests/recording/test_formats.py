@@ -163,7 +163,7 @@ def test_frames_of_a_recording_are_said_in_words(
 
 
 def test_dense_strings_and_objects_are_said_in_words(tmp_path: Path) -> None:
-    from zacoustic.app.tools.inspect.recordings.frames import FrameReader
+    from zacoustic.app.tools.inspect.recordings.replaying.frames import FrameReader
 
     recorder, sink = recorded()
     network = VirtualNetwork(line(0, 800, 1500), survey(), build=recorder.make)
@@ -181,7 +181,7 @@ def test_dense_strings_and_objects_are_said_in_words(tmp_path: Path) -> None:
 
 
 def test_modems_without_addresses_and_check_are_opened(tmp_path: Path) -> None:
-    from zacoustic.app.tools.inspect.recordings.frames import FrameReader
+    from zacoustic.app.tools.inspect.recordings.replaying.frames import FrameReader
     from zacoustic.testing.virtual import Modem
 
     table = StreamTable([TopicSpec(stream_id=1, name="a", qos=Qos(depth=9))])

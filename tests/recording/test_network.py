@@ -25,8 +25,8 @@ from tests.gateway.networks import (
     zenoh_config,
     zenoh_router,
 )
-from zacoustic.app.tools.inspect.recordings.frames import decode_recording
-from zacoustic.app.tools.inspect.recordings.playing import Played, play
+from zacoustic.app.tools.inspect.recordings.replaying.frames import decode_recording
+from zacoustic.app.tools.inspect.recordings.replaying.playing import Played, play
 from zacoustic.app.tools.inspect.recordings.zenohrecord import RecordedKeys, record_network
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.errors import ConfigError

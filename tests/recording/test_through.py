@@ -8,7 +8,7 @@ import pytest
 from tests.recording.smalltrial import FLEET
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import recorded_to
-from zacoustic.app.tools.inspect.recordings.otherwise import replay_through
+from zacoustic.app.tools.inspect.recordings.replaying.otherwise import replay_through
 from zacoustic.testing.scenarios import draw_scenario, run_scenario
 
 

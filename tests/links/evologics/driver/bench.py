@@ -60,7 +60,7 @@ from zacoustic_evologics.driver.events import (
     OpeningHopeless,
     TransmissionEnded,
 )
-from zacoustic_evologics.driver.session import BIT_RATE_BPS, PREAMBLE_S
+from zacoustic_evologics.driver.session.session import BIT_RATE_BPS, PREAMBLE_S
 from zacoustic_evologics.driver.states import State
 
 IGNORED: Final = "ignored"

@@ -8,7 +8,7 @@ from zacoustic_evologics.at.commands import Set
 from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
 from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.driver.startup_probe import FILLER
+from zacoustic_evologics.driver.startup.probe import FILLER
 from zacoustic_evologics.driver.states import State
 
 PLACES = [
