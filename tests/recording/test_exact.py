@@ -219,7 +219,7 @@ def test_another_process_finds_the_same(tmp_path: Path) -> None:
     assert found.returncode == 0, found.stderr
     said = msgspec.json.decode(found.stdout)
     assert said["is_same"] is True
-    assert len(said["lives"]) == 5
+    assert len(said["epochs"]) == 5
 
 
 def altered(messages: list[ReadMessage], change: Callable[[bytes], bytes]) -> list[ReadMessage]:

@@ -136,7 +136,7 @@ class TopicOverridden(Notice, frozen=True, kw_only=True, tag="overridden"):
         """One line."""
         state = "on" if self.on else "off"
         state += f", every {self.min_interval_s:g} s at most" if self.min_interval_s else ""
-        by = f"node {self.commanded_by}" if self.commanded_by else "this island"
+        by = f"node {self.commanded_by}" if self.commanded_by else "this local network"
         return [f"tuned     {self.stream_id} ({self.stream}): {state}, {self.priority}, by {by}"]
 
 

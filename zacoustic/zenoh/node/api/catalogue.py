@@ -351,7 +351,7 @@ class Catalogue:
         of_ros = config.ros.streams if config is not None and config.ros is not None else {}
         if stream.stream_id in of_ros and not self._carrier.can_declare:
             raise LocalError(
-                f"{stream.name} is {kind_of(stream)} of ROS 2 on this island",
+                f"{stream.name} is {kind_of(stream)} of ROS 2 on this local network",
                 hint="use a ROS 2 client there, or open the node on a link",
             )
         if stream_id not in (None, stream.stream_id):
