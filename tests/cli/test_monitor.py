@@ -11,7 +11,7 @@ from asyncio.subprocess import PIPE
 import pytest
 
 from tests.cli.watched import lines_of, pair
-from tests.gateway.islandpair import verb
+from tests.gateway.networkpair import verb
 from tests.gateway.networks import LIMIT_S, cbor, hear, run, zenoh_router
 from zacoustic.app.cli import main
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.watched import lines_of, pair
-from tests.gateway.islandpair import verb
+from tests.gateway.networkpair import verb
 from tests.gateway.networks import LIMIT_S, hear, run
 from tests.node.fleet import SECTION, ChannelServer
 from zacoustic import Node

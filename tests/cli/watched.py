@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.gateway.islandpair import Pair
+from tests.gateway.networkpair import Pair
 from tests.gateway.networks import (
     SECTION,
     STREAMS,

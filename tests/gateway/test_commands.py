@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from tests.gateway.islandpair import Pair, verb
+from tests.gateway.networkpair import Pair, verb
 from tests.gateway.networks import (
     SECTION,
     Channel,
@@ -239,7 +239,7 @@ def test_verbs_command_and_tell_how_it_ended(
         "on": True, "min_interval_s": 0.0, "priority": "data",
     }  # fmt: skip
     assert "zacoustic stream: refused by node 2: stream 20 is no topic" in captured.err
-    assert "no gateway that knows node 9 is on this island" in captured.err
+    assert "no gateway that knows node 9 is on this local network" in captured.err
 
 
 def test_node_that_takes_no_commands_says_so(capsys: pytest.CaptureFixture[str]) -> None:

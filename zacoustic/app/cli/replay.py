@@ -34,7 +34,7 @@ class ReplayCommand(Command):
         add_json(parser)
         parser.epilog = (
             "--check exits with 1 when anything differs. What a recorded node had published is\n"
-            "put as it was, so a gateway on that network sends it; what came off the water has\n"
+            "put as it was, so a gateway on that network sends it; what came off the channel has\n"
             "the mark of a gateway, and is not sent again\n\n"
             "examples:\n"
             "  zacoustic replay trial.mcap --check\n"

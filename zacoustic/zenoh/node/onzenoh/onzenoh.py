@@ -109,7 +109,7 @@ class ZenohCarrier:
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Refuse: streams are the gateway's."""
-        raise LocalError(f"{spec.name}: streams are declared by the gateway of the island")
+        raise LocalError(f"{spec.name}: streams are declared by the gateway of the local network")
 
     async def open(self) -> None:
         """Open the session.

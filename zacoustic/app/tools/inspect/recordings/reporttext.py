@@ -113,7 +113,7 @@ def _nodes(figures: Figures) -> Sheet:
             )
         )
     header = (
-        "node", "lives", "frames", "bytes", "ledger", "sum", "airtime, s", "use", "transmissions",
+        "node", "epochs", "frames", "bytes", "ledger", "sum", "airtime, s", "use", "transmissions",
     )  # fmt: skip
     return Sheet("Nodes: airtime", header, rows)
 

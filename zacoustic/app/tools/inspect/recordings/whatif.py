@@ -3,7 +3,7 @@
 Engines of all nodes are given what their applications gave them in the recording, at the same
 times: samples, calls, goals, subscriptions; who was asked answers as it did, after as long. What
 crosses between them is simulated, with the delays and losses that the recording tells
-(`measuredwater`). It runs twice: with nothing changed, which tells how far the simulation is from
+(`measuredchannel`). It runs twice: with nothing changed, which tells how far the simulation is from
 the trial, and with the change. All three are reported by the same figures.
 
 Of a node that is not recorded what arrived from it stands for what it published.
