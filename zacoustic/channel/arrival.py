@@ -118,6 +118,8 @@ class Reception(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     @property
     def delays_s(self) -> tuple[float, ...]:
         """How late the modem delivers the frame, each time that it does, s."""
+        if not self.duplicates_after_s:  # nearly always
+            return (self.delay_s,)
         return (self.delay_s, *(self.delay_s + after_s for after_s in self.duplicates_after_s))
 
     def damage(self, frame_bytes: bytes) -> bytes:

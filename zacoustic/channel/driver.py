@@ -46,11 +46,12 @@ class Driver(ABC, Generic[SentT]):
 
     def spread(self, emission: Emission, sent: SentT) -> None:
         """Let sound arrive; `sent` comes back with each end of it."""
+        push = self.agenda.push
         for arrival in emission.arrivals:
             is_noticed = self.notices(arrival)
             if is_noticed:
-                self.agenda.push(arrival.starts_at, self.begin, arrival, sent)
-            self.agenda.push(arrival.ends_at, self._finish, arrival, sent, is_noticed)
+                push(arrival.starts_at, self.begin, arrival, sent)
+            push(arrival.ends_at, self._finish, arrival, sent, is_noticed)
 
     def notices(self, arrival: Arrival) -> bool:
         """Tell whether a modem notices that sound begins: then `begin` is called."""

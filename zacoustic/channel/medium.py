@@ -171,7 +171,8 @@ class Medium:
         Raises:
             ValueError: Unknown node, or an arrival that was finished before.
         """
-        return self._site(arrival.node).receiver.judge(arrival)
+        site = self._sites.get(arrival.node) or self._site(arrival.node)
+        return site.receiver.judge(arrival)
 
     def _site(self, address: int) -> "_Site":
         try:

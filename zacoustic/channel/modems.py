@@ -16,7 +16,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from zacoustic.channel.acknowledgement import ACKNOWLEDGEMENT_BYTES, patience_ns, turnaround_ns
 from zacoustic.channel.agenda import Agenda
-from zacoustic.channel.arrival import Arrival, Emission, Reception
+from zacoustic.channel.arrival import Arrival, Emission, Outcome, Reception
 from zacoustic.channel.driver import Driver
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.profiles import ModemProfile
@@ -114,6 +114,8 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
         """What became of the frames that did not arrive, by outcome."""
         self.farthest_s = medium.scenario.farthest_s
         """Longest propagation delay, one way, s."""
+        self.senses_carrier = True
+        """Modems notice that sound begins."""
 
     def send(self, address: int, frame: FrameT) -> None:
         """Take a frame from a node; `finished` follows."""
@@ -193,9 +195,11 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
         started_at: int,
         answer: Arrival | None = None,
     ) -> None:
-        if station.holds(frame):
-            station.pending = [each for each in station.pending if each is not frame]
-            self.finished(station, frame, ending, started_at, answer)
+        for place, each in enumerate(station.pending):
+            if each is frame:
+                del station.pending[place]
+                self.finished(station, frame, ending, started_at, answer)
+                return
 
     def lose(self, outcome: str, number: int = 1) -> None:
         """Count frames that did not arrive."""
@@ -204,7 +208,7 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
     def notices(self, arrival: Arrival) -> bool:
         """Tell whether a modem notices that sound begins."""
         station = self.stations.get(arrival.node)
-        if station is None or station.profile.separates_senders:
+        if station is None or station.profile.separates_senders or not self.senses_carrier:
             return False
         return arrival.snr_db >= station.profile.detection_snr_db
 
@@ -218,7 +222,7 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
 
     def end(self, reception: Reception, sent: Sound[StationT, FrameT], is_noticed: bool) -> None:
         """Sound has ended at a node: hand a frame over, or take an acknowledgement."""
-        if not reception.is_received:
+        if reception.outcome is not Outcome.RECEIVED:
             self.lose(reception.outcome.value)
         station = self.stations.get(reception.arrival.node)
         if station is None:

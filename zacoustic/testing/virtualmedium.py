@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from zacoustic.channel.agenda import Agenda
-from zacoustic.channel.medium import Arrival, Medium, Reception
+from zacoustic.channel.medium import Arrival, Medium, Outcome, Reception
 from zacoustic.channel.modems import Ending, Modems
 from zacoustic.core.base.linktypes import (
     BROADCAST,
@@ -61,6 +61,7 @@ class VirtualMedium(Modems[Device, Transmission]):
     ) -> None:
         super().__init__(medium, agenda)
         self.modem = modem
+        self.senses_carrier = modem.senses_carrier
         self._disturb = disturb
         self._serve = serve
         self._by = () if link is None else (link,)
@@ -91,10 +92,6 @@ class VirtualMedium(Modems[Device, Transmission]):
         """Tell whether a frame wants to be acknowledged, and the modems do that."""
         return self.modem.answers(frame)
 
-    def notices(self, arrival: Arrival) -> bool:
-        """Tell whether a modem reports that sound begins."""
-        return self.modem.senses_carrier and super().notices(arrival)
-
     def carrier(self, station: Device, is_heard: bool) -> None:
         """Tell an engine."""
         node = station.node
@@ -110,9 +107,9 @@ class VirtualMedium(Modems[Device, Transmission]):
 
     def delays_s(self, reception: Reception) -> Sequence[float]:
         """Lose what is damaged, unless modems do not notice; then disturb the rest."""
-        if not reception.is_received:
+        if reception.outcome is not Outcome.RECEIVED:
             return ()
-        if self.modem.checked and not reception.is_intact:
+        if reception.corrupt_seed is not None and self.modem.checked:
             self.lose("corrupt")
             return ()
         if self._disturb is None:

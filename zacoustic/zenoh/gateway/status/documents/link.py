@@ -50,7 +50,10 @@ class LinkStatus:
         return self._runner.engine
 
     def _links(self) -> dict[str, object]:
-        """Return the document of the first link, and where there are several that of each."""
+        """Return the document of the first link, and where there are several that of each.
+
+        What the former counts is of all links, like the ledger.
+        """
         names, whole = self._engine.links, self._engine.stats
         if len(names) == 1:
             return {"link": self._link(names[0], whole)}
@@ -58,7 +61,7 @@ class LinkStatus:
             f"link/{name}": self._link(name, stats) | {"ledger": self._ledger(stats)}
             for name, stats in whole.links.items()
         }
-        return {"link": self._link(names[0], whole.links[names[0]]), **each}
+        return {"link": self._link(names[0], whole), **each}
 
     def _link(self, name: str, stats: EngineStats) -> dict[str, object]:
         side, why_silent = self._runner.side(name), self._why_silent()
