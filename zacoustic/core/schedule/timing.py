@@ -62,6 +62,9 @@ _HEARD_PLACES: Final = 2
 """So many places the first frame of a silent node is worth: one turn at once. Its answer to that
 is worth all; a frame that only pretends to be of the node does not begin everything anew."""
 
+_IMPLAUSIBLE_PARTS: Final = 64
+"""A round trip shorter than such a part of what the link allows for is not believed: sound to the
+farthest node takes seconds, and the shortest frame a tenth of one at least."""
 _LEAST_FACTOR: Final = 4.0
 """So many round trips a node that does not answer is left in peace, in whatever haste: answers may
 take longer than they did, and whoever transmits all the time hears none."""
@@ -193,7 +196,13 @@ class Pacer:
         return times.first_round_trip_ns
 
     def measured(self, round_trip_ns: int, times: LinkTimes) -> None:
-        """Take a round trip, from the end of a frame to the ACK for it."""
+        """Take a round trip, from the end of a frame to the ACK for it.
+
+        One far shorter than the link allows for answers something else, such as a request of a
+        former life of this node. Believed, it would let this one repeat without a pause.
+        """
+        if round_trip_ns < times.first_round_trip_ns // _IMPLAUSIBLE_PARTS:
+            return
         self._usually_unheard -= self._usually_unheard / _USUAL_PARTS
         if self._smooth_ns is None or self.shortest_ns is None:
             parts = _FIRST_DEVIATION_DELEGATED if times.is_delegated else _FIRST_DEVIATION
