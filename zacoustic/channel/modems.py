@@ -226,6 +226,7 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
             self.lose(reception.outcome.value)
         station = self.stations.get(reception.arrival.node)
         if station is None:
+            self.delays_s(reception)  # whoever disturbs frames sees those for nobody, too
             return
         if is_noticed:
             station.carriers -= 1
