@@ -57,7 +57,7 @@ class Driver(ABC, Generic[SentT]):
         """Tell whether a modem notices that sound begins: then `begin` is called."""
         return False
 
-    def begin(self, arrival: Arrival, sent: SentT) -> None:  # noqa: B027 (nobody has to know)
+    def begin(self, arrival: Arrival, sent: SentT) -> None:
         """Sound begins to arrive."""
 
     @abstractmethod

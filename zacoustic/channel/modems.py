@@ -155,7 +155,7 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
         """Return how late a modem hands a frame over, each time that it does, s."""
         return reception.delays_s if reception.is_received else ()
 
-    def emitted(self, station: StationT, emission: Emission) -> None:  # noqa: B027 (may be silent)
+    def emitted(self, station: StationT, emission: Emission) -> None:
         """Take note of a sound."""
 
     # What all modems do
