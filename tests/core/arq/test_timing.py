@@ -198,3 +198,11 @@ def test_emergency_does_not_wait_for_the_answer_to_something_else() -> None:
     for priority, in_haste in ((Priority.REAL_TIME, False), (Priority.DATA, True)):
         at = timing.ready_at(TIMES, priority, in_haste=in_haste)
         assert at == pytest.approx(ready_at, abs=TIMES.doubt_ns)
+
+
+def test_what_comes_sooner_than_the_link_allows_is_no_round_trip() -> None:
+    pacer = Pacer()
+    pacer.measured(TIMES.first_round_trip_ns // 65, TIMES)
+    assert (pacer.shortest_ns, pacer.smooth_ns) == (None, 0)
+    pacer.measured(TIMES.first_round_trip_ns // 2, TIMES)
+    assert pacer.smooth_ns == TIMES.first_round_trip_ns // 2
