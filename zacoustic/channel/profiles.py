@@ -20,9 +20,14 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.channel.acoustics import eb_n0_db
-from zacoustic.channel.errorcurve import JANUS_BASELINE, MICROMODEM_RATE_1, FrameErrorCurve
-from zacoustic.channel.modulation import Modulation, bit_error_rate, packet_error_rate, ratio
+from zacoustic.channel.formulae.acoustics import eb_n0_db
+from zacoustic.channel.formulae.errorcurve import JANUS_BASELINE, MICROMODEM_RATE_1, FrameErrorCurve
+from zacoustic.channel.formulae.modulation import (
+    Modulation,
+    bit_error_rate,
+    packet_error_rate,
+    ratio,
+)
 from zacoustic.errors import ConfigError
 
 _NS_PER_S: Final = 1_000_000_000
@@ -99,6 +104,10 @@ class ModemProfile(msgspec.Struct, frozen=True, kw_only=True):
             snr_db, bandwidth_hz=self.bandwidth_hz, bit_rate_bps=self.bit_rate_bps
         )
         return packet_error_rate(bit_error_rate(self.reception, ratio(per_bit_db)), 8 * frame_bytes)
+
+    def notices(self, snr_db: float) -> bool:
+        """Tell whether a receiver notices that a frame begins; `ideal` reports no carrier."""
+        return not self.separates_senders and snr_db >= self.detection_snr_db
 
     def overlaps_band_of(self, other: "ModemProfile") -> bool:
         """Whether this modem hears the other one's sound, as noise at least."""

@@ -1,0 +1,242 @@
+"""The modems of a `VirtualNetwork` on one medium, and how they tell the engines of their nodes.
+
+What modems do is in `zacoustic.channel.modems`. They outlive the engines: a modem ends what it has
+begun, also after a crash of its node.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol
+
+import msgspec
+
+from zacoustic.channel.agenda import Agenda
+from zacoustic.channel.medium import Arrival, Medium, Outcome, Reception
+from zacoustic.channel.modems import Ending, Modems, Station
+from zacoustic.channel.profiles import ModemProfile
+from zacoustic.core.base.linktypes import (
+    BROADCAST,
+    LinkCapabilities,
+    LinkMetrics,
+    LinkState,
+    PeerMeasured,
+    ReceivedFrame,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.core.engine.engine import Engine
+from zacoustic.testing.virtualnode import VirtualNode
+
+Disturb = Callable[[int, int, int], Sequence[float]]
+"""``(source, node, now)``: what becomes of a frame that arrives: it is handed over after each of
+these times, s; ``(0.0,)`` is as it should be, ``()`` a loss, more than one a repetition."""
+
+
+MEASURED: Final = frozenset({"snr_db", "propagation_s", "range_m"})
+"""Fields of `LinkMetrics` that an acknowledgement fills."""
+
+
+class Device(Station[Transmission]):
+    """The modem of one node.
+
+    Args:
+        node: The computer that it belongs to.
+        profile: What modem it is.
+    """
+
+    __slots__ = ("is_unserved", "node")
+
+    def __init__(self, node: VirtualNode, profile: ModemProfile) -> None:
+        super().__init__(node.address, profile)
+        self.node = node
+        self.is_unserved = False
+        """The engine has got an input, and was not polled since."""
+
+
+class Modem(msgspec.Struct, frozen=True, kw_only=True):
+    """What the modems of a network do by themselves."""
+
+    addressed: bool = True
+    """Frames carry their addresses."""
+    checked: bool = True
+    """Damaged frames do not arrive."""
+    framed: bool = True
+    """Frames arrive as frames; otherwise as a byte stream."""
+    senses_carrier: bool = True
+    """It reports the beginning and the end of a reception."""
+    acknowledges: bool = False
+    """Frames that ask for it are acknowledged, and the range is measured by that."""
+    mtu_bytes: int | None = None
+    """Largest frame, bytes; None: the profile's."""
+
+    def capabilities(self, profile: ModemProfile, propagation_s: float) -> LinkCapabilities:
+        """Return what a modem of that profile can do then.
+
+        Args:
+            profile: The modem.
+            propagation_s: Longest propagation delay, one way, s.
+        """
+        return LinkCapabilities(
+            mtu_bytes=self.mtu_bytes or profile.mtu_bytes,
+            bit_rate_bps=profile.bit_rate_bps,
+            preamble_s=profile.preamble_s,
+            gap_s=profile.gap_s,
+            propagation_s=propagation_s,
+            half_duplex=profile.half_duplex,
+            addressed=self.addressed,
+            checked=self.checked,
+            framed=self.framed,
+            acknowledges=self.acknowledges,
+            measures=MEASURED if self.acknowledges else frozenset(),
+            measures_range=self.acknowledges,
+            senses_carrier=self.senses_carrier and not profile.separates_senders,
+        )
+
+    def answers(self, transmission: Transmission) -> bool:
+        """Tell whether a frame is acknowledged by the modem that receives it."""
+        asks = transmission.acknowledge and transmission.destination != BROADCAST
+        return self.acknowledges and asks
+
+
+class Serve(Protocol):
+    """Polls the engine of a node after an input."""
+
+    def __call__(self, node: VirtualNode) -> None:
+        """Poll it until it is dry."""
+        ...
+
+
+class VirtualModems(Modems[Device, Transmission]):
+    """The modems of one link.
+
+    Args:
+        agenda: Virtual time.
+        medium: What sound does.
+        modem: What the modems do by themselves.
+        link: Name that the engines have for the link; None: it is their first one.
+        disturb: Loses, delays and repeats frames in addition to the scenario.
+        serve: Called after each input that an engine has got.
+    """
+
+    def __init__(
+        self,
+        agenda: Agenda,
+        medium: Medium,
+        modem: Modem,
+        link: str | None,
+        disturb: Disturb | None,
+        serve: Serve,
+    ) -> None:
+        super().__init__(medium, agenda)
+        self.modem = modem
+        self.senses_carrier = modem.senses_carrier
+        self._disturb = disturb
+        self._serve = serve
+        self._by = () if link is None else (link,)
+
+    def add(self, node: VirtualNode) -> None:
+        """Give a node its modem."""
+        self.stations[node.address] = Device(node, self.medium.profile(node.address))
+
+    def capabilities(self, address: int) -> LinkCapabilities:
+        """Return what the modem of a node can do."""
+        return self.modem.capabilities(self.stations[address].profile, self.farthest_s)
+
+    def connect(self, node: VirtualNode, engine: Engine) -> None:
+        """Tell an engine that its modem is there."""
+        now = node.clock.local(self.agenda.now)
+        engine.handle_link_state(LinkState.UP, now, self.capabilities(node.address), *self._by)
+        if self.stations[node.address].carriers:
+            engine.handle_carrier(True, now, *self._by)
+
+    def disconnect(self, node: VirtualNode, engine: Engine) -> None:
+        """Tell an engine that its modem is gone."""
+        now = node.clock.local(self.agenda.now)
+        engine.handle_link_state(LinkState.DOWN, now, None, *self._by)
+
+    # What a driver says
+
+    def asks(self, frame: Transmission) -> bool:
+        """Tell whether a frame wants to be acknowledged, and the modems do that."""
+        return self.modem.answers(frame)
+
+    def carrier(self, station: Device, is_heard: bool) -> None:
+        """Tell an engine."""
+        node = station.node
+        if node.engine is not None:
+            station.is_unserved = True
+            node.engine.handle_carrier(is_heard, node.clock.local(self.agenda.now), *self._by)
+
+    def settle(self, station: Device) -> None:
+        """Serve an engine that has got an input."""
+        if station.is_unserved:
+            station.is_unserved = False
+            self._serve(station.node)
+
+    def delays_s(self, reception: Reception) -> Sequence[float]:
+        """Lose what is damaged, unless modems do not notice; then disturb the rest."""
+        if reception.outcome is not Outcome.RECEIVED:
+            return ()
+        if reception.corrupt_seed is not None and self.modem.checked:
+            self.lose("corrupt")
+            return ()
+        if self._disturb is None:
+            return reception.delays_s
+        arrival = reception.arrival
+        disturbed_s = self._disturb(arrival.source, arrival.node, self.agenda.now)
+        first_s, *again_s = reception.delays_s
+        return (*(first_s + after_s for after_s in disturbed_s), *again_s)
+
+    def hand_over(self, station: Device, reception: Reception, frame: Transmission) -> None:
+        """Give a frame to an engine, if it is addressed to the node."""
+        node, arrival, addressed = station.node, reception.arrival, self.modem.addressed
+        if addressed and frame.destination not in (arrival.node, BROADCAST):
+            return
+        if node.engine is None or not station.is_up:
+            self.lose("node_down" if node.engine is None else "unplugged")
+            return
+        now = node.clock.local(self.agenda.now)
+        station.is_unserved = True
+        node.engine.handle_frame(
+            ReceivedFrame(
+                frame_bytes=reception.damage(frame.frame_bytes),
+                received_at=now,
+                source=arrival.source if addressed else 0,
+                destination=frame.destination if addressed else BROADCAST,
+                metrics=LinkMetrics(snr_db=arrival.snr_db, propagation_s=arrival.propagation_s),
+            ),
+            now,
+            *self._by,
+        )
+
+    def finished(
+        self,
+        station: Device,
+        frame: Transmission,
+        ending: Ending,
+        started_at: int,
+        answer: Arrival | None,
+    ) -> None:
+        """Report a frame to its engine, then the range that its acknowledgement tells."""
+        node, engine = station.node, station.node.engine
+        if engine is None:
+            return
+        now = node.clock.local(self.agenda.now)
+        report = TransmitReport(
+            transmission_id=frame.transmission_id,
+            outcome=TransmitOutcome(ending.value),
+            started_at=node.clock.local(started_at),
+            finished_at=now,
+        )
+        engine.handle_transmit_report(report, now, *self._by)
+        self._serve(node)
+        if answer is None or node.engine is not engine:
+            return
+        metrics = LinkMetrics(
+            snr_db=answer.snr_db,
+            propagation_s=answer.propagation_s,
+            range_m=answer.distance_m,
+        )
+        measured = PeerMeasured(address=answer.source, measured_at=now, metrics=metrics)
+        engine.handle_measurement(measured, now, *self._by)
+        self._serve(node)
