@@ -107,7 +107,7 @@ class Engine:
         self._now = 0
         self._events: deque[Event] = deque()
         emit = self._events.append
-        node = NodeContext(address, table, epoch, rng, stored, rules.contact, emit)
+        node = NodeContext(address, table, epoch, rng, stored, rules.of_peers, emit)
         self.stats = node.stats
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
         self._journal, self._timers = journal, timers = node.journal, node.timers

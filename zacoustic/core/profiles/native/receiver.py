@@ -88,7 +88,9 @@ class Receiver:
         for item in items:
             self._drop(self._take(heard, item))
         if heard.streams and heard.epoch is not None:
-            self._handshake.heard_introduced(heard.source, heard.epoch, now)
+            self._handshake.heard_introduced(
+                heard.source, heard.epoch, now, unicast=heard.is_unicast
+            )
         self._reception.read(heard.source, now)
         return tuple(heard.streams)
 
