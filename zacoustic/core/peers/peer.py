@@ -70,6 +70,8 @@ class Peer:
         self.confirms_now = False
         """The frame that is being read shows that it knows our present epoch and shares our
         table."""
+        self.heard_alone = False
+        """The frame that is being read is for this node alone."""
         self.is_being_confirmed = False
         """The frame that is being composed confirms it."""
         self.told_differing: set[int] = set()
@@ -78,6 +80,8 @@ class Peer:
         self.owed_rows: dict[int, None] = {}
         self.questions: dict[int, None] = {}
         self.speak_at: int | None = None
+        self.speaks_to_all = False
+        """What is said at that instant goes to all."""
         self.answers_within_ns = 0
         """How long its answers take behind a device that decides when it transmits, as measured,
         ns."""

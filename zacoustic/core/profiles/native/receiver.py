@@ -78,7 +78,7 @@ class Receiver:
     ) -> tuple[int, ...]:
         """Take one frame apart; returns the streams of what was in it."""
         heard = self._heard(opened, received, port, now)
-        self._handshake.begin_frame(heard.source, now)
+        self._handshake.begin_frame(heard.source, now, unicast=heard.is_unicast)
         items: list[Item] = []
         for item in self._items(opened, unicast=heard.is_unicast):
             self._drop(self._reception.first(heard, item))
