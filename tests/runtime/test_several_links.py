@@ -189,6 +189,18 @@ def test_close_ends_the_attempts_to_open_a_further_link() -> None:
     run(scenario(), limit_s=30.0)  # no task is left
 
 
+def test_first_link_that_cannot_be_opened_ends_the_attempts_of_the_others() -> None:
+    async def scenario() -> None:
+        engine = Engine(address=1, table=table(), epoch=1, rng=random.Random(1), rules=RULES)
+        first, radio = ScriptedLink(opens=False), Absent(LinkOpenError("no such port"))
+        runner = LinkRunner(engine, first, beside={"radio": radio})
+        with pytest.raises(LinkOpenError, match="the port is in use"):
+            await runner.start()
+        assert (first.closed, radio.closed > 0) == (1, True)
+
+    run(scenario(), limit_s=30.0)  # no task is left
+
+
 def test_fault_of_a_further_link_stops_the_runner() -> None:
     async def scenario() -> None:
         medium = two_nodes()
