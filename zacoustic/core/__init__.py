@@ -13,11 +13,12 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 `rmw_desert`; `rules` is what the config says, `entities` what discovery speaks of
 `transport`     what two nodes do with each other, end to end: `topics`, `reliable`, `objects`,
                 `subscriptions`, `calls`, `actions`, `commands`; `repeating` until there is an
-                answer, `deliveries` is what becomes of samples
-`schedule`      `queue` to `composer` and `filling` to `port` to `transmitter`; `access`,
-                `airtime`, `silence` and `hosttime` say when; `timing` and `copies` how often;
-                `hearing` is what frames say of the medium; `sources` and `savings` are what a
-                frame is composed from beside the queue
+                answer, `deliveries` is what becomes of samples; `contract` for a transport of
+                somebody else
+`schedule`      `context` is what all components share; `queue` to `composer` and `filling` to
+                `port` to `transmitter`; `access`, `airtime`, `silence` and `hosttime` say when;
+                `timing` and `copies` how often; `hearing` is what frames say of the medium;
+                `sources` and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
                 tables; `handshake`, `introducing`, `contact`, `ranging`, `measurements`; `doubt`
                 is what this one does not know of itself; `statements` are what a frame says of its

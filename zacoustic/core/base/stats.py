@@ -41,6 +41,8 @@ class Cause(enum.Enum):
     """Subscriptions to on-demand topics, and their answers."""
     HEARTBEAT = "heartbeat"
     """A frame that only shows that the node is there."""
+    EXTENSION = "extension"
+    """What a transport of somebody else says."""
 
 
 NO_STREAM: Final = 0

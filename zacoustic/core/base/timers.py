@@ -58,6 +58,8 @@ class Due(enum.IntEnum):
     """Part of a packet is given up."""
     CLOCK = enum.auto()
     """The host is asked for the time."""
+    TRANSPORT = enum.auto()
+    """A transport of somebody else is called back; its name follows in the key."""
 
 
 Key = tuple[Due, *tuple[Hashable, ...]]

@@ -28,12 +28,11 @@ rest, when a frame may go and what is booked for it, does not.
 
 import random
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Final
+from typing import Final, TypeVar
 
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import BOOT_KEY, JournalPort, JournalWrite
+from zacoustic.core.base.journal import BOOT_KEY, JournalWrite
 from zacoustic.core.base.linktypes import (
     UNKNOWN_SOURCE,
     LinkCapabilities,
@@ -44,18 +43,15 @@ from zacoustic.core.base.linktypes import (
     Transmission,
     TransmitReport,
 )
-from zacoustic.core.base.stats import EngineStats
-from zacoustic.core.base.timers import Timers
 from zacoustic.core.base.trace import Tracer, TraceSink
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
-from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.peers.measurements import Measurements
-from zacoustic.core.peers.peers import Peers
-from zacoustic.core.profiles.native.protocols import Protocols
+from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.airtime import AirtimeCaps
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.silence import Silence
@@ -67,9 +63,12 @@ from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.commands.ledger import Ledger
 from zacoustic.core.transport.commands.orders import Orders
 from zacoustic.core.transport.commands.tunings import Tunings
+from zacoustic.core.transport.contract import Transport
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
+from zacoustic.errors import LocalError
 
+OtherTransport = TypeVar("OtherTransport", bound=Transport)
 _NO_RULES = TransmitRules()
 _PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
@@ -85,6 +84,7 @@ class Engine:
         stored: What the journal has kept from earlier lives.
         rules: What the config says of transmitting.
         trace: Takes a record of each thing done, or None.
+        transports: Make transports of somebody else (`zacoustic.core.transport.contract`).
     """
 
     def __init__(
@@ -97,38 +97,27 @@ class Engine:
         stored: Mapping[str, bytes] = MappingProxyType({}),
         rules: TransmitRules = _NO_RULES,
         trace: TraceSink | None = None,
+        transports: Sequence[MakeTransport] = (),
     ) -> None:
         self.address = address
         self.table = table
         self.stored = {key: each for key, each in stored.items() if key != BOOT_KEY}
         self.journal_failure = ""
         """Why the journal cannot be written now; empty: it can. To be read only."""
-        self.stats = EngineStats()
-        self._peers = peers = Peers()
-        self.measurements = Measurements(peers)
-        """What was measured of peers and modem; to be read only."""
         self._trace = Tracer(address, trace)
         self._now = 0
         self._events: deque[Event] = deque()
-        emit = self._events.append
-        generators = Generators(rng)
-        self._journal = journal = JournalPort()
-        self._timers = timers = Timers()
-        self.doubt = Doubt(address, table, stored, journal, emit)
+        context = Context(address, table, epoch, rng, stored, self._events.append)
+        self.stats = context.stats
+        self._journal = journal = context.journal
+        self._timers = timers = context.timers
+        self._peers = peers = context.peers
+        emit = context.emit
+        self.measurements = Measurements(peers)
+        """What was measured of peers and modem; to be read only."""
+        self.doubt = context.doubt
         """Whether something of former lives is forgotten; to be read only."""
-        self._protocols = protocols = _PROTOCOLS[table.wire](
-            address,
-            table,
-            epoch,
-            peers=peers,
-            rules=rules,
-            doubt=self.doubt,
-            journal=journal,
-            timers=timers,
-            stats=self.stats,
-            generators=generators,
-            emit=emit,
-        )
+        self._protocols = protocols = _PROTOCOLS[table.wire](context, rules, transports)
         self.ranging = protocols.ranging
         """Commands about ranges: `request`, `cancel` and `repeat`."""
         self.actions = protocols.actions
@@ -169,7 +158,7 @@ class Engine:
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
 
-        access_rng = generators.of("access")
+        access_rng = context.generators.of("access")
 
         def make_port(capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
             return LinkPort(
@@ -475,6 +464,18 @@ class Engine:
         """Something waits that says what has come, and this node may transmit."""
         may_speak = self.link_state is LinkState.UP and not self.silence.is_silent(self._now)
         return may_speak and self._protocols.owes_acknowledgement(self._now)
+
+    def transport(self, kind: type[OtherTransport]) -> OtherTransport:
+        """Return the transport of somebody else that is of a class.
+
+        Raises:
+            LocalError: This engine was made without it.
+        """
+        for each in self._protocols.transports.values():
+            if isinstance(each, kind):
+                return each
+        made = ", ".join(self._protocols.transports) or "none"
+        raise LocalError(f"no transport {kind.name}; this engine has: {made}")
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""

@@ -29,6 +29,7 @@ from zacoustic.core.transport.actions.news import (
 )
 from zacoustic.core.transport.calls.calls import CallFailed, RequestReceived, ResponseReceived
 from zacoustic.core.transport.commands.orders import StreamTuned
+from zacoustic.core.transport.contract import TransportEvent
 from zacoustic.core.transport.deliveries import (
     DeliveryEnded,
     DeliveryOutcome,
@@ -87,6 +88,7 @@ __all__ = [
     "StreamTuned",
     "StreamsDiffer",
     "SubscribersChanged",
+    "TransportEvent",
 ]
 
 
@@ -137,5 +139,6 @@ Event = (
     | JournalStateChanged
     | JournalDoubted
     | EngineRestarted
+    | TransportEvent
 )
 """Anything that an engine tells."""

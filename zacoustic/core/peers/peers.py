@@ -26,8 +26,6 @@ class Peers(dict[int, Peer]):
         """``(address, now)``: a node has asked for the HELLO of this one, or a row of its table."""
         self.differs = Signal[int, int, int]()
         """``(address, stream_id, now)``: a node defines a stream in another way."""
-        self.heard = Signal[int, int]()
-        """``(address, now)``: a frame of a node has been read."""
         self.forgotten = Signal[int, int]()
         """``(address, now)``: nothing is to be kept of a node."""
 

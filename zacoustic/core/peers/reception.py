@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from zacoustic.core.base.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.base.signals import Signal
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.wire.access import AccessControl
@@ -100,6 +101,8 @@ class Reception:
         self._records: dict[type, TakeRecord] = {}
         self._acks: dict[type, TakeRecord] = {}
         self._extensions: dict[int, TakeExtension] = {}
+        self.read = Signal[int, int]()
+        """``(address, now)``: a frame of a node has been read."""
         self.on(Extension, self._extension)
 
     # Who takes what

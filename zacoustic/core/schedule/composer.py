@@ -33,8 +33,9 @@ from zacoustic.core.schedule.copies import MOST_COPIES
 from zacoustic.core.schedule.filling import Filling
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
-from zacoustic.core.schedule.sources import DenseSource, ObjectSource, Source
+from zacoustic.core.schedule.sources import DenseSource, ExtensionSource, ObjectSource, Said, Source
 from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES
+from zacoustic.core.wire.controls import EXTENSION_HEADER_BYTES, LONGEST_EXTENSION_BYTES
 from zacoustic.core.wire.frame import PADDING
 
 _GIVE_WAY_PERIODS: Final = 2
@@ -85,6 +86,7 @@ class Composer:
         ranging: The ranges that are wanted.
         objects: Fragments, and what is to be said of those that arrived.
         contact: Heartbeats.
+        extensions: Transports of somebody else.
         stats: Counts every byte.
     """
 
@@ -96,6 +98,7 @@ class Composer:
         ranging: Ranging,
         objects: ObjectSource,
         contact: Contact,
+        extensions: Sequence[ExtensionSource],
         stats: EngineStats,
     ) -> None:
         self._queue = queue
@@ -105,9 +108,12 @@ class Composer:
         self._ranging = ranging
         self._objects = objects
         self._contact = contact
-        self._sources: tuple[Source, ...] = (contact, objects, handshake, ranging, queue)
+        self._extensions = extensions
+        self._sources: tuple[Source, ...] = (
+            contact, objects, handshake, ranging, *extensions, queue,
+        )  # fmt: skip
         """Of equal offers the first one is taken; the last is that of the best payload."""
-        self._not_objects: tuple[Source, ...] = (contact, handshake, ranging, queue)
+        self._not_objects = tuple(each for each in self._sources if each is not objects)
         self._stats = stats
         self._since_introduction = 0
 
@@ -298,6 +304,11 @@ class Composer:
             owed = self._handshake.owed(destination, room_bytes, now)
             room_bytes -= _size(owed)
         owed = answers + owed
+        left_bytes = room_bytes - first_bytes * (not offer.owed_first)
+        for extension in self._say(destination, left_bytes, now):
+            owed.append((Cause.EXTENSION, extension.extension.encode()))
+            answer_parts.append(extension.part)
+            room_bytes -= len(owed[-1][1])
         filling: Filling | None = None
         if first or introduction or owed:
             said = port.controls(
@@ -339,6 +350,17 @@ class Composer:
             parts=answer_parts,
             is_pressing=first is not None and first[0].qos.priority in MOST_COPIES,
         )
+
+    def _say(self, destination: int, room_bytes: int, now: int) -> Iterator[Said]:
+        """Yield what transports of somebody else say in a frame, as far as it fits."""
+        for source in self._extensions:
+            body_bytes = min(room_bytes - EXTENSION_HEADER_BYTES, LONGEST_EXTENSION_BYTES)
+            said = source.say(destination, body_bytes, now) if body_bytes >= 0 else None
+            if said is not None:
+                if len(said.extension.body) > body_bytes:
+                    raise ValueError(f"{said} is too long; allowed: {body_bytes} bytes")
+                room_bytes -= EXTENSION_HEADER_BYTES + len(said.extension.body)
+                yield said
 
     def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, Waiting]]:
         """Yield the candidates that its frame may carry."""

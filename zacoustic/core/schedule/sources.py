@@ -13,6 +13,7 @@ from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.values.dense import Encoded
+from zacoustic.core.wire.controls import Extension
 
 
 class Source(Protocol):
@@ -23,6 +24,22 @@ class Source(Protocol):
 
     def offer(self, now: int) -> Offer | None:
         """Return what it would put into a frame now; None: nothing is due."""
+
+
+class Said(msgspec.Struct, frozen=True, kw_only=True):
+    """What a transport of somebody else says in a frame."""
+
+    extension: Extension
+    """The control."""
+    part: Part = Part()
+    """Who is told what becomes of it."""
+
+
+class ExtensionSource(Source, Protocol):
+    """A transport of somebody else."""
+
+    def say(self, destination: int, room_bytes: int, now: int) -> Said | None:
+        """Return what it says in a frame to `destination`, with so much room for the body."""
 
 
 class Taken(msgspec.Struct, frozen=True, kw_only=True):

@@ -17,8 +17,9 @@ FIRST_CODE: Final = 0xB0
 LAST_CODE: Final = 0xBF
 """Controls begin with a byte from the one to the other."""
 FIRST_EXTENSION: Final = 0xE0
+"""An extension begins, behind LEN, with a byte from here on."""
 LAST_EXTENSION: Final = 0xFF
-"""An extension begins, behind LEN, with a byte from the one to the other."""
+"""The last byte with which one can begin."""
 LONGEST_EXTENSION_BYTES: Final = 254
 """Longest body of an extension: LEN delimits one byte more."""
 EXTENSION_HEADER_BYTES: Final = 3

@@ -27,6 +27,7 @@ from zacoustic.core.engine.events import (
     StreamsDiffer,
     StreamTuned,
     SubscribersChanged,
+    TransportEvent,
 )
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.profiles.entities import RosEntitySeen
@@ -213,8 +214,8 @@ class Exchange:
                         leaves=event.leaves,
                     )
                 )
-            case DeliveryStored():
-                pass  # for who publishes in this process
+            case DeliveryStored() | TransportEvent():
+                pass  # for who publishes in this process, or has a transport of its own here
             case _:
                 assert_never(event)
         self._health.touch()

@@ -7,35 +7,30 @@ Here the native wire is spoken. Another wire profile overrides what is said and 
 the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
 """
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
+from zacoustic.core.base.journal import EPOCH_KEY
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.base.stats import EngineStats, count
-from zacoustic.core.base.timers import Timers
+from zacoustic.core.base.stats import count
 from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
 from zacoustic.core.peers.reception import Reception
-from zacoustic.core.peers.statements import Statements
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed, Composer
-from zacoustic.core.schedule.hearing import hear_medium
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
+from zacoustic.core.schedule.queue import LaneKey
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.news import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
+from zacoustic.core.transport.contract import Transport
 from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.large import LargeSamples
 from zacoustic.core.transport.objects.objects import Objects
@@ -54,6 +49,10 @@ from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.core.wire.frame import DenseAck, DenseString
 from zacoustic.core.wire.objects import Complete, Fragment, Headless, Lacks, Refused
 from zacoustic.core.wire.subscriptions import Subscribe
+from zacoustic.errors import ConfigError
+
+MakeTransport = Callable[[Context], Transport]
+"""Makes a transport of somebody else; a subclass of `Transport` itself is one."""
 
 ProtocolEvent = (
     SampleReceived
@@ -76,44 +75,31 @@ class Protocols:
     """The components of one engine.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        epoch: Its boot epoch.
-        peers: The other nodes.
+        context: What they share.
         rules: What the config says.
-        doubt: Whether something of former lives is forgotten.
-        journal: Keeps what is to survive.
-        timers: Call the components when something is due.
-        stats: Counts.
-        generators: One for each component that draws.
-        emit: Takes events.
+        transports: Make transports of somebody else.
+
+    Raises:
+        ConfigError: Two of them have the same name, or one has none.
     """
 
     def __init__(
         self,
-        address: int,
-        table: StreamTable,
-        epoch: int,
-        *,
-        peers: Peers,
+        context: Context,
         rules: TransmitRules,
-        doubt: Doubt,
-        journal: JournalPort,
-        timers: Timers,
-        stats: EngineStats,
-        generators: Generators,
-        emit: Callable[[ProtocolEvent], None],
+        transports: Sequence[MakeTransport] = (),
     ) -> None:
+        address, table, emit = context.address, context.table, context.emit
+        peers, handshake, queue = context.peers, context.handshake, context.queue
+        timers, generators, stats = context.timers, context.generators, context.stats
+        journal, doubt = context.journal, context.doubt
         self._address = address
         self._journal = journal
         self._stats = stats
         self._emit = emit
         self._doubt = doubt
         self._epochs_to_keep = 0
-        self.queue = queue = TransmitQueue()
-        self.handshake = handshake = Handshake(
-            address, epoch, table, peers, generators.of("handshake")
-        )
+        self.queue, self.handshake = queue, handshake
         self.contact = Contact(
             address, table, rules.contact, peers, timers, generators.of("contact"), emit
         )
@@ -212,7 +198,9 @@ class Protocols:
             stats=stats,
             emit=emit,
         )
-        self.receiver = Receiver(table, peers, handshake, self._reception(peers), stats)
+        self._register(context.reception)
+        self.receiver = Receiver(table, handshake, context.reception, stats)
+        self.transports = self._transports(context, transports)
         self.composer = Composer(
             queue,
             handshake,
@@ -220,6 +208,7 @@ class Protocols:
             self.ranging,
             self.large.objects,
             self.contact,
+            tuple(self.transports.values()),
             stats,
         )
         for each in (self.services, self.actions, self.sending, self.demand, self.dense):
@@ -228,11 +217,11 @@ class Protocols:
             peers.asked.connect(told)
         for stopped in (self.services.stream_differs, self.actions.stream_differs):
             peers.differs.connect(stopped)
-        peers.heard.connect(self.sending.heard)
-        peers.heard.connect(lambda address, now: self.repeater.heard(address))
+        context.reception.read.connect(self.sending.heard)
+        context.reception.read.connect(lambda address, now: self.repeater.heard(address))
         for one in (
             self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
-            self.objects, self.copied, self.deadlines, self.ranging, self.queue,
+            self.objects, self.copied, self.deadlines, self.ranging,
         ):  # fmt: skip
             peers.forgotten.connect(one.peer_forgotten)
         self._write_epoch()
@@ -375,6 +364,8 @@ class Protocols:
         self.actions.use_link(times, settling_ns)
         self.repeater.use_link(times)
         self.receiving.use_link(times)
+        for each in self.transports.values():
+            each.use_link(capabilities, now)
         self.large.objects.use_link(
             capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
         )
@@ -392,6 +383,8 @@ class Protocols:
         self.repeater.link_up()
         self.services.link_up(now)
         self.actions.link_up(now)
+        for each in self.transports.values():
+            each.link_up(now)
 
     def handle_timeout(self, now: int) -> None:
         """The node is awake, and timers may be due: do what has no instant of its own."""
@@ -400,11 +393,19 @@ class Protocols:
 
     # Below the methods above
 
-    def _reception(self, peers: Peers) -> Reception:
+    def _transports(
+        self, context: Context, makers: Sequence[MakeTransport]
+    ) -> dict[str, Transport]:
+        made: dict[str, Transport] = {}
+        for make in makers:
+            each = make(context)
+            if not each.name or each.name in made:
+                raise ConfigError(f"transport {each.name!r}: allowed: a name of its own")
+            made[each.name] = each
+        return made
+
+    def _register(self, reception: Reception) -> None:
         """Say who takes what of a frame."""
-        reception = Reception()
-        Statements(self.handshake, peers, reception)
-        hear_medium(reception)
         reception.on_records(TopicSpec, self.topics.receive, self.topics.receive_ack)
         reception.on_records(ServiceSpec, self.services.receive)
         reception.on_records(ActionSpec, self.actions.receive)
@@ -414,7 +415,6 @@ class Protocols:
         for kind in (Lacks, Complete, Refused, Headless):
             reception.on(kind, self.large.feedback)
         reception.on(Subscribe, self.demand.receive)
-        return reception
 
     def _renew_epoch(self, now: int) -> bool:
         """Begin a new epoch unless a call is under way, which would not survive it."""

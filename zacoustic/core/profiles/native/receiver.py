@@ -41,7 +41,6 @@ import msgspec
 from zacoustic.core.base.linktypes import ReceivedFrame
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Heard, HearingPort, Reception
 from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.table import StreamTable
@@ -57,7 +56,6 @@ class Receiver:
 
     Args:
         table: The streams of this node.
-        peers: The other nodes.
         handshake: Decides what may be decoded.
         reception: Knows who takes what.
         stats: Counts what is dropped.
@@ -66,13 +64,11 @@ class Receiver:
     def __init__(
         self,
         table: StreamTable,
-        peers: Peers,
         handshake: Handshake,
         reception: Reception,
         stats: EngineStats,
     ) -> None:
         self._table = table
-        self._peers = peers
         self._handshake = handshake
         self._reception = reception
         self._stats = stats
@@ -93,7 +89,7 @@ class Receiver:
             self._drop(self._take(heard, item))
         if heard.streams and heard.epoch is not None:
             self._handshake.heard_introduced(heard.source, heard.epoch, now)
-        self._peers.heard(heard.source, now)
+        self._reception.read(heard.source, now)
         return tuple(heard.streams)
 
     def overhear(

@@ -15,13 +15,11 @@ What is dropped is counted under the words of `zacoustic.core.profiles.native.re
 and ``no_packet`` for bytes of the stream that belong to none.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import (
     BROADCAST,
     UNKNOWN_SOURCE,
@@ -31,75 +29,64 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.parts import Part
-from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
-from zacoustic.core.base.timers import Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.peers import Peers
+from zacoustic.core.base.stats import NO_STREAM, Cause, count
 from zacoustic.core.profiles.entities import DiscoverySpec
-from zacoustic.core.profiles.native.protocols import ProtocolEvent, Protocols
+from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
 from zacoustic.core.profiles.rmw_desert.calls import SETTLING_UNITS, DesertCalls
 from zacoustic.core.profiles.rmw_desert.discovery import Discovery
 from zacoustic.core.profiles.rmw_desert.envelope import PacketEnvelope
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANE, LaneKey, Waiting
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.topics.topics import NO_DELIVERY
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.rmw_desert.messages import Kind, Message, decode_message, encode_head
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
-from zacoustic.errors import PayloadInvalidError
+from zacoustic.errors import ConfigError, PayloadInvalidError
 
 
 class RmwDesertProtocols(Protocols):
-    """The components of one engine; arguments as those of `Protocols`."""
+    """The components of one engine.
+
+    Args:
+        context: What they share.
+        rules: What the config says.
+        transports: None can be spoken on this wire.
+
+    Raises:
+        ConfigError: There are some.
+    """
 
     def __init__(
         self,
-        address: int,
-        table: StreamTable,
-        epoch: int,
-        *,
-        peers: Peers,
+        context: Context,
         rules: TransmitRules,
-        doubt: Doubt,
-        journal: JournalPort,
-        timers: Timers,
-        stats: EngineStats,
-        generators: Generators,
-        emit: Callable[[ProtocolEvent], None],
+        transports: Sequence[MakeTransport] = (),
     ) -> None:
-        super().__init__(
-            address,
-            table,
-            epoch,
-            peers=peers,
-            rules=rules,
-            doubt=doubt,
-            journal=journal,
-            timers=timers,
-            stats=stats,
-            generators=generators,
-            emit=emit,
-        )
-        self._table = table
-        self._timers = timers
+        if transports:
+            raise ConfigError("wire rmw_desert has no extensions; allowed: no other transports")
+        super().__init__(context, rules)
+        self._table = context.table
+        self._timers = context.timers
         self._calls = DesertCalls(
-            address,
-            table,
-            queue=self.queue,
-            timers=timers,
-            stats=stats,
-            rng=generators.of("rmw_desert calls"),
-            emit=emit,
+            context.address,
+            context.table,
+            queue=context.queue,
+            timers=context.timers,
+            stats=context.stats,
+            rng=context.generators.of("rmw_desert calls"),
+            emit=context.emit,
         )
+        discovery = rules.discovery or DiscoverySpec()
         self._discovery = Discovery(
-            address, table, rules.discovery or DiscoverySpec(), self.queue, emit
+            context.address, context.table, discovery, context.queue, context.emit
         )
         self._port: LinkPort | None = None
         self._pieces: list[bytes] = []
