@@ -152,6 +152,23 @@ def test_a_former_life_and_a_twin_are_told() -> None:
     assert receiver.refused == expected
 
 
+def test_a_new_key_begins_lives_anew_and_its_first_frame_says_so() -> None:
+    receiver, way = Receiver(2, random.Random(1)), Way(1, 2)
+    cipher = FleetCipher(KEY)
+    seal = Seal(1, 5, cipher, JournalPort(), {})
+    receiver.take(seal.seal(b"old", 2, DIGEST, 0), way)
+    late = seal.seal(b"late", 2, DIGEST, 0)
+    receiver.commit()
+    rotated = KEY.rotated()
+    receiver.journal = JournalPort()
+    receiver.seal = Seal(2, 7, FleetCipher(rotated), receiver.journal, receiver.disk)
+    fresh = Seal(1, 0, FleetCipher(rotated), JournalPort(), {})
+    for frame in (fresh.seal(b"new", 2, DIGEST, 0), late, fresh.seal(b"next", 2, DIGEST, 0)):
+        receiver.take(frame, way)
+        receiver.commit()
+    assert receiver.handed_on == [b"old", b"new", b"next"]
+
+
 def frames_of(seal: Seal, rng: random.Random) -> Iterator[tuple[bytes, Way, bytes]]:
     """Return frames of one life, for a node and for all, with records that occur once."""
     number, now = 0, 0
@@ -161,7 +178,7 @@ def frames_of(seal: Seal, rng: random.Random) -> Iterator[tuple[bytes, Way, byte
         destination, strong = rng.choice((2, 255)), rng.random() < 0.2
         records = rng.randbytes(6) + number.to_bytes(4, "big")
         frame = seal.seal(records, destination, DIGEST, now, strong=strong)
-        yield frame, Way(seal._address, destination), records  # noqa: SLF001
+        yield frame, Way(seal._address, destination), records
 
 
 def test_nothing_is_handed_on_twice_whenever_a_receiver_is_killed(

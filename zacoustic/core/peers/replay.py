@@ -1,8 +1,9 @@
 """Replay windows: every sealed frame is opened once, in whatever order frames arrive.
 
-A window belongs to one `Way`: a source, a destination, a port, a strength. It keeps the life of the
-source, the highest counter that was opened in it, and which of the 63 before that were. A frame of
-a former life, a counter that was opened, or one further behind is refused.
+A window belongs to one `Way`: a source, a destination, a port, a strength. It keeps the *start* of
+the source (`start_of`: the generation of its key, and its life), the highest counter that was opened
+in it, and which of the 63 before that were. A frame of a former start, a counter that was opened,
+or one further behind is refused.
 
 A short head tells six bits of the counter. The window guesses the rest: of the 64 counters from 15
 before its highest one on, the one with these bits; if that fails, the one 64 later. Whoever has
@@ -16,8 +17,8 @@ the disk for every frame would wear it out. So windows have two ways to be kept:
 - *ahead*: the disk has a mark that is up to `AHEAD` above the highest. The next life refuses all up
   to the mark; it loses at most so many frames that it never had.
 
-The newest life of each source is a floor for all its windows: a port on which a source was never
-heard takes no frame of a life that is over.
+The newest start of each source is a floor for all its windows: a port on which a source was never
+heard takes no frame of a start that is over.
 """
 
 from collections.abc import Iterator
@@ -35,12 +36,23 @@ AHEAD: Final = 16
 """How far a mark runs ahead of what was opened."""
 
 _ALL: Final = (1 << WINDOW) - 1
+_LIFE_BITS: Final = 16
+
+
+def start_of(generation: int, life: int) -> int:
+    """Return a number that grows with each start of a node, also over a new key."""
+    return generation << _LIFE_BITS | life
+
+
+def life_of(start: int) -> int:
+    """Return the life of a start."""
+    return start & ((1 << _LIFE_BITS) - 1)
 
 
 class Mark(msgspec.Struct, frozen=True, array_like=True):
     """What the disk knows of a window."""
 
-    life: int
+    start: int
     highest: int
     seen: int = _ALL
     """Bit n: counter ``highest − n`` was opened."""
@@ -52,7 +64,9 @@ class Mark(msgspec.Struct, frozen=True, array_like=True):
             window: What was opened.
             more: And so many counters after it.
         """
-        return self.life == window.life and self.highest >= min(window.highest + more, LAST_COUNTER)
+        return self.start == window.start and self.highest >= min(
+            window.highest + more, LAST_COUNTER
+        )
 
 
 class Window:
@@ -62,40 +76,45 @@ class Window:
         mark: What a former life of this node has kept; None: nothing was ever opened.
     """
 
-    __slots__ = ("highest", "life", "seen")
+    __slots__ = ("highest", "seen", "start")
 
     def __init__(self, mark: Mark | None = None) -> None:
-        self.life = -1 if mark is None else mark.life
+        self.start = -1 if mark is None else mark.start
         self.highest = -1 if mark is None else mark.highest
         self.seen = 0 if mark is None else mark.seen
 
     @property
     def mark(self) -> Mark:
         """All of it, for the disk."""
-        return Mark(self.life, self.highest, self.seen)
+        return Mark(self.start, self.highest, self.seen)
 
-    def candidates(self, head: ShortHead | LongHead) -> Iterator[tuple[int, int]]:
-        """Return the lives and counters that a frame may have: one, two or none."""
+    def candidates(self, head: ShortHead | LongHead, generation: int) -> Iterator[tuple[int, int]]:
+        """Return the starts and counters that a frame may have: one, two or none.
+
+        Args:
+            head: Of the frame.
+            generation: Of the key that it was sealed with, the whole number.
+        """
         if isinstance(head, LongHead):
-            yield head.life, head.counter
-        elif self.life >= 0:
+            yield start_of(generation, head.life), head.counter
+        elif self.start >= 0 and self.start == start_of(generation, life_of(self.start)):
             first = self.highest + 1 - BEHIND
             counter = first + (head.low - first) % LOW_COUNTERS
             for each in (counter, counter + LOW_COUNTERS):
                 if 0 <= each <= LAST_COUNTER:
-                    yield self.life, each
+                    yield self.start, each
 
-    def is_new(self, life: int, counter: int) -> bool:
+    def is_new(self, start: int, counter: int) -> bool:
         """Tell whether a frame can be one that was not opened before."""
-        if life != self.life:
-            return life > self.life
+        if start != self.start:
+            return start > self.start
         behind = self.highest - counter
         return behind < 0 or (behind < WINDOW and not self.seen >> behind & 1)
 
-    def note(self, life: int, counter: int) -> None:
+    def note(self, start: int, counter: int) -> None:
         """Note that an authentic frame was opened, one that `is_new`."""
-        if life != self.life:
-            self.life, self.highest, self.seen = life, counter, 1
+        if start != self.start:
+            self.start, self.highest, self.seen = start, counter, 1
             return
         step = counter - self.highest
         if step > 0:

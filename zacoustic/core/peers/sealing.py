@@ -1,7 +1,7 @@
 """The seal of one node: its own counters, and a replay window for each way that ends here.
 
 Outgoing, a frame has a *long head* where a short one might not be understood: it is the first of a
-life to its destination, it is strong, whoever composes it asks for one (a repetition, or what is
+life or key to its destination, it is strong, whoever composes it asks for one (a repetition, or what is
 `real_time`), it is one of `LONG_EVERY`, or the last long head to that destination is older than
 `LONG_EVERY_S`. So nothing has to be asked for: after any outage a receiver is in step again within
 16 frames or five minutes.
@@ -22,7 +22,7 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.peers.replay import AHEAD, Mark, Window
+from zacoustic.core.peers.replay import AHEAD, Mark, Window, life_of
 from zacoustic.core.wire.seal import (
     LAST_COUNTER,
     LONG_HEAD_BYTES,
@@ -75,10 +75,12 @@ class Inside(msgspec.Struct, frozen=True, kw_only=True):
 class _Sending:
     """Counters of one way from this node."""
 
-    __slots__ = ("counter", "long_at", "since_long")
+    __slots__ = ("counter", "generation", "long_at", "since_long")
 
     def __init__(self) -> None:
         self.counter = 0
+        self.generation = 0
+        """Of the last long head."""
         self.since_long = 0
         self.long_at: int | None = None
 
@@ -113,7 +115,7 @@ class Seal:
         self._safe: dict[Way, Mark] = {}
         """and those of them that it has written."""
         self._floors: dict[int, int] = {}
-        """The newest life of each source."""
+        """The newest start of each source."""
         self.announced: dict[int, bytes] = {}
         """Digests of tables that sources have announced, where they differ from ours."""
         self._recover(stored)
@@ -173,6 +175,7 @@ class Seal:
         if is_long:
             head = LongHead(generation, self._life, counter, strong)
             sending.since_long, sending.long_at = 0, now
+            sending.generation = self._cipher.generation
         head_bytes = head.encode()
         associated = associated_data(head_bytes, way, digest)
         number = nonce(way, self._life, counter)
@@ -209,20 +212,23 @@ class Seal:
         window = self._windows.get(way) or Window()
         floor = self._floors.get(way.source, 0)
         refusal = Refusal.FORGED
-        for life, counter in window.candidates(sealed.head):
-            opened = self._try(sealed, way, nonce(way, life, counter), own_digest)
+        generation = self._cipher.generation
+        generation -= (generation ^ sealed.head.generation) & 1  # this one, or that before
+        for start, counter in window.candidates(sealed.head, generation):
+            number = nonce(way, life_of(start), counter)
+            opened = self._try(sealed, way, number, own_digest)
             if opened is None:
                 continue
             if way.source == self._address:
                 return Refusal.OWN_ADDRESS
-            if life < floor:
+            if start < floor:
                 refusal = Refusal.FORMER_LIFE
-            elif not window.is_new(life, counter):
+            elif not window.is_new(start, counter):
                 refusal = Refusal.REPLAYED
             else:
-                window.note(life, counter)
+                window.note(start, counter)
                 self._windows[way] = window
-                self._floors[way.source] = life
+                self._floors[way.source] = start
                 self._keep(way, window, partial(then, opened), now)
                 return None
         return refusal
@@ -233,7 +239,8 @@ class Seal:
         sending = self._sending.get(way)
         if sending is None or sending.long_at is None or sending.since_long >= LONG_EVERY - 1:
             return True
-        return now - sending.long_at >= _LONG_EVERY_NS
+        is_other_key = sending.generation != self._cipher.generation
+        return is_other_key or now - sending.long_at >= _LONG_EVERY_NS
 
     def _try(
         self, sealed: SealedFrame, way: Way, number: bytes, own_digest: bytes
@@ -255,7 +262,7 @@ class Seal:
         if given is None or not given.covers(window, AHEAD // 2):
             ahead = min(window.highest + AHEAD, LAST_COUNTER)
             waits = None if safe is not None and safe.covers(window) else then
-            self._write(way, Mark(window.life, ahead), waits)
+            self._write(way, Mark(window.start, ahead), waits)
             if waits is not None:
                 return
         elif safe is None or not safe.covers(window):
@@ -280,7 +287,7 @@ class Seal:
                 way, mark = _way(key), _MARK.decode(value)
                 self._windows[way] = Window(mark)
                 self._given[way] = self._safe[way] = mark
-                self._floors[way.source] = max(mark.life, self._floors.get(way.source, 0))
+                self._floors[way.source] = max(mark.start, self._floors.get(way.source, 0))
 
 
 def _key(way: Way) -> str:
