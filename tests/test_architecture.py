@@ -86,6 +86,22 @@ def test_every_module_has_a_docstring() -> None:
     assert [named(path) for path in SOURCES if ast.get_docstring(parsed(path)) is None] == []
 
 
+def test_who_catches_everything_says_why_or_raises_it_again() -> None:
+    silent = []
+    for path in SOURCES:
+        text = path.read_text(encoding="utf-8")
+        lines = text.splitlines()
+        for node in ast.walk(ast.parse(text)):
+            if not isinstance(node, ast.ExceptHandler):
+                continue
+            caught = "" if node.type is None else ast.unparse(node.type)
+            is_raised = any(isinstance(each, ast.Raise) for each in ast.walk(node))
+            has_reason = "#" in lines[node.lineno - 1]
+            if caught in ("", "Exception", "BaseException") and not (is_raised or has_reason):
+                silent.append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert silent == []
+
+
 def test_no_file_is_too_long() -> None:
     lengths = {named(path): len(path.read_text(encoding="utf-8").splitlines()) for path in SOURCES}
     too_long = [f"{name}: {lines}" for name, lines in lengths.items() if lines > LINES_MAX]

@@ -1,6 +1,7 @@
 """`zacoustic topics`, and the documents that it reads: what crosses, how often, how old."""
 
 import json
+from typing import Any
 
 import pytest
 
@@ -128,14 +129,19 @@ def test_error_rate_is_that_of_the_last_frames_to_each_node() -> None:
     assert traffic.of_peer(2)["not_delivered"] == EXCHANGES_KEPT / 4 + 1
 
 
+def events_of(recent_events: RecentEvents) -> list[Any]:
+    document: Any = recent_events.documents()["events"]
+    events: list[Any] = document["events"]
+    return events
+
+
 def test_recent_events_keep_the_last_and_troubles_longer() -> None:
     recent_events = RecentEvents(lambda: 5.0)
     for _ in range(EVENTS_KEPT):
         recent_events.note(LinkChanged(state="up"))
     recent_events.note(RouterChanged(state="lost"))
     recent_events.complain("x" * 1000)
-    events = recent_events.document()["events"]
-    assert isinstance(events, list)
+    events = events_of(recent_events)
     assert len(events) == EVENTS_KEPT
     assert [each["trouble"] for each in events[-3:]] == [False, True, True]
     assert events[-2] == {
@@ -147,11 +153,9 @@ def test_recent_events_keep_the_last_and_troubles_longer() -> None:
     assert len(events[-1]["text"]) == 200
     for _ in range(EVENTS_KEPT):
         recent_events.note(LinkChanged(state="up"))
-    events = recent_events.document()["events"]
-    assert isinstance(events, list)
+    events = events_of(recent_events)
     assert [each["trouble"] for each in events] == [True, True] + [False] * EVENTS_KEPT
     for _ in range(2 * EVENTS_KEPT):
         recent_events.complain("no")
-    events = recent_events.document()["events"]
-    assert isinstance(events, list)
+    events = events_of(recent_events)
     assert len(events) == EVENTS_KEPT + TROUBLES_KEPT

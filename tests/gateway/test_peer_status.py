@@ -4,6 +4,7 @@ import json
 import random
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ from tests.gateway.islands import (
     get,
     hear,
     run,
+    until,
     zenoh_config,
 )
 from zacoustic.core.base.timers import Timers
@@ -30,7 +32,7 @@ from zacoustic.core.peers.peers import Peers
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import RangeUnavailableError
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import RangingFailed
+from zacoustic.zenoh.gateway.notices import EngineLost, RangingFailed
 from zacoustic.zenoh.gateway.status.peer_status import PeerStatus
 from zacoustic_sim.link import SimConfig, SimLink
 
@@ -113,6 +115,35 @@ def test_fixes_and_readings_are_put_as_they_come_and_metrics_come_from_all_of_th
     run(main())
 
 
+def test_measurements_are_those_of_the_engine_that_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An engine that raises is replaced by the next one, and its report with it."""
+
+    def fail(*_: object) -> None:
+        raise ValueError("a bug")
+
+    async def main() -> None:
+        water = Water()
+        link = water.medium.link(1)
+        async with island_on(link, 1) as shore:
+            with shore.client() as client:
+                heard = await hear(client, "@acoustic/1/modem")
+                receiver = link._receiver
+                assert receiver is not None
+                with monkeypatch.context() as broken:
+                    broken.setattr(Engine, "handle_carrier", fail)
+                    receiver.carrier_changed(True)
+                await until(
+                    lambda: any(isinstance(each, EngineLost) for each in shore.notices),
+                    shore.changed,
+                )
+                now = water.medium.clock()
+                receiver.measured(ModemRead(read_at=now, firmware="1.9"))
+                modem = await document(heard, "@acoustic/1/modem")
+                assert modem["firmware"] == "1.9"
+
+    run(main())
+
+
 def test_gateway_whose_link_measures_no_ranges_does_not_start_with_a_schedule() -> None:
     async def main() -> None:
         water = Water()
@@ -136,11 +167,13 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     known, peers = Measurements(Peers()), Peers()
     rules = ContactRules(lost_after_s={3: 50})
     timers = Timers()
-    contact = Contact(1, StreamTable(), rules, peers, timers, random.Random(1), lambda event: None)
+    contact = Contact(1, rules, peers, timers, lambda event: None)
     engine = Engine(address=1, table=StreamTable(), epoch=1, rng=random.Random(1))
-    peer_status = PeerStatus(
-        known, contact, engine.deadlines, address=1, clock=lambda: now, unix_s=lambda: unix_s
+    knows = SimpleNamespace(
+        measurements=known, contact=contact, deadlines=engine.deadlines, address=1
     )
+    runner: Any = SimpleNamespace(engine=knows)
+    peer_status = PeerStatus(runner, clock=lambda: now, unix_s=lambda: unix_s)
     assert peer_status.documents() == {}
     delay = LinkMetrics(propagation_s=0.5)
     known.handle(PeerMeasured(address=2, measured_at=97 * NS_PER_S, metrics=delay))

@@ -285,12 +285,12 @@ def test_a_day_of_nodes_and_endpoints_puts_nothing_on_the_water() -> None:
             for _ in range(24 * 6):
                 clock.now += DAY_NS // (24 * 6)
                 for gateway in gateways:
-                    assert gateway._junction is not None
-                    gateway._junction.runner.apply(lambda engine, now: None)
+                    assert gateway._session is not None
+                    gateway._session.runner.apply(lambda engine, now: None)
                 await asyncio.sleep(0)
             for gateway in gateways:
-                assert gateway._junction is not None
-                assert gateway._junction.runner.engine.poll_timeout() is None
+                assert gateway._session is not None
+                assert gateway._session.runner.engine.poll_timeout() is None
             assert water.emissions == []
 
     run(main())

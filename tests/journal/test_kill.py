@@ -5,7 +5,7 @@ import random
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +13,7 @@ import pytest
 
 from tests.journal.counting import number_in
 from zacoustic.run.journal import SqliteJournal
+from zacoustic.run.journal.file import JournalFile
 
 ROOT: Final = Path(__file__).parents[2]
 LONGEST_LIFE_S: Final = 0.06
@@ -34,6 +35,30 @@ def life(path: Path, after_s: float) -> list[str]:
         assert cut == ""
         assert process.wait() < 0, "it was to be killed"
     return lines
+
+
+class Killed(BaseException):
+    """Stands for the end of a process at one instant."""
+
+
+@pytest.mark.parametrize("is_committed", [False, True])
+def test_killed_around_its_first_commit_a_journal_has_lost_nothing(
+    is_committed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, commit = tmp_path / "node-2.sqlite", JournalFile.commit
+
+    def die(file: JournalFile, values: Mapping[str, bytes | None]) -> None:
+        if is_committed:
+            commit(file, values)
+        raise Killed
+
+    with monkeypatch.context() as dying:
+        dying.setattr(JournalFile, "commit", die)
+        with pytest.raises(Killed):
+            SqliteJournal(path, ADDRESS).recover()
+    journal = SqliteJournal(path, ADDRESS)
+    assert journal.recover().doubt == ""
+    journal.close()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a process is killed without a word on POSIX only")

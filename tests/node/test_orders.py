@@ -87,6 +87,8 @@ def test_order_that_is_refused_raises_with_the_reason() -> None:
                     await shore.order(1, Order(stream_id=20))
                 with pytest.raises(LocalError, match=r"node 300; allowed: 1\.\.254"):
                     await shore.order(300, RESUME)
+                with pytest.raises(LocalError, match="timeout_s is 3600; allowed: at most 600"):
+                    await shore.order(2, RESUME, timeout_s=3600)
                 with pytest.raises(ConfigError, match='no node is called "boat"'):
                     await shore.order("boat", RESUME)
                 with pytest.raises(CallTimeoutError, match="no answer before the deadline"):

@@ -59,8 +59,8 @@ POISON = b"\xbf\xff"
 class BrittleEngine(Engine):
     """Has a bug: it raises at certain frames."""
 
-    def handle_frame(self, frame: ReceivedFrame, now: int) -> None:
-        super().handle_frame(frame, now)
+    def handle_frame(self, frame: ReceivedFrame, now: int, link: str | None = None) -> None:
+        super().handle_frame(frame, now, link)
         if frame.frame_bytes.startswith(POISON):
             raise KeyError("a bug")
 
@@ -144,9 +144,9 @@ class Bench:
 
         state = self.journal.recover()
         first = Intact(renew, state.boot_epoch, state.entries)
-        self.runner = LinkRunner(first, self.link, self._take, renew=renew, journal=self.journal)
+        self.runner = LinkRunner(first, self.link, journal=self.journal)
 
-    def _take(self, event: Event) -> None:
+    def take(self, event: Event) -> None:
         self.events.append(event)
         self.changed.set()
         if self.fails:
@@ -166,7 +166,7 @@ def on_a_bench(
 ) -> None:
     async def whole() -> None:
         bench = Bench(engine_type, journal)
-        await bench.runner.start()
+        await bench.runner.start(bench.take)
         await main(bench)
         assert bench.runner.failure is None
         await bench.runner.close()
@@ -332,9 +332,13 @@ class ReadingEngine(BrittleEngine):
             raise KeyError("a bug: an entry cannot be read")
 
     def handle_link_state(
-        self, state: LinkState, now: int, capabilities: LinkCapabilities | None = None
+        self,
+        state: LinkState,
+        now: int,
+        capabilities: LinkCapabilities | None = None,
+        link: str | None = None,
     ) -> None:
-        super().handle_link_state(state, now, capabilities)
+        super().handle_link_state(state, now, capabilities, link)
         if self.has_late:
             raise KeyError("a bug: an entry cannot be used")
 

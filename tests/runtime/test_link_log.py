@@ -16,7 +16,7 @@ def test_warnings_are_one_for_each_thing_that_is_waited_for(
 ) -> None:
     async def scene() -> None:
         fake: Any = ScriptedEngine()
-        runner = LinkRunner(fake, ScriptedLink(), lambda event: None)
+        runner = LinkRunner(fake, ScriptedLink())
         await runner.start()
         caplog.clear()
         runner.link_detail = ""

@@ -25,6 +25,7 @@ from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LinkClosedError, LinkOpenError, LocalError
 from zacoustic.link import Link, LinkConfig, LinkReceiver
+from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.inbox import SUBMIT_LIMIT
 from zacoustic.run.journal import EPOCHS, JournalState, MemoryJournal
 from zacoustic.run.runner import LinkRunner
@@ -132,10 +133,8 @@ class ScriptedEngine:
         return self.due_at
 
 
-def scripted(
-    engine: ScriptedEngine, link: Link, deliver: Callable[[Event], None] | None = None, **more: Any
-) -> LinkRunner:
-    return LinkRunner(cast(Engine, engine), link, deliver or (lambda event: None), **more)
+def scripted(engine: ScriptedEngine, link: Link, **more: Any) -> LinkRunner:
+    return LinkRunner(cast(Engine, engine), link, **more)
 
 
 def act(change: Callable[[ScriptedEngine], Any]) -> Callable[[Engine, int], Any]:
@@ -169,8 +168,8 @@ def test_outputs_are_polled_until_dry_after_each_command() -> None:
     async def main() -> None:
         engine, link = ScriptedEngine(), ScriptedLink()
         delivered: list[object] = []
-        runner = scripted(engine, link, delivered.append)
-        await runner.start()
+        runner = scripted(engine, link)
+        await runner.start(delivered.append)
         engine.transmissions.extend(
             Transmission(transmission_id=at, frame_bytes=b"x") for at in range(3)
         )
@@ -196,8 +195,8 @@ def test_event_may_be_answered_by_a_command_at_once() -> None:
             else:
                 finished.set()
 
-        runner, finished = scripted(engine, ScriptedLink(), deliver), asyncio.Event()
-        await runner.start()
+        runner, finished = scripted(engine, ScriptedLink()), asyncio.Event()
+        await runner.start(deliver)
         runner.apply(act(lambda engine: engine.events.append(0)))
         await finished.wait()
         await runner.close()
@@ -210,7 +209,7 @@ def test_timer_that_fires_early_passes_the_due_instant() -> None:
     async def main() -> None:
         standing = time.monotonic_ns()
         engine = ScriptedEngine()
-        runner = scripted(engine, ScriptedLink(), clock=lambda: standing)
+        runner = scripted(engine, ScriptedLink(), clocks=NodeClocks(lambda: standing))
         await runner.start()
         due_at = standing + 2_000_000  # the clock stands: for it the timer is early
         runner.apply(act(lambda engine: setattr(engine, "due_at", due_at)))
@@ -332,8 +331,8 @@ def test_unexpected_exception_is_logged_with_traceback_and_surfaces(
 
     async def main() -> None:
         engine, journal = ScriptedEngine(), RecordingJournal()
-        runner = scripted(engine, ScriptedLink(), fail, journal=journal)
-        await runner.start()
+        runner = scripted(engine, ScriptedLink(), journal=journal)
+        await runner.start(fail)
         if place == "frame":
             engine.handle_frame = fail  # type: ignore[assignment,method-assign]
             runner.frame_received(ReceivedFrame(frame_bytes=b"f", received_at=0))
@@ -515,8 +514,8 @@ def test_sample_goes_from_engine_to_engine_through_simulated_water() -> None:
                 epoch=journal.recover().boot_epoch,
                 rng=random.Random(address),
             )
-            runner = LinkRunner(engine, medium.link(address), deliver, journal=journal)
-            await runner.start()
+            runner = LinkRunner(engine, medium.link(address), journal=journal)
+            await runner.start(deliver)
             runners.append(runner)
         runners[0].apply(lambda engine, now: engine.publish(10, b"\x2a", now))
 

@@ -1,11 +1,13 @@
 """UTC reaches the engine: before the link is up, when it was moved, and now and then."""
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 from tests.runtime.loop_checks import run
 from tests.runtime.test_runtime import ScriptedEngine, ScriptedLink
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.hostclock import ClockState, HostClock
 from zacoustic.run.runner import LinkRunner
 
@@ -24,6 +26,11 @@ class Clocks:
         self.now += round(duration_s * NS_PER_S)
         self.utc += round((duration_s + step_s) * NS_PER_S)
 
+    def of_node(self, ask: Callable[[], ClockState | None]) -> NodeClocks:
+        """Return them as a node has them."""
+        host = HostClock(utc_ns=lambda: self.utc, ask=ask)
+        return NodeClocks(lambda: self.now, host, stated_error_s=0.01)
+
 
 class Told(ScriptedEngine):
     """Keeps what it is told of UTC."""
@@ -41,14 +48,7 @@ def test_engine_is_told_of_utc_in_time() -> None:
     async def scene() -> None:
         clocks, engine = Clocks(), Told()
         fake: Any = engine
-        runner = LinkRunner(
-            fake,
-            ScriptedLink(),
-            lambda event: None,
-            clock=lambda: clocks.now,
-            wall_clock=lambda: clocks.utc,
-            clock_error_s=0.01,
-        )
+        runner = LinkRunner(fake, ScriptedLink(), clocks=clocks.of_node(lambda: None))
         await runner.start()
         assert engine.heard[0] == ("clock",)
         assert engine.clock == [(YEARS - 5 * NS_PER_S, NS_PER_S // 100, 5 * NS_PER_S)]
@@ -76,15 +76,7 @@ def test_engine_is_told_what_the_kernel_says_and_not_what_the_file_hopes() -> No
         clocks, engine = Clocks(), Told()
         fake: Any = engine
         said: list[ClockState | None] = [ClockState(error_ns=None), ClockState(error_ns=7), None]
-        runner = LinkRunner(
-            fake,
-            ScriptedLink(),
-            lambda event: None,
-            clock=lambda: clocks.now,
-            wall_clock=lambda: clocks.utc,
-            clock_error_s=0.01,
-            ask_clock=lambda: said.pop(0),
-        )
+        runner = LinkRunner(fake, ScriptedLink(), clocks=clocks.of_node(lambda: said.pop(0)))
         await runner.start()
         for _ in range(2):
             clocks.tick(10)
@@ -107,7 +99,7 @@ def test_without_a_wall_clock_the_engine_hears_nothing() -> None:
     async def scene() -> None:
         engine = Told()
         fake: Any = engine
-        runner = LinkRunner(fake, ScriptedLink(), lambda event: None)
+        runner = LinkRunner(fake, ScriptedLink())
         await runner.start()
         await asyncio.sleep(0)
         assert engine.clock == []

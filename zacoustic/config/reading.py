@@ -417,8 +417,7 @@ def _import_class(place: Place, reference: str) -> type[msgspec.Struct]:
         place.complain(allowed='"module:Class"')
     try:
         found: object = importlib.import_module(module_name)
-    # The module is the user's: the file named it, so any error of its import is the file's.
-    except Exception as error:
+    except Exception as error:  # the user's module: the file named it, so its errors are the file's
         reason = " ".join(str(error).split())
         place.complain(
             f'"{reference}" cannot be imported: {type(error).__name__}: {reason}',

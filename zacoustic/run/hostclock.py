@@ -17,7 +17,6 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import BOOT_KEY
 
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
@@ -68,21 +67,6 @@ def ask_kernel() -> ClockState | None:
             return ClockState(error_ns=None)
         return ClockState(error_ns=max(0, timex.maxerror, timex.esterror) * _NS_PER_US)
     return None
-
-
-def error_asked(ask: AskClock | None, stated_s: float) -> Callable[[], int | None]:
-    """Return a function of the clock's possible error, ns; None: nothing synchronises it.
-
-    Args:
-        ask: Asks the kernel, or None.
-        stated_s: The configuration's error, s, for systems without a report.
-    """
-
-    def error_ns() -> int | None:
-        state = None if ask is None else ask()
-        return seconds_to_ns(stated_s) if state is None else state.error_ns
-
-    return error_ns
 
 
 def boot_name() -> bytes:

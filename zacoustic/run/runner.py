@@ -20,12 +20,10 @@ make that one raise as well (`zacoustic.run.replacement`).
 
 import asyncio
 import logging
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final, TypeAlias, TypeVar
 
-from zacoustic.core.base.clock import NS_PER_S, Clock
 from zacoustic.core.base.journal import JournalWrite
 from zacoustic.core.base.linktypes import (
     LinkState,
@@ -39,21 +37,17 @@ from zacoustic.core.engine.events import Event
 from zacoustic.errors import ConfigError, LinkClosedError, RangeUnavailableError, ZacousticError
 from zacoustic.link.contract import Link
 from zacoustic.run.alarm import Alarm
-from zacoustic.run.hostclock import AskClock, error_asked
+from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.inbox import Inbox
 from zacoustic.run.journal import Journal
 from zacoustic.run.journal.thread import NO_WRITE, JournalThread
 from zacoustic.run.permitlog import PermitLog
-from zacoustic.run.replacement.intact import Intact, Renew
+from zacoustic.run.replacement.intact import Intact
 from zacoustic.run.replacement.replacement import Replacement
 
 # Rounds of polling before other callbacks of the loop get their turn: an application may answer
 # each event with a command that makes the next one.
 _ROUNDS_LIMIT: Final = 1000
-# The engine hears of UTC at least this often while it is driven, and when it was moved by more than
-# reading two clocks one after the other may differ.
-_TELL_CLOCK_NS: Final = 10 * NS_PER_S
-_CLOCK_JITTER_NS: Final = NS_PER_S // 1000
 
 _logger = logging.getLogger(__name__)
 
@@ -70,17 +64,12 @@ class LinkRunner:
     All methods but `submit` are for the thread of the loop.
 
     Args:
-        engine: The engine, with what it could not be made of where it was made of a journal;
-            no other caller may touch it from now on.
+        engine: The engine; no other caller may touch it from now on. An `Intact` one is replaced by
+            the next of its kind when it has raised; any other stops the runner then.
         link: Its link, not open yet.
-        deliver: Takes each event, on the loop; may call `apply`.
-        renew: Makes the next engine when one has raised; None: that stops the runner.
-        clock: Where instants come from; the same as the link's.
+        clocks: Where instants and UTC come from.
         journal: Where writes go, recovered; None: they count as committed at once. Closed with the
             runner.
-        wall_clock: Tells UTC, ns since 1970; None: the engine never hears of it.
-        clock_error_s: Its possible error, s, if `ask_clock` reports none.
-        ask_clock: Asks how wrong that may be.
         permit_log: Takes each emission, or None. Closed with the runner.
     """
 
@@ -88,48 +77,33 @@ class LinkRunner:
         self,
         engine: Engine | Intact,
         link: Link,
-        deliver: Callable[[Event], None],
         *,
-        renew: Renew | None = None,
-        clock: Clock = time.monotonic_ns,
+        clocks: NodeClocks | None = None,
         journal: Journal | None = None,
-        wall_clock: Clock | None = None,
-        clock_error_s: float = 0.0,
-        ask_clock: AskClock | None = None,
         permit_log: PermitLog | None = None,
     ) -> None:
         self._first = engine if isinstance(engine, Intact) else None
-        self.engine = engine = engine.engine if isinstance(engine, Intact) else engine
+        self.engine: Engine = engine.engine if isinstance(engine, Intact) else engine
         self.link = link
         self.link_state = LinkState.OPENING
         self.link_detail = ""
         self.failure: Exception | None = None
         self.watch: LinkWatch | None = None
         """Whoever sets this sees what crosses between engine and link."""
-        self.settled: Callable[[], None] | None = None
-        """Called each time when all actions of an input are done."""
+        self._clocks = clocks or NodeClocks()
+        self._deliver: Callable[[Event], None] = _ignore
+        self._settled: Callable[[], None] = _nothing
+        self._replacement = None if self._first is None else Replacement(self._first)
         self._is_foreign_on_air = False
         self._is_busy = False
         self._is_beginning = False
-        self._deliver = deliver
-        self._replacement: Replacement | None = None
-        if renew is not None:
-            self._replacement = Replacement(engine, renew)
-            self._deliver = partial(self._replacement.hand_on, deliver, self._instant)
-        self._clock = clock
-        self._now = 0
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._alarm = Alarm(clock, self._expire)
+        self._alarm = Alarm(self._clocks.clock, self._expire)
         self._is_servicing = False
         self._is_closing = False
         self._is_deaf = False
-        self._ended = asyncio.Event()
-        self._closed = asyncio.Event()
+        self._ended, self._closed = asyncio.Event(), asyncio.Event()
         self._inbox: Inbox[Command] = Inbox(self._take_submitted)
-        self._wall_clock = wall_clock
-        self._clock_error = error_asked(ask_clock, clock_error_s)
-        self._offset_ns = 0
-        self._clock_told_at: int | None = None
         self._permit_log = permit_log
         self._on_air: Transmission | None = None
         self._journal: JournalThread | None = None
@@ -141,14 +115,25 @@ class LinkRunner:
                 fail=self._fail,
             )
 
-    async def start(self) -> None:
+    async def start(
+        self,
+        deliver: Callable[[Event], None] | None = None,
+        settled: Callable[[], None] | None = None,
+    ) -> None:
         """Open the link and run.
+
+        Args:
+            deliver: Takes each event, on the loop; may call `apply`.
+            settled: Called each time when all actions of an input are done.
 
         Raises:
             LinkOpenError: The link cannot be opened; the runner is closed then.
             ConfigError: The link cannot do what the config asks of it; the same.
         """
         self._loop = asyncio.get_running_loop()
+        self._deliver, self._settled = deliver or _ignore, settled or _nothing
+        if self._replacement is not None:
+            self._deliver = partial(self._replacement.hand_on, self._deliver, self._instant)
         self._inbox.open(self._loop)
         if self._first is not None:
             self._keep_intact(self._first)
@@ -295,24 +280,22 @@ class LinkRunner:
             for _ in range(_ROUNDS_LIMIT):
                 if not self._poll():
                     self._alarm.set(None if self._is_closing else self.engine.poll_timeout())
-                    if self.settled is not None:
-                        self.settled()
+                    self._settled()
                     return
         finally:
             self._is_servicing = False
-        assert self._loop is not None
-        self._loop.call_soon(self._guarded, self._service)
+        asyncio.get_running_loop().call_soon(self._guarded, self._service)
 
     def _poll(self) -> bool:
         """Take one of each output; returns whether there was any."""
         write = self.engine.poll_journal()
         if write is not None:
             self._keep(write)
-        transmission = None if self._is_closing else self.engine.poll_transmit(self._now)
+        transmission = None if self._is_closing else self.engine.poll_transmit(self._clocks.now)
         if transmission is not None:
             self._on_air = transmission
             if self.watch is not None:
-                self.watch(transmission, self._now)
+                self.watch(transmission, self._clocks.now)
             self._strictly(lambda: self.link.transmit(transmission))
         event = self.engine.poll_event()
         if event is not None:
@@ -320,34 +303,24 @@ class LinkRunner:
         return not (write is None and transmission is None and event is None)
 
     def _tell_clock(self) -> None:
-        """Give the engine UTC, after a clock change or a long time."""
-        if self._wall_clock is None:
-            return
-        now = self._instant()
-        offset_ns, told_at = self._wall_clock() - self._clock(), self._clock_told_at
-        is_old = told_at is None or now - told_at >= _TELL_CLOCK_NS
-        if is_old or abs(offset_ns - self._offset_ns) > _CLOCK_JITTER_NS:
-            self._offset_ns, self._clock_told_at = offset_ns, now
-            self.engine.handle_clock(offset_ns, self._clock_error(), now)
+        self._clocks.tell(self.engine)
 
     def _log_emission(self, sent: Transmission | None, report: TransmitReport) -> None:
-        if self._permit_log is not None and sent is not None and self._wall_clock is not None:
-            offset_ns = self._wall_clock() - self._clock()
+        offset_ns = self._clocks.utc_offset_ns()
+        if self._permit_log is not None and sent is not None and offset_ns is not None:
             self._permit_log.note_report(self.engine, sent, report, offset_ns)
 
     def _expire(self, due_at: int) -> None:
         # The loop may be early by its resolution: then it is the due instant that counts.
-        self._now = max(self._instant(), due_at)
+        self._clocks.now = max(self._instant(), due_at)
         self._guarded(
-            lambda: self.engine.handle_timeout(self._now),
+            lambda: self.engine.handle_timeout(self._clocks.now),
             self._service,
-            lambda: self._alarm.see_progress(self.engine.poll_timeout(), self._now),
+            lambda: self._alarm.see_progress(self.engine.poll_timeout(), self._clocks.now),
         )
 
     def _instant(self) -> int:
-        """Return the present instant; never decreases."""
-        self._now = max(self._now, self._clock())
-        return self._now
+        return self._clocks.instant()
 
     def _take_submitted(self) -> None:
         if self._is_replacing:
@@ -369,7 +342,7 @@ class LinkRunner:
         """Bring a write to the journal."""
         if self._journal is None:
             self._note_kept(write)
-            self.engine.handle_journal_committed(write.write_id, self._now)
+            self.engine.handle_journal_committed(write.write_id, self._clocks.now)
         else:
             self._journal.put(write)
 
@@ -404,7 +377,7 @@ class LinkRunner:
                 step()
         except (ConfigError, RangeUnavailableError) as error:
             self._fail(error)  # the link cannot do what the config asks of it
-        except Exception as error:
+        except Exception as error:  # of the engine or the receiver of its events: a bug
             if self._replacement is None:
                 self._fail(error)
             elif self.failure is None:
@@ -414,7 +387,7 @@ class LinkRunner:
         """Run a step that is none of the engine: what it raises stops the runner."""
         try:
             step()
-        except Exception as error:
+        except Exception as error:  # of the link or a file: a bug
             self._fail(error)
 
     def _lose_engine(self, next_one: Replacement, error: Exception, frame: bytes | None) -> None:
@@ -431,7 +404,7 @@ class LinkRunner:
                 engine.handle_journal_state(self._journal.failure, self._instant())
 
         def begin(made: Intact) -> None:
-            self.engine, self._clock_told_at = made.engine, None
+            self.engine = made.engine
             self._keep_intact(made)
             self._is_beginning = True
             steps = partial(tell, made.engine), self._tell_clock, self._connect, self._service
@@ -487,3 +460,11 @@ class LinkRunner:
             raise LinkClosedError("the runner is not running")
         if self._is_replacing:
             raise LinkClosedError("the engine restarts after an internal error; try again")
+
+
+def _ignore(event: Event) -> None:
+    """Take an event that nobody wants."""
+
+
+def _nothing() -> None:
+    """Do nothing."""

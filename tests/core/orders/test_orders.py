@@ -375,6 +375,9 @@ def test_orders_that_cannot_be_sent_are_refused_here() -> None:
     for node in (0, 255):
         with pytest.raises(LocalError, match=f"node {node}; allowed: 1..254"):
             orders.send(node, SILENCE, rig.now)
+    for timeout_s in (601, float("nan")):
+        with pytest.raises(LocalError, match="allowed: at most 600"):
+            orders.send(2, SILENCE, rig.now, timeout_s=timeout_s)
     with pytest.raises(LocalError, match="orders is served by this node"):
         orders.send(1, SILENCE, rig.now)
     with pytest.raises(LocalError, match="served by"):

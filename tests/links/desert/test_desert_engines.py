@@ -34,11 +34,9 @@ class Ends:
         self.samples: list[bytes] = []
         self.changed = asyncio.Event()
         self.runners = [
-            LinkRunner(
-                self._engine(node + 1), DesertLink(address, settings), self._deliver
-            )
+            LinkRunner(self._engine(node + 1), DesertLink(address, settings))
             for node, address in enumerate(server.addresses)
-        ]  # fmt: skip
+        ]
 
     @staticmethod
     def _engine(address: int) -> Engine:
@@ -54,7 +52,7 @@ class Ends:
 
     async def start(self) -> None:
         for runner in self.runners:
-            await runner.start()
+            await runner.start(self._deliver)
         await until(
             lambda: all(each.link_state.value == "up" for each in self.runners), self.changed
         )

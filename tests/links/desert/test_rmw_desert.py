@@ -58,9 +58,9 @@ class Shore:
         engine = Engine(address=SHORE, table=table(), epoch=1, rng=random.Random(1))
         self.events: list[Event] = []
         self.changed = asyncio.Event()
-        self.runner = LinkRunner(engine, DesertLink(address, config(**settings)), self._deliver)
+        self.runner = LinkRunner(engine, DesertLink(address, config(**settings)))
 
-    def _deliver(self, event: Event) -> None:
+    def deliver(self, event: Event) -> None:
         self.events.append(event)
         self.changed.set()
 
@@ -90,7 +90,7 @@ def both(
         shore = Shore(server.addresses[0], max_read_length=max_read_length, **settings)
         vehicle = Vehicle()
         await vehicle.open(server.addresses[1])
-        await shore.runner.start()
+        await shore.runner.start(shore.deliver)
         await until(lambda: shore.runner.link_state.value == "up", shore.changed)
         try:
             await body(shore, vehicle)
@@ -183,7 +183,7 @@ def test_noise_and_half_a_packet_cost_nothing_but_themselves(framing: str) -> No
 def test_the_engine_goes_on_when_desert_comes_back() -> None:
     async def run(server: StandInServer) -> None:
         shore = Shore(server.addresses[0])
-        await shore.runner.start()
+        await shore.runner.start(shore.deliver)
         await until(lambda: shore.runner.link_state.value == "up", shore.changed)
         vehicle = Vehicle()
         await vehicle.open(server.addresses[1])

@@ -121,7 +121,7 @@ async def _failure(gateway: "Gateway") -> None:
         await gateway.wait_failed()
     except ZacousticError:
         raise
-    except Exception as error:
+    except Exception as error:  # whatever has stopped it
         hint = "the traceback is above; please report it"
         raise ZacousticError(f"stopped by a fault: {error!r}", hint=hint) from error
 

@@ -5,6 +5,7 @@ can be added or left out, without a change in the trace of everything else.
 """
 
 import random
+from copy import copy
 
 _SEED_BITS = 128
 
@@ -17,7 +18,13 @@ class Generators:
     """
 
     def __init__(self, rng: random.Random) -> None:
-        self._seed = rng.getrandbits(_SEED_BITS)
+        self._seed = str(rng.getrandbits(_SEED_BITS))
+
+    def apart(self, owner: str) -> "Generators":
+        """Return what makes the generators of another owner of such components."""
+        others = copy(self)
+        others._seed = f"{owner} {self._seed}"
+        return others
 
     def of(self, component: str) -> random.Random:
         """Return a new generator.

@@ -11,7 +11,8 @@ then: the shell tries again, and `handle_journal_committed` comes when it has su
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Final
 
 import msgspec
 
@@ -38,14 +39,31 @@ deleted by the engine when it does not matter any more."""
 BOOT_KEY = "boot"
 """Key that the shell adds to what was stored, and keeps nowhere: it names the run of the monotonic
 clock. Instants of two lives with the same name can be compared; without a name none can."""
+_APART: Final = "@"
+"""What the keys of owners apart begin with."""
+
+
+def stored_apart(stored: Mapping[str, bytes], owner: str | None) -> dict[str, bytes]:
+    """Return what was stored by an owner, by its own keys.
+
+    Args:
+        stored: Everything.
+        owner: As for `JournalPort.apart`; None: what was stored by nobody apart.
+    """
+    if owner is None:
+        return {key: each for key, each in stored.items() if not key.startswith(_APART)}
+    prefix = _key_of(owner)
+    return {key[len(prefix) :]: each for key, each in stored.items() if key.startswith(prefix)}
 
 
 class JournalPort:
     """What an engine has to write down, and what it does when that is safe."""
 
+    failure: str
+    """Why the journal cannot be written now; empty: it can."""
+
     def __init__(self) -> None:
         self.failure = ""
-        """Why the journal cannot be written now; empty: it can."""
         self._writes: deque[JournalWrite] = deque()
         self._then: dict[int, Callable[[int], None]] = {}
         self._next_write_id = 1
@@ -60,6 +78,10 @@ class JournalPort:
             self._then[write_id] = then
         self._writes.append(JournalWrite(write_id=write_id, key=key, value=value))
 
+    def apart(self, owner: str) -> "JournalPort":
+        """Return this port for an owner whose keys are no one else's; see `stored_apart`."""
+        return _JournalPortOf(self, owner)
+
     def poll(self) -> JournalWrite | None:
         """Return the next write."""
         return self._writes.popleft() if self._writes else None
@@ -69,3 +91,24 @@ class JournalPort:
         then = self._then.pop(write_id, None)
         if then is not None:
             then(now)
+
+
+class _JournalPortOf(JournalPort):
+    """The journal of one owner, in that of all."""
+
+    def __init__(self, journal: JournalPort, owner: str) -> None:
+        self._journal = journal
+        self._prefix = _key_of(owner)
+
+    @property
+    def failure(self) -> str:  # type: ignore[override]
+        return self._journal.failure
+
+    def write(
+        self, key: str, value: bytes | None, then: Callable[[int], None] | None = None
+    ) -> None:
+        self._journal.write(self._prefix + key, value, then)
+
+
+def _key_of(owner: str) -> str:
+    return f"{_APART}{owner}/"

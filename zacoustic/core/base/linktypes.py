@@ -14,6 +14,8 @@ from zacoustic.core.base.clock import seconds_to_ns
 
 BROADCAST: Final = 255
 """Destination address that every node hears. Node addresses are 1…254; 0 means unknown."""
+ONE_LINK: Final = "link"
+"""Name of the link of a node that has one and gives it no name."""
 UNKNOWN_SOURCE: Final = 0
 """In place of the address of a sender that neither the link nor the frame names."""
 
@@ -194,13 +196,15 @@ class Transmission(msgspec.Struct, frozen=True, kw_only=True):
     """One frame that an engine asks its link to transmit."""
 
     transmission_id: int
-    """Identifies the report, counted by the engine."""
+    """Identifies the report, counted by the engine for each link."""
     frame_bytes: bytes
     """The frame, 1…mtu_bytes bytes."""
     destination: int = BROADCAST
     """Address, or `BROADCAST`."""
     acknowledge: bool = False
     """Ask the modem for an acknowledgement; only where `LinkCapabilities.acknowledges`."""
+    link: str = ONE_LINK
+    """Name of the link that transmits it."""
 
 
 class TransmitReport(msgspec.Struct, frozen=True, kw_only=True):

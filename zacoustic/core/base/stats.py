@@ -61,9 +61,11 @@ class LedgerEntry(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EngineStats:
-    """What one engine has counted since it started."""
+    """What one engine has counted since it started, on all of its links."""
 
     def __init__(self) -> None:
+        self.links: dict[str, LinkStats] = {}
+        """The same of each link, by its name."""
         self.frames_transmitted = 0
         self.bytes_transmitted = 0
         self.airtime_ns = 0
@@ -88,6 +90,26 @@ class EngineStats:
         of the answer, smoothed, by address."""
         self._ledger: dict[tuple[int, Cause], int] = {}
 
+    def on(self, link: str) -> "LinkStats":
+        """Begin to count on a link."""
+        self.links[link] = LinkStats(self)
+        return self.links[link]
+
+    def sent(self, frame_bytes: int, airtime_ns: int) -> None:
+        """Count a frame that is given to the link."""
+        self.frames_transmitted += 1
+        self.bytes_transmitted += frame_bytes
+        self.airtime_ns += airtime_ns
+
+    def heard(self, frame_bytes: int) -> None:
+        """Count what has arrived."""
+        self.frames_received += 1
+        self.bytes_received += frame_bytes
+
+    def reported(self, outcome: str) -> None:
+        """Count a transmit report."""
+        self.reports[outcome] = self.reports.get(outcome, 0) + 1
+
     def attribute(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:
         """Enter bytes of a transmitted frame into the ledger."""
         if transmitted_bytes:
@@ -105,6 +127,51 @@ class EngineStats:
             LedgerEntry(stream_id=stream_id, cause=cause, transmitted_bytes=transmitted_bytes)
             for (stream_id, cause), transmitted_bytes in ordered
         ]
+
+
+class LinkStats(EngineStats):
+    """What an engine has counted on one link; all of it counts for the engine as well.
+
+    Args:
+        whole: Counts for all links. What belongs to a stream is counted there alone.
+    """
+
+    def __init__(self, whole: EngineStats) -> None:
+        super().__init__()
+        self._whole = whole
+        self.published = whole.published
+        self.unsubscribed = whole.unsubscribed
+        self.transmitted = whole.transmitted
+        self.received = whole.received
+        self.deadlines_missed = whole.deadlines_missed
+        if not whole.links:
+            # Others have their own: a node answers on each link in another time.
+            self.round_trips_ns = whole.round_trips_ns
+
+    def sent(self, frame_bytes: int, airtime_ns: int) -> None:
+        """Count a frame that is given to the link."""
+        super().sent(frame_bytes, airtime_ns)
+        self._whole.sent(frame_bytes, airtime_ns)
+
+    def heard(self, frame_bytes: int) -> None:
+        """Count what has arrived."""
+        super().heard(frame_bytes)
+        self._whole.heard(frame_bytes)
+
+    def reported(self, outcome: str) -> None:
+        """Count a transmit report."""
+        super().reported(outcome)
+        self._whole.reported(outcome)
+
+    def attribute(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:
+        """Enter bytes of a transmitted frame into the ledger."""
+        super().attribute(stream_id, cause, transmitted_bytes)
+        self._whole.attribute(stream_id, cause, transmitted_bytes)
+
+    def drop(self, reason: str) -> None:
+        """Count a dropped reception."""
+        super().drop(reason)
+        self._whole.drop(reason)
 
 
 def count(counter: dict[int, int], key: int, times: int = 1) -> None:

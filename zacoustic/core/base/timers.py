@@ -110,6 +110,10 @@ class Timers:
         """
         self._changed[key] = find, callback
 
+    def apart(self, owner: str) -> "Timers":
+        """Return these timers for another owner, whose keys are no one else's."""
+        return _TimersOf(self, owner)
+
     def next_at(self) -> int | None:
         """Return the earliest instant, ns, or None: nothing is armed."""
         self._find()
@@ -153,3 +157,32 @@ class Timers:
                 self.cancel(key)
             elif armed is None or armed[0] != instant:
                 self.at(key, instant, callback)
+
+
+class _TimersOf(Timers):
+    """The timers of one owner, in the heap of all."""
+
+    def __init__(self, timers: Timers, owner: str) -> None:
+        super().__init__()
+        self._timers = timers
+        self._owner = owner
+
+    def at(self, key: Key, instant: int, callback: Callable[[int], None]) -> None:
+        self._timers.at(self._key(key), instant, callback)
+
+    def cancel(self, key: Key) -> None:
+        self._timers.cancel(self._key(key))
+
+    def changed(
+        self, key: Key, find: Callable[[], int | None], callback: Callable[[int], None]
+    ) -> None:
+        self._timers.changed(self._key(key), find, callback)
+
+    def next_at(self) -> int | None:
+        return self._timers.next_at()
+
+    def fire(self, now: int) -> None:
+        self._timers.fire(now)
+
+    def _key(self, key: Key) -> Key:
+        return (key[0], self._owner, *key[1:])

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.linktypes import ONE_LINK
 
 
 class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -31,6 +32,8 @@ class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     """Outcome or reason, one word."""
     frame: str = ""
     """The frame in hexadecimal, so that a trace can be replayed."""
+    link: str = ONE_LINK
+    """Name of the link."""
 
     def render(self) -> str:
         """Return the record as one line for people."""
@@ -38,7 +41,8 @@ class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
         size = f" {self.size_bytes} B" if self.size_bytes else ""
         streams = f" streams {','.join(map(str, self.streams))}" if self.streams else ""
         detail = f" {self.detail}" if self.detail else ""
-        head = f"{self.at / NS_PER_S:12.3f}  node {self.node:3d}  {self.what}"
+        link = f" {self.link}" if self.link != ONE_LINK else ""
+        head = f"{self.at / NS_PER_S:12.3f}  node {self.node:3d}  {self.what}{link}"
         return f"{head}{peer}{size}{streams}{detail}"
 
 
@@ -67,6 +71,7 @@ class Tracer:
         frame: bytes = b"",
         streams: tuple[int, ...] = (),
         detail: str = "",
+        link: str = ONE_LINK,
     ) -> None:
         """Write a record; see `TraceRecord` for the words."""
         if self._sink is not None:
@@ -80,5 +85,6 @@ class Tracer:
                     streams=streams,
                     detail=detail,
                     frame=frame.hex(),
+                    link=link,
                 )
             )

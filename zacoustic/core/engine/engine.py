@@ -8,12 +8,14 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
   None; then re-arm one timer from `poll_timeout`.
 - ``now`` is an instant in ns of one monotonic clock and never decreases. A timer that fires early
   is handed the instant that was asked for.
-- After a transmission `poll_transmit` returns None until `handle_transmit_report` has been called.
+- After a transmission nothing goes by its link until `handle_transmit_report` has been called.
+- An input from a link has the link's name; without one it is from the first link. A transmission
+  has the name of the link that it is for.
 - A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
 - Inputs from the water never raise; any exception from them is a bug, and another engine goes on
   from the journal then (`zacoustic.run.replacement`). Commands raise `LocalError`s.
 
-Who does what::
+Who does what, on each link (`zacoustic.core.engine.linkstack`)::
 
     publish, call ──► TransmitQueue ──► Composer ──► Envelope ──► poll_transmit
                                            ▲ Handshake (may it be decoded, what is owed)
@@ -22,19 +24,21 @@ Who does what::
     ranging.request, .repeat ──► Composer: frames for the sake of the range
     measurements ◄── handle_measurement, handle_frame
 
+A stream goes by the link that `TransmitRules.routes` names, else by the first one; so do remote
+commands and ranges. The handshake is one for all links.
+
 What is said and heard depends on the wire profile of the stream table (`StreamTable.wire`); the
 rest, when a frame may go and what is booked for it, does not.
 """
 
 import random
-from collections import deque
-from collections.abc import Mapping, Sequence
+from collections import Counter, deque
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final, TypeVar
+from typing import TypeVar
 
 from zacoustic.core.base.journal import BOOT_KEY, JournalWrite
 from zacoustic.core.base.linktypes import (
-    UNKNOWN_SOURCE,
     LinkCapabilities,
     LinkState,
     Measurement,
@@ -43,34 +47,29 @@ from zacoustic.core.base.linktypes import (
     Transmission,
     TransmitReport,
 )
+from zacoustic.core.base.qos import Tuning
 from zacoustic.core.base.trace import Tracer, TraceSink
+from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, Subscriptions
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
+from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
-from zacoustic.core.peers.measurements import Measurements
-from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
-from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
+from zacoustic.core.profiles.native.protocols import MakeTransport
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.airtime import AirtimeCaps
-from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
-from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.silence import Silence
-from zacoustic.core.schedule.transmitter import Transmitter
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.commands.ledger import Ledger
 from zacoustic.core.transport.commands.orders import Orders
 from zacoustic.core.transport.commands.tunings import Tunings
 from zacoustic.core.transport.contract import Transport
 from zacoustic.core.wire.calls import CallFailure, CallKey
-from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.errors import LocalError
 
 OtherTransport = TypeVar("OtherTransport", bound=Transport)
 _NO_RULES = TransmitRules()
-_PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
 
 class Engine:
@@ -84,7 +83,8 @@ class Engine:
         stored: What the journal has kept from earlier lives.
         rules: What the config says of transmitting.
         trace: Takes a record of each thing done, or None.
-        transports: Make transports of somebody else (`zacoustic.core.transport.contract`).
+        transports: Make transports of somebody else, one for each link
+            (`zacoustic.core.transport.contract`).
     """
 
     def __init__(
@@ -107,147 +107,97 @@ class Engine:
         self._trace = Tracer(address, trace)
         self._now = 0
         self._events: deque[Event] = deque()
-        context = Context(address, table, epoch, rng, stored, self._events.append)
-        self.stats = context.stats
-        self._journal = journal = context.journal
-        self._timers = timers = context.timers
-        self._peers = peers = context.peers
-        emit = context.emit
-        self.measurements = Measurements(peers)
+        emit = self._events.append
+        node = NodeContext(address, table, epoch, rng, stored, rules.contact, emit)
+        self.stats = node.stats
+        self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
+        self._journal, self._timers = journal, timers = node.journal, node.timers
+        self.measurements = node.measurements
         """What was measured of peers and modem; to be read only."""
-        self.doubt = context.doubt
+        self.doubt = node.doubt
         """Whether something of former lives is forgotten; to be read only."""
-        self._protocols = protocols = _PROTOCOLS[table.wire](context, rules, transports)
-        self.ranging = protocols.ranging
-        """Commands about ranges: `request`, `cancel` and `repeat`."""
-        self.actions = protocols.actions
-        """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
-        self.demand = protocols.demand
-        """Commands about on-demand topics: `want`; and who wants them of this node."""
-        self.deadlines = protocols.deadlines
-        """Of what a sample is awaited; to be read only."""
-        self.contact = protocols.contact
+        self.contact = node.contact
         """Who is lost; to be read only."""
         self.clock = HostTime(
-            rules.access, bool(rules.quiet), stored, journal=journal, timers=timers, emit=emit
+            rules.schedule, bool(rules.quiet), stored, journal=journal, timers=timers, emit=emit
         )
         """What is known of UTC; to be read only."""
         self.silence = Silence(
             rules.quiet, stored, host=self.clock, journal=journal, timers=timers, emit=emit
         )
         """Orders to be silent: `begin` and `resume`."""
+        self._routes = rules.routes
+        self._stacks: dict[str, LinkStack] = {}
+        for index, own in enumerate(rules.of_links):
+            context = Context(node, own.name, index)
+            self._stacks[own.name] = LinkStack(
+                context, rules, own, self.silence, self._trace, transports
+            )
+        self._first = next(iter(self._stacks.values()))
+        self.ranging = self._first.protocols.ranging
+        """Commands about ranges: `request`, `cancel` and `repeat`."""
+        self.actions = GoalCommands(self._stack_of)
+        """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
+        self.demand = Subscriptions(self._stack_of)
+        """Commands about on-demand topics: `want`; and who wants them of this node."""
+        self.deadlines = AwaitedSamples(self._stacks.values())
+        """Of what a sample is awaited; to be read only."""
         ledger = Ledger(stored, journal)
-        peers.forgotten.connect(ledger.peer_forgotten)
+        self._peers.forgotten.connect(ledger.peer_forgotten)
         self.orders = Orders(
             address,
             table,
-            protocols.services,
-            protocols.handshake,
-            Tunings(
-                address,
-                table,
-                queue=protocols.queue,
-                objects=protocols.objects,
-                stored=stored,
-                journal=journal,
-            ),
+            self._first.protocols.services,
+            self._handshake,
+            Tunings(address, table, tune=self._tune, stored=stored, journal=journal),
             ledger,
             self.silence,
             rules.orders_from,
             emit,
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
-
-        access_rng = context.generators.of("access")
-
-        def make_port(capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
-            return LinkPort(
-                capabilities,
-                address,
-                access_rng,
-                rules.access,
-                envelope=envelope,
-                measurements=self.measurements,
-            )
-
-        self._transmitter = Transmitter(
-            protocols,
-            self.silence,
-            self.clock,
-            AirtimeCaps(rules.max_airtime),
-            self.stats,
-            make_port,
-            emit,
-        )
-        peers.forgotten.connect(self._transmitter.peer_forgotten)
-        for stream in table:
-            self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
-        protocols.recover(stored)
+        for stack in self._stacks.values():
+            stack.protocols.recover()
 
     # Inputs
 
-    def handle_frame(self, frame: ReceivedFrame, now: int) -> None:
+    def handle_frame(self, frame: ReceivedFrame, now: int, link: str | None = None) -> None:
         """A frame, or a piece of a byte stream, arrived."""
         self._now = now
-        port = self._transmitter.port
-        if port is None:
-            self.stats.drop("link_down")
-            return
-        self.stats.frames_received += 1
-        self.stats.bytes_received += len(frame.frame_bytes)
-        for opened in port.envelope.open(frame):
-            reason = port.refuse(opened, frame)
-            if isinstance(opened, Opened) and reason in (None, "not_for_us"):
-                if opened.source != UNKNOWN_SOURCE:
-                    self._protocols.contact.heard(opened.source, now)
-                    self.measurements.note(opened.source, frame.metrics, frame.received_at)
-                port.heard(opened.source, len(frame.frame_bytes), now)
-                if reason is None:
-                    streams = self._protocols.receive(opened, frame, port, now)
-                    self._trace.note(
-                        now, "receive", peer=opened.source, frame=frame.frame_bytes, streams=streams
-                    )
-                    continue
-                self._protocols.overhear(opened, frame, port, now)
-            assert reason is not None
-            self.stats.drop(reason)
-            self._trace.note(now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason)
-        for news in self._protocols.handshake.news:
+        self._stack(link).handle_frame(frame, now)
+        for news in self._handshake.news:
             self._events.append(news)
             self._trace_news(news, now)
-        self._protocols.handshake.news.clear()
+        self._handshake.news.clear()
 
-    def handle_transmit_report(self, report: TransmitReport, now: int) -> None:
+    def handle_transmit_report(
+        self, report: TransmitReport, now: int, link: str | None = None
+    ) -> None:
         """A transmission has ended."""
         self._now = now
-        if not self._transmitter.finish(report, now):
-            self.stats.drop("stray_report")
-            return
-        outcome = report.outcome.value
-        self.stats.reports[outcome] = self.stats.reports.get(outcome, 0) + 1
-        self._trace.note(now, "report", detail=outcome)
+        self._stack(link).handle_report(report, now)
 
     def handle_link_state(
-        self, state: LinkState, now: int, capabilities: LinkCapabilities | None = None
+        self,
+        state: LinkState,
+        now: int,
+        capabilities: LinkCapabilities | None = None,
+        link: str | None = None,
     ) -> None:
         """The link went up or down; `capabilities` come with UP, and when they change."""
         self._now = now
-        self._protocols.begin(now)
-        if capabilities is not None and capabilities != self.capabilities:
-            self._transmitter.use_link(capabilities, now)
-        if state is not self._transmitter.link_state:
-            self._transmitter.change_state(state, now)
-            if state is LinkState.UP:
-                self.silence.wake(now)
-                self._protocols.link_up(now)
-            self._events.append(LinkStateChanged(state=state, changed_at=now))
-            self._trace.note(now, "link", detail=state.value)
+        self._begin(now)
+        stack = self._stack(link)
+        if stack.handle_state(state, capabilities, now):
+            self._events.append(LinkStateChanged(state=state, changed_at=now, link=stack.name))
+            self._trace.note(now, "link", detail=state.value, link=stack.name)
 
-    def handle_carrier(self, busy: bool, now: int) -> None:
+    def handle_carrier(self, busy: bool, now: int, link: str | None = None) -> None:
         """Somebody else's transmission began or ended."""
         self._now = now
-        if self._transmitter.port is not None:
-            self._transmitter.port.handle_carrier(busy, now)
+        port = self._stack(link).transmitter.port
+        if port is not None:
+            port.handle_carrier(busy, now)
 
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
         """The host says that UTC is `now + offset_ns`, wrong by `error_ns` at most; None: unknown.
@@ -256,12 +206,15 @@ class Engine:
         own jitter, and every ten seconds at least where the engine is driven at all.
         """
         self._now = now
-        self._protocols.begin(now)
+        self._begin(now)
         error_ns = self.clock.tell(offset_ns, error_ns, now)
         self.silence.handle_clock(now)
-        self._transmitter.handle_clock(offset_ns, error_ns, now)
+        for stack in self._stacks.values():
+            stack.transmitter.handle_clock(offset_ns, error_ns, now)
 
-    def handle_measurement(self, measurement: Measurement, now: int) -> None:
+    def handle_measurement(
+        self, measurement: Measurement, now: int, link: str | None = None
+    ) -> None:
         """The link has measured something of a peer, or says something of its modem."""
         self._now = now
         peer = measurement.address if isinstance(measurement, PeerMeasured) else 0
@@ -269,7 +222,7 @@ class Engine:
             if not 1 <= peer <= 254 or peer == self.address:
                 self.stats.drop("address")
                 return
-            self.ranging.measured(measurement)
+            self._stack(link).protocols.ranging.measured(measurement)
         self.measurements.handle(measurement)
         self._events.append(measurement)
         self._trace.note(now, "measure", peer=peer)
@@ -278,14 +231,17 @@ class Engine:
         """The instant that `poll_timeout` named has come."""
         self._now = now
         self.silence.keep(now)
-        self._protocols.handle_timeout(now)
+        for stack in self._stacks.values():
+            stack.protocols.handle_timeout(now)
         self._timers.fire(now)
-        self._transmitter.handle_timeout(now)
+        for stack in self._stacks.values():
+            stack.transmitter.handle_timeout(now)
 
     def handle_journal_committed(self, write_id: int, now: int) -> None:
         """A journal write is safe."""
         self._now = now
-        self._protocols.large.at(now)
+        for stack in self._stacks.values():
+            stack.protocols.large.at(now)
         self._journal.committed(write_id, now)
 
     def handle_journal_state(self, failure: str, now: int) -> None:
@@ -306,8 +262,9 @@ class Engine:
         """
         self._now = now
         stream = self.table.declare(spec)
-        self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
-        self._protocols.begin_epoch(now)
+        for stack in self._stacks.values():
+            stack.declared(stream)
+        self._epoch.begin(now)
         return stream
 
     def publish(
@@ -342,10 +299,12 @@ class Engine:
             PayloadTooLargeError: It fits no frame of this link.
         """
         self._now = now
-        return self._protocols.publish(
+        stack = self._stack_of(stream_id)
+        delivery_id = stack.protocols.publish(
             stream_id, value, now, instance=instance, encoding=encoding, delete=delete,
             queued_at=queued_at,
         )  # fmt: skip
+        return stack.ids.outer(delivery_id)
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Give up a reliable sample; False when it is not on its way.
@@ -353,12 +312,14 @@ class Engine:
         `DeliveryEnded` follows; receivers that have part of a large one are told.
         """
         self._now = now
-        return self._protocols.large.cancel(delivery_id, now)
+        found = self._given_by(delivery_id)
+        return found is not None and found[0].protocols.large.cancel(found[1], now)
 
-    def refuse_object(self, source: int, transfer: int, now: int) -> bool:
+    def refuse_object(self, source: int, transfer: int, now: int, link: str | None = None) -> bool:
         """Refuse the rest of an object that `ObjectProgress` has told of; False when it is over."""
         self._now = now
-        return self._protocols.large.at(now).objects.cancel_incoming(source, transfer)
+        objects = self._stack(link).protocols.large.at(now).objects
+        return objects.cancel_incoming(source, transfer)
 
     def call(
         self, stream_id: int, value: object, now: int, *, timeout_s: float | None = None
@@ -373,12 +334,15 @@ class Engine:
             QueueFullError: 16 calls to this service are under way, or have been just now.
         """
         self._now = now
-        return self._protocols.call(stream_id, value, now, timeout_s=timeout_s)
+        stack = self._stack_of(stream_id)
+        return stack.ids.outer(stack.protocols.call(stream_id, value, now, timeout_s=timeout_s))
 
     def cancel(self, call_id: int, now: int) -> None:
         """Give up a call: its request is not sent if it still waits, and no event follows."""
         self._now = now
-        self._protocols.cancel(call_id, now)
+        found = self._given_by(call_id)
+        if found is not None:
+            found[0].protocols.cancel(found[1], now)
 
     def reply(self, call: CallKey, value: object, now: int) -> bool:
         """Answer a request; False when it is too late or was answered before.
@@ -391,30 +355,20 @@ class Engine:
             PayloadTooLargeError: It fits no frame of this link.
         """
         self._now = now
-        return self._protocols.reply(call, value, now)
+        return self._stack_of(call.stream_id).protocols.reply(call, value, now)
 
     def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
         """Answer a request with an error; the text is cut to 48 bytes. False as for `reply`."""
         self._now = now
-        return self._protocols.reply_error(call, failure, text, now)
+        return self._stack_of(call.stream_id).protocols.reply_error(call, failure, text, now)
 
     # Outputs
 
     def poll_transmit(self, now: int) -> Transmission | None:
-        """Return the frame that is worth most now, if the link can take one."""
+        """Return the frame that is worth most now, for the first link that can take one."""
         self._now = now
-        made = self._transmitter.make(now)
-        if made is None:
-            return None
-        transmission, streams = made
-        self._trace.note(
-            now,
-            "transmit",
-            peer=transmission.destination,
-            frame=transmission.frame_bytes,
-            streams=streams,
-        )
-        return transmission
+        made = (stack.make(now) for stack in self._stacks.values())
+        return next((each for each in made if each is not None), None)
 
     def poll_journal(self) -> JournalWrite | None:
         """Return the next write that a promise waits for."""
@@ -422,7 +376,11 @@ class Engine:
 
     def poll_event(self) -> Event | None:
         """Return the next event for the application."""
-        self._transmitter.review(self._now)
+        now, transmitters = self._now, [each.transmitter for each in self._stacks.values()]
+        doubts = (transmitter.clock_doubt(now) for transmitter in transmitters)
+        self.clock.review(next(filter(None, doubts), ""), now)
+        for transmitter in transmitters:
+            transmitter.review(now)
         return self._events.popleft() if self._events else None
 
     def poll_timeout(self) -> int | None:
@@ -430,7 +388,8 @@ class Engine:
 
         None means that the engine waits for inputs only.
         """
-        instants = (self._timers.next_at(), self._transmitter.next_at(self._now))
+        frames = (stack.transmitter.next_at(self._now) for stack in self._stacks.values())
+        instants = (self._timers.next_at(), *frames)
         earliest = min((at for at in instants if at is not None), default=None)
         return None if earliest is None else max(earliest, self._now)
 
@@ -439,55 +398,75 @@ class Engine:
     @property
     def epoch(self) -> int:
         """The current boot epoch."""
-        return self._protocols.handshake.epoch
+        return self._handshake.epoch
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of the links; the first one is that of whatever names none."""
+        return tuple(self._stacks)
 
     @property
     def link_state(self) -> LinkState:
-        """What the link last said of itself."""
-        return self._transmitter.link_state
+        """What the first link last said of itself."""
+        return self._first.state
 
     @property
     def capabilities(self) -> LinkCapabilities | None:
-        """What the link can do; None before it was up."""
-        port = self._transmitter.port
-        return port.capabilities if port else None
+        """What the first link can do; None before it was up."""
+        return self._first.capabilities
+
+    def state_of(self, link: str) -> LinkState:
+        """Return what a link last said of itself."""
+        return self._stack(link).state
+
+    def capabilities_of(self, link: str) -> LinkCapabilities | None:
+        """Return what a link can do; None before it was up."""
+        return self._stack(link).capabilities
+
+    def link_of(self, stream_id: int) -> str:
+        """Return the name of the link that a stream goes by."""
+        return self._stack_of(stream_id).name
 
     @property
     def is_idle(self) -> bool:
         """Nothing waits, nothing is under way, no timer is armed."""
-        port = self._transmitter.port
-        is_busy = port is not None and port.is_busy
-        return not is_busy and self._protocols.is_idle and self.poll_timeout() is None
+        is_idle = all(stack.is_idle for stack in self._stacks.values())
+        return is_idle and self.poll_timeout() is None
 
     @property
     def owes_acknowledgement(self) -> bool:
         """Something waits that says what has come, and this node may transmit."""
-        may_speak = self.link_state is LinkState.UP and not self.silence.is_silent(self._now)
-        return may_speak and self._protocols.owes_acknowledgement(self._now)
+        now = self._now
+        return not self.silence.is_silent(now) and any(
+            stack.state is LinkState.UP and stack.protocols.owes_acknowledgement(now)
+            for stack in self._stacks.values()
+        )
 
-    def transport(self, kind: type[OtherTransport]) -> OtherTransport:
-        """Return the transport of somebody else that is of a class.
+    def transport(self, kind: type[OtherTransport], link: str | None = None) -> OtherTransport:
+        """Return the transport of somebody else that is of a class; each link has its own.
 
         Raises:
             LocalError: This engine was made without it.
         """
-        for each in self._protocols.transports.values():
+        made = self._stack(link).protocols.transports
+        for each in made.values():
             if isinstance(each, kind):
                 return each
-        made = ", ".join(self._protocols.transports) or "none"
-        raise LocalError(f"no transport {kind.name}; this engine has: {made}")
+        names = ", ".join(made) or "none"
+        raise LocalError(f"no transport {kind.name}; this engine has: {names}")
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
-        return self._protocols.sending.delivering(stream_id)
+        return self._stack_of(stream_id).protocols.sending.delivering(stream_id)
 
     def is_delivering(self, delivery_id: int) -> bool:
         """Tell whether a reliable sample has not ended."""
-        return self._protocols.sending.is_delivering(delivery_id)
+        found = self._given_by(delivery_id)
+        return found is not None and found[0].protocols.sending.is_delivering(found[1])
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
-        return self._protocols.pending(stream_id)
+        return self._stack_of(stream_id).protocols.pending(stream_id)
 
     def forget(self, address: int, now: int) -> None:
         """Free everything that is kept of another node, in the journal too.
@@ -505,24 +484,51 @@ class Engine:
 
     def expire(self, now: int) -> int | None:
         """Forget what waits and is too old; returns when something else will be, ns, or None."""
-        return self._protocols.queue.drop_expired(now)
+        instants = (each.protocols.queue.drop_expired(now) for each in self._stacks.values())
+        return min((at for at in instants if at is not None), default=None)
 
     @property
     def expired(self) -> dict[int, int]:
         """Payloads that became too old before they could be sent, by stream."""
-        return dict(self._protocols.queue.expired)
+        return _sum(each.protocols.queue.expired for each in self._stacks.values())
 
     @property
     def superseded(self) -> dict[int, int]:
         """Payloads pushed out by newer ones before they could be sent, by stream."""
-        return dict(self._protocols.queue.superseded)
+        return _sum(each.protocols.queue.superseded for each in self._stacks.values())
 
     def peers(self) -> dict[int, bool]:
         """Return the nodes heard so far, and whether each has confirmed our table."""
-        known = self._protocols.handshake.peers()
+        known = self._handshake.peers()
         return {address: peer.confirmed_us for address, peer in known.items()}
 
     # Below the methods above
+
+    def _begin(self, now: int) -> None:
+        """This is the first instant of the life; no effect later on."""
+        self.contact.begin(now)
+        self._handshake.begin(now)
+        for stack in self._stacks.values():
+            stack.protocols.begin(now)
+
+    def _stack(self, link: str | None) -> LinkStack:
+        if link is None:
+            return self._first
+        stack = self._stacks.get(link)
+        if stack is None:
+            raise LocalError(f"no link {link!r}; allowed: {', '.join(self._stacks)}")
+        return stack
+
+    def _stack_of(self, stream_id: int) -> LinkStack:
+        return self._stack(self._routes.get(stream_id))
+
+    def _given_by(self, outer: int) -> tuple[LinkStack, int] | None:
+        """Return the link that has given an id away, and what it is there."""
+        found = ((stack, stack.ids.inner(outer)) for stack in self._stacks.values())
+        return next(((stack, inner) for stack, inner in found if inner is not None), None)
+
+    def _tune(self, stream: Stream, tuning: Tuning) -> None:
+        self._stack_of(stream.stream_id).protocols.tune(stream, tuning)
 
     def _trace_news(self, news: PeerSeen | StreamsDiffer, now: int) -> None:
         if isinstance(news, PeerSeen):
@@ -530,3 +536,10 @@ class Engine:
             self._trace.note(now, "peer", peer=news.address, detail=detail)
         else:
             self._trace.note(now, "differ", peer=news.address, streams=(news.stream_id,))
+
+
+def _sum(counters: Iterable[Mapping[int, int]]) -> dict[int, int]:
+    total: Counter[int] = Counter()
+    for counter in counters:
+        total.update(counter)
+    return dict(total)

@@ -6,7 +6,7 @@ arises in the engine itself.
 
 import msgspec
 
-from zacoustic.core.base.linktypes import LinkState, ModemRead, PeerMeasured
+from zacoustic.core.base.linktypes import ONE_LINK, LinkState, ModemRead, PeerMeasured
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.doubt import JournalDoubted
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
@@ -99,6 +99,8 @@ class LinkStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """The new state."""
     changed_at: int
     """Instant of the change, ns."""
+    link: str = ONE_LINK
+    """Name of the link."""
 
 
 class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):

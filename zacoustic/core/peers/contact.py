@@ -14,7 +14,6 @@ node; without them nothing is sent and no timer is armed.
   restart is noticed by it.
 """
 
-import random
 from collections.abc import Callable
 from functools import partial
 from typing import Final
@@ -22,20 +21,14 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.linktypes import BROADCAST
-from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer
-from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import REACHABILITY, Change, Reachability
-from zacoustic.core.streams.table import StreamTable
 
 LEAST_HEARTBEAT_S: Final = 1.0
 """Least time between two heartbeats, s: the smallest frame of a modem lasts a quarter of that."""
 LEAST_MISSED: Final = 2
 """A node is lost after so many heartbeats at least: any one may be."""
-_EARLIEST: Final = 0.75
-"""Share of the pause that is certain; the rest is drawn."""
 
 
 class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,76 +79,43 @@ class PeerFound(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Contact:
-    """What one node does to be heard, and whom it misses.
+    """Whom one node misses, on whatever link it hears them.
 
     Args:
         address: Address of the node.
-        table: Its table; what it lists are the nodes there are.
         rules: What the config says.
         peers: The other nodes.
         timers: Tell who has become lost.
-        rng: Draws the pauses.
         emit: Takes events.
     """
 
     def __init__(
         self,
         address: int,
-        table: StreamTable,
         rules: ContactRules,
         peers: Peers,
         timers: Timers,
-        rng: random.Random,
         emit: Callable[[PeerLost | PeerFound], None],
     ) -> None:
         self._address = address
         self._rules = rules
         self._timers = timers
-        self._rng = rng
         self._emit = emit
-        self._hearers = [each for each in table.nodes if each != address] or [BROADCAST]
-        self._said_at: dict[int, int] = {}
-        self._pause_ns = 0
+        self._has_begun = False
         self._sightings: dict[int, Sighting] = {}
         peers.forgotten.connect(self._forget)
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
-        if self._said_at:
+        if self._has_begun:
             return
-        self._said_at = dict.fromkeys(self._hearers, now)
-        self._draw_pause()
+        self._has_begun = True
         for address in self._rules.lost_after_s:
             if address != self._address:
                 self._sightings.setdefault(
                     address, Sighting(state=REACHABILITY.first, since=now, heard_at=None)
                 )
                 self._arm(address)
-
-    # Heartbeats
-
-    def due_at(self, now: int) -> int | None:
-        """Return the instant at which a heartbeat is due, ns; None: never."""
-        if self._rules.heartbeat_s is None or not self._said_at:
-            return None
-        return min(self._said_at.values()) + self._pause_ns
-
-    def offer(self, now: int) -> Offer | None:
-        """Offer a heartbeat that is due."""
-        due_at = self.due_at(now)
-        if due_at is None or due_at > now:
-            return None
-        return Offer(destination=BROADCAST, rank=FIRST_BUT_URGENT, must_go=Cause.HEARTBEAT)
-
-    def transmitted(self, destination: int, now: int) -> None:
-        """A frame goes to a node, or to all."""
-        if destination == BROADCAST:
-            self._said_at = dict.fromkeys(self._hearers, now)
-            self._draw_pause()
-        elif destination in self._said_at:
-            self._said_at[destination] = now
-
-    # Who is heard
 
     def heard(self, source: int, now: int) -> None:
         """A frame of a node arrived, for whomever it was."""
@@ -198,8 +158,3 @@ class Contact:
         heard_at, state = known.heard_at, REACHABILITY.after(known.state, Change.SILENCE)
         self._sightings[address] = Sighting(state=state, since=now, heard_at=heard_at)
         self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))
-
-    def _draw_pause(self) -> None:
-        if self._rules.heartbeat_s is not None:
-            longest_ns = seconds_to_ns(self._rules.heartbeat_s)
-            self._pause_ns = self._rng.randint(round(_EARLIEST * longest_ns), longest_ns)

@@ -83,6 +83,12 @@ PATIENCE_UNITS: Final = 16
 _ASK_HELLO: Final = 0
 
 
+def unit_ns(capabilities: LinkCapabilities) -> int:
+    """Return the time in which the largest frame arrives, ns."""
+    propagation_ns = seconds_to_ns(capabilities.propagation_s)
+    return capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+
+
 class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
     """A node told its epoch for the first time, or it restarted."""
 
@@ -124,6 +130,8 @@ class Handshake:
         self._rng = rng
         self._peers = peers
         self.introductions = Introductions(address, epoch, table, peers)
+        self._units_ns: dict[str, int] = {}
+        """Of each link that was up."""
         self._unit_ns = seconds_to_ns(1)
         self.patience_ns = PATIENCE_UNITS * self._unit_ns
         """How long the next frame of a peer is awaited, ns."""
@@ -148,10 +156,17 @@ class Handshake:
         if self._began_at is None:
             self._began_at = now
 
-    def use_link(self, capabilities: LinkCapabilities) -> None:
-        """Scale the pauses to a link: a unit is the time in which the largest frame arrives."""
-        propagation_ns = seconds_to_ns(capabilities.propagation_s)
-        self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+    def use_link(self, link: str, capabilities: LinkCapabilities, now: int) -> None:
+        """Scale the pauses to a link: a unit is the time in which the largest frame arrives.
+
+        What is known of a node holds on all links, so it is the unit of the slowest one.
+        """
+        self._units_ns[link] = unit_ns(capabilities)
+        longest_ns = max(self._units_ns.values())
+        if len(self._units_ns) > 1 and longest_ns > self._unit_ns:
+            for peer in self._peers.values():  # of a former life frames may come by that link
+                peer.settled_at = max(peer.settled_at, now + SETTLING_UNITS * longest_ns)
+        self._unit_ns = longest_ns
         self.introductions.unit_ns = self._unit_ns
         self.patience_ns = PATIENCE_UNITS * self._unit_ns
         self.settling_ns = SETTLING_UNITS * self._unit_ns
@@ -165,17 +180,22 @@ class Handshake:
 
     # What this node says
 
-    def introduce(self, address: int, stream_id: int) -> None:
+    def introduce(self, link: str, address: int, stream_id: int) -> None:
         """Make a record in the next frame to a node readable, whatever the node has forgotten."""
         peer = self._peers[address]
+        peer.link = link
         peer.owes_hello = True
         if peer.digest != self.digest:
             peer.owed_rows[stream_id] = None
 
-    def owed(self, destination: int, room_bytes: int, now: int) -> list[tuple[Cause, bytes]]:
+    def owed(
+        self, link: str, destination: int, room_bytes: int, now: int
+    ) -> list[tuple[Cause, bytes]]:
         """Take what is owed to the hearers of a frame and fits in it; a HELLO excepted."""
         taken: list[tuple[Cause, bytes]] = []
-        hearers = sorted(self._peers) if destination == BROADCAST else [destination]
+        hearers = [destination]
+        if destination == BROADCAST:
+            hearers = sorted(each for each, peer in self._peers.items() if peer.link == link)
         for address in hearers:
             peer = self._peers.get(address)
             if peer is not None and peer.is_owed:
@@ -192,24 +212,24 @@ class Handshake:
                     peer.speak_at = None
         return taken
 
-    def due_at(self, now: int) -> int | None:
+    def due_at(self, link: str, now: int) -> int | None:
         """Return the instant from which a frame goes that only says what is owed, ns, or None."""
-        speak = self._speak_next()
+        speak = self._speak_next(link)
         return speak and speak[0]
 
-    def offer(self, now: int) -> Offer | None:
+    def offer(self, link: str, now: int) -> Offer | None:
         """Offer what found no room in time: it goes before what else waits."""
-        speak = self._speak_next()
+        speak = self._speak_next(link)
         if speak is None or speak[0] > now:
             return None
         return Offer(destination=speak[1], owed_first=True, rides=True)
 
-    def _speak_next(self) -> tuple[int, int] | None:
+    def _speak_next(self, link: str) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next frame that only says what is owed, or None."""
         waiting = [
             (peer.speak_at, address)
             for address, peer in self._peers.items()
-            if peer.speak_at is not None and peer.is_owed
+            if peer.speak_at is not None and peer.link == link and peer.is_owed
         ]
         return min(waiting, default=None)
 

@@ -15,6 +15,7 @@ confirm* has not waited: it holds for the frame that it is in, and only a hearer
 for long may make more of it.
 """
 
+from collections import Counter
 from typing import Final
 
 from zacoustic.core.base.linktypes import BROADCAST
@@ -52,7 +53,8 @@ class Introductions:
         self._address = address
         self._table = table
         self._peers = peers
-        self._since_hello = PerPeer(peers, int)
+        self._since_hello = PerPeer(peers, Counter[str])
+        """Frames since the last HELLO, by destination and link."""
         self.unit_ns = 0
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
@@ -73,11 +75,12 @@ class Introductions:
             self._peers[destination].is_being_confirmed = False
 
     def introduction(
-        self, destination: int, room_bytes: int, now: int, *, urgent: bool = False
+        self, link: str, destination: int, room_bytes: int, now: int, *, urgent: bool = False
     ) -> bytes:
         """Return what a frame to `destination` begins with.
 
         Args:
+            link: Name of the link that it goes by.
             destination: Address, or `BROADCAST`.
             room_bytes: What the frame has left beside its first record; a HELLO that does not fit
                 is sent without it.
@@ -86,7 +89,7 @@ class Introductions:
         """
         audience = self._audience(destination, now)
         silent = [peer for peer in audience if not peer.confirmed_us]
-        asked = self.introduces(destination)
+        asked = self.introduces(link, destination)
         # Without a list nobody knows who hears a broadcast, whoever has confirmed.
         is_known = bool(audience) and (destination != BROADCAST or bool(self._table.nodes))
         if is_known and not silent and not asked:
@@ -101,25 +104,25 @@ class Introductions:
         ):
             wanted = False
         else:
-            turn = self._since_hello[destination] % HELLO_EVERY == 0
+            turn = self._since_hello[destination][link] % HELLO_EVERY == 0
             wanted = (fits and (turn or destination != BROADCAST)) or (turn and not urgent)
         if not wanted:
-            self._since_hello[destination] += 1
+            self._since_hello[destination][link] += 1
             return tag
-        self._since_hello[destination] = 1
+        self._since_hello[destination][link] = 1
         self.is_told = True
         if destination != BROADCAST and not asked and audience[0].shares(self.digest):
             return tag + self._early_confirm(destination, audience[0], now)
         for peer in self._peers.values() if destination == BROADCAST else audience:
-            if peer.owes_hello:
+            if peer.owes_hello and (destination != BROADCAST or peer.link == link):
                 peer.owes_hello = False
                 peer.answer_pause.use(now, self.unit_ns)
         return Hello(WIRE_VERSION, self.epoch, self.digest).encode()
 
-    def introduces(self, destination: int) -> bool:
+    def introduces(self, link: str, destination: int) -> bool:
         """Tell whether a hearer of frames to `destination` waits for a HELLO, records or not."""
         if destination == BROADCAST:
-            return any(peer.owes_hello for peer in self._peers.values())
+            return any(peer.owes_hello and peer.link == link for peer in self._peers.values())
         return self._peers[destination].owes_hello
 
     def is_unconfirmed(self, destination: int, now: int) -> bool:

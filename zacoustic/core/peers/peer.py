@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.states import AGREEMENT, Agreement, Change, Life
 
@@ -57,6 +58,9 @@ class Peer:
         Unlike its agreement a question does not revoke that: an epoch that was known is known."""
         self.holds_at = 0
         """Instant from which a provisional agreement holds, ns."""
+        self.link = ONE_LINK
+        """Name of the link on which it was heard last, or a record for it goes again: what it is
+        owed goes there."""
         self.is_assured = False
         """It knows that we have confirmed it."""
         self.confirms_now = False

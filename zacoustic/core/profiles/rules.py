@@ -2,11 +2,25 @@
 
 import msgspec
 
+from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.core.schedule.access.spec import AccessSpec, TdmaSpec
 from zacoustic.core.schedule.silence import QuietWindow
 from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.errors import ConfigError
+
+
+class LinkRules(msgspec.Struct, frozen=True, kw_only=True):
+    """What the config says of one link of several."""
+
+    name: str
+    """Its name."""
+    access: AccessSpec | None = None
+    """Medium access; None: as the link says."""
+    max_airtime: float | None = None
+    """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
+    None: all of it."""
 
 
 class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,7 +43,38 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     discovery: DiscoverySpec | None = None
     """Beacons of rmw_desert, where that is spoken; None: none."""
 
+    links: tuple[LinkRules, ...] = ()
+    """The links, the first one for what names none; empty: one, with the rules above."""
+    routes: dict[int, str] = {}
+    """Stream id → name of the link that it goes by; others go by the first link."""
+
+    @property
+    def of_links(self) -> tuple[LinkRules, ...]:
+        """The rules of each link, at least one.
+
+        Raises:
+            ConfigError: Two links have one name, or a stream goes by a link that is not there.
+        """
+        one = LinkRules(name=ONE_LINK, access=self.access, max_airtime=self.max_airtime)
+        links = self.links or (one,)
+        names = [each.name for each in links]
+        for name in names:
+            if names.count(name) > 1:
+                raise ConfigError(f"links: two have the name {name!r}")
+        for stream_id, name in self.routes.items():
+            if name not in names:
+                raise ConfigError(
+                    f"stream {stream_id}: link is {name!r}; allowed: {', '.join(names)}"
+                )
+        return links
+
+    @property
+    def schedule(self) -> TdmaSpec | None:
+        """The time slots that are kept on a link; None: there are none."""
+        slots = (each.access for each in self.of_links)
+        return next((each for each in slots if isinstance(each, TdmaSpec)), None)
+
     @property
     def clock_error_s(self) -> float:
         """How wrong the clock of the host is taken to be, s: as the schedule states."""
-        return self.access.clock_error_s if isinstance(self.access, TdmaSpec) else 0.0
+        return self.schedule.clock_error_s if self.schedule is not None else 0.0

@@ -25,8 +25,8 @@ from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import BESIDE_PAYLOAD, FIRST_BUT_URGENT, Offer, Part
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
-from zacoustic.core.peers.contact import Contact
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.introducing import HELLO_EVERY
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.copies import MOST_COPIES
@@ -76,44 +76,65 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
         return sizes
 
 
+class Ingredients(msgspec.Struct, frozen=True, kw_only=True):
+    """What the frames of one node on one link are made of, beside the handshake."""
+
+    queue: TransmitQueue
+    """What waits."""
+    dense: DenseSource
+    """Writes dense strings."""
+    ranging: Ranging
+    """The ranges that are wanted."""
+    objects: ObjectSource
+    """Fragments, and what is to be said of those that arrived."""
+    heartbeats: Heartbeats
+    """What goes when nothing else has gone for long."""
+    extensions: Sequence[ExtensionSource] = ()
+    """Transports of somebody else."""
+
+
+class _Owed:
+    """What is owed to other nodes on one link, as a source of frames."""
+
+    def __init__(self, handshake: Handshake, link: str) -> None:
+        self._handshake = handshake
+        self._link = link
+
+    def due_at(self, now: int) -> int | None:
+        return self._handshake.due_at(self._link, now)
+
+    def offer(self, now: int) -> Offer | None:
+        return self._handshake.offer(self._link, now)
+
+
 class Composer:
     """Makes the frames of one node on one link.
 
     Args:
-        queue: What waits.
-        handshake: What has to be said beside it.
-        dense: Writes dense strings.
-        ranging: The ranges that are wanted.
-        objects: Fragments, and what is to be said of those that arrived.
-        contact: Heartbeats.
-        extensions: Transports of somebody else.
+        link: Name of the link.
+        handshake: What has to be said beside the ingredients.
+        made_of: The ingredients.
         stats: Counts every byte.
     """
 
     def __init__(
-        self,
-        queue: TransmitQueue,
-        handshake: Handshake,
-        dense: DenseSource,
-        ranging: Ranging,
-        objects: ObjectSource,
-        contact: Contact,
-        extensions: Sequence[ExtensionSource],
-        stats: EngineStats,
+        self, link: str, handshake: Handshake, made_of: Ingredients, stats: EngineStats
     ) -> None:
-        self._queue = queue
+        self._link = link
         self._handshake = handshake
         self._introductions = handshake.introductions
-        self._dense = dense
-        self._ranging = ranging
-        self._objects = objects
-        self._contact = contact
-        self._extensions = extensions
+        self._queue = made_of.queue
+        self._dense = made_of.dense
+        self._ranging = made_of.ranging
+        self._objects = made_of.objects
+        self._heartbeats = made_of.heartbeats
+        self._extensions = made_of.extensions
         self._sources: tuple[Source, ...] = (
-            contact, objects, handshake, ranging, *extensions, queue,
+            made_of.heartbeats, made_of.objects, _Owed(handshake, link), made_of.ranging,
+            *made_of.extensions, made_of.queue,
         )  # fmt: skip
         """Of equal offers the first one is taken; the last is that of the best payload."""
-        self._not_objects = tuple(each for each in self._sources if each is not objects)
+        self._not_objects = tuple(each for each in self._sources if each is not made_of.objects)
         self._stats = stats
         self._since_introduction = 0
 
@@ -181,10 +202,10 @@ class Composer:
             # A fragment fills its frame: whoever does not know us is told in another one.
             self._since_introduction += 1
             if self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
-                destination
+                self._link, destination
             ):
                 introduction = self._introductions.introduction(
-                    destination, port.envelope.room_bytes, now
+                    self._link, destination, port.envelope.room_bytes, now
                 )
                 return self._controls(port, destination, [(Cause.HELLO, introduction)], now)
         taken = self._objects.take_fragment(
@@ -251,8 +272,8 @@ class Composer:
         if is_pressing:
             until = now + _GIVE_WAY_PERIODS * port.listening.period_ns
             self._ranging.give_way(destination, until)
-        contact = Part(transmitted=partial(self._contact.transmitted, destination))
-        told = (*(record.part for record in records), *parts, exchange, contact)
+        beat = Part(transmitted=partial(self._heartbeats.transmitted, destination))
+        told = (*(record.part for record in records), *parts, exchange, beat)
         return Composed(
             destination=destination,
             frame_bytes=frame_bytes,
@@ -281,27 +302,29 @@ class Composer:
         urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
         introduction = b""
         owed: list[tuple[Cause, bytes]] = []
-        if offer.owed_first and not self._introductions.introduces(destination):
-            owed = self._handshake.owed(destination, room_bytes, now)
+        if offer.owed_first and not self._introductions.introduces(self._link, destination):
+            owed = self._handshake.owed(self._link, destination, room_bytes, now)
             room_bytes -= _size(owed)
             if room_bytes < TAG_BYTES + first_bytes:
                 first = None
             urgent = urgent or room_bytes < HELLO_BYTES
-        if first or self._introductions.introduces(destination):
+        if first or self._introductions.introduces(self._link, destination):
             introduction = self._introductions.introduction(
-                destination, room_bytes - first_bytes, now, urgent=urgent
+                self._link, destination, room_bytes - first_bytes, now, urgent=urgent
             )
             room_bytes -= len(introduction)
             reserved_bytes = 0 if offer.owed_first or first_bytes > room_bytes else first_bytes
-            late = self._handshake.owed(destination, room_bytes - reserved_bytes, now)
+            late = self._handshake.owed(self._link, destination, room_bytes - reserved_bytes, now)
             room_bytes -= _size(late)
             owed += late
         elif must_go:
             if must_go is Cause.HEARTBEAT:
-                introduction = self._introductions.introduction(destination, room_bytes, now)
+                introduction = self._introductions.introduction(
+                    self._link, destination, room_bytes, now
+                )
                 room_bytes -= len(introduction)
             # For a range no introduction: it would have to be answered, and that is not wanted.
-            owed = self._handshake.owed(destination, room_bytes, now)
+            owed = self._handshake.owed(self._link, destination, room_bytes, now)
             room_bytes -= _size(owed)
         owed = answers + owed
         left_bytes = room_bytes - first_bytes * (not offer.owed_first)

@@ -1,15 +1,24 @@
-"""What the components of one engine share; each is made with it and takes what it needs."""
+"""What the components of one engine share; each is made with it and takes what it needs.
+
+What a node knows of another one holds on whatever link it was heard: its table, its life, that it
+is there. So do the journal and the boot epoch. What depends on airtimes is apart for each link: the
+queue, repetitions and their pauses, windows of numbers, runs of objects, counters.
+"""
 
 import random
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.journal import BOOT_KEY, LIFE_KEY, JournalPort, stored_apart
+from zacoustic.core.base.linkids import LinkIds
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
+from zacoustic.core.peers.bootepoch import BootEpoch
+from zacoustic.core.peers.contact import Contact, ContactRules
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Reception
 from zacoustic.core.peers.statements import Statements
@@ -18,8 +27,8 @@ from zacoustic.core.schedule.queue import TransmitQueue
 from zacoustic.core.streams.table import StreamTable
 
 
-class Context:
-    """The node, and what is there once.
+class NodeContext:
+    """The node, and what is there once, however many links it has.
 
     Args:
         address: Address of the node, 1…254.
@@ -27,6 +36,7 @@ class Context:
         epoch: Its boot epoch, 0…65535.
         rng: Source of all randomness; one number is drawn from it.
         stored: What the journal has kept from earlier lives.
+        contact: What the config says of nodes that are not heard.
         emit: Takes events.
     """
 
@@ -37,6 +47,7 @@ class Context:
         epoch: int,
         rng: random.Random,
         stored: Mapping[str, bytes],
+        contact: ContactRules,
         emit: Callable[[Any], None],
     ) -> None:
         self.address = address
@@ -53,11 +64,53 @@ class Context:
         self.stats = EngineStats()
         self.peers = Peers()
         """The other nodes, and signals of what becomes of them."""
+        self.measurements = Measurements(self.peers)
+        """What was measured of peers and modem."""
         self.doubt = Doubt(address, table, stored, self.journal, emit)
         """Whether something of former lives is forgotten."""
         self.handshake = Handshake(
             address, epoch, table, self.peers, self.generators.of("handshake")
         )
+        """What is agreed with the others."""
+        self.contact = Contact(address, contact, self.peers, self.timers, emit)
+        """Who is lost."""
+        self.epoch = BootEpoch(self.handshake, self.journal)
+        """The boot epoch."""
+
+
+class Context:
+    """The node on one link.
+
+    Args:
+        node: What is there once.
+        link: Name of the link.
+        index: Which of the node's links it is; the first is 0.
+    """
+
+    def __init__(self, node: NodeContext, link: str, index: int = 0) -> None:
+        apart = index > 0
+        self.node = node
+        self.link = link
+        """Name of the link."""
+        self.address = node.address
+        self.table = node.table
+        common = {key: node.stored[key] for key in (LIFE_KEY, BOOT_KEY) if key in node.stored}
+        self.stored = {**stored_apart(node.stored, link if apart else None), **common}
+        """What the journal has kept of this link, and which life this is."""
+        self.ids = LinkIds(link, index)
+        """The ids that the application sees."""
+        self.generators = node.generators.apart(link) if apart else node.generators
+        """Random numbers, of each component its own."""
+        self.journal = node.journal.apart(link) if apart else node.journal
+        """Keeps what is to survive."""
+        self.timers = node.timers.apart(link) if apart else node.timers
+        """Call back when something is due."""
+        self.stats = node.stats.on(link)
+        self.peers = node.peers
+        """The other nodes, and signals of what becomes of them."""
+        self.doubt = node.doubt
+        """Whether something of former lives is forgotten."""
+        self.handshake = node.handshake
         """What is agreed with the others."""
         self.reception = Reception()
         """Gives out what arrives to those that have registered."""
@@ -66,3 +119,7 @@ class Context:
         Statements(self.handshake, self.peers, self.reception)
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)
+
+    def emit(self, event: Any) -> None:  # noqa: ANN401 (each transport has its own events)
+        """Take an event for the application."""
+        self.node.emit(self.ids.of_event(event))

@@ -119,7 +119,8 @@ class Silence:
         self._timers = timers
         self._journal = journal
         self._emit = emit
-        self._host = host
+        self.host = host
+        """What is known of UTC; to be read only."""
         self._boot = stored.get(BOOT_KEY, b"")
         self._ordered = False
         self._ends_at: int | None = None
@@ -199,7 +200,7 @@ class Silence:
         self._begin_life(now)
         if self._ends_at is None:
             return
-        if self._host.is_sure and self._kept is not None:
+        if self.host.is_sure and self._kept is not None:
             self._shorten(self._kept, now)
         if self._kept is None:
             before_ns, self._ends_utc_ns = self._ends_utc_ns, self._end_in_utc(now)
@@ -244,9 +245,9 @@ class Silence:
     @property
     def clock_doubt(self) -> str:
         """Why quiet windows keep this node silent for want of the time; empty: they do not."""
-        if not self._quiet or self._host.is_sure:
+        if not self._quiet or self.host.is_sure:
             return ""
-        is_known = self._host.time.offset_ns is not None
+        is_known = self.host.time.offset_ns is not None
         return "the clock has jumped" if is_known else "UTC is not known"
 
     # Below the methods above
@@ -266,7 +267,7 @@ class Silence:
 
     def _quiet_until(self, at: int) -> int | None:
         """End of the quiet windows that hold at an instant, or that instant."""
-        offset_ns, error_ns = self._host.time.offset_ns, self._host.time.error_at(at)
+        offset_ns, error_ns = self.host.time.offset_ns, self.host.time.error_at(at)
         if offset_ns is None or error_ns is None:
             return None
         # A window may begin before another one has ended.
@@ -288,13 +289,13 @@ class Silence:
         else:
             self._ends_at = now + kept.left_ns
             self._doubt = "it is not known how long this node was down; what was left counts anew"
-            if self._host.is_sure:
+            if self.host.is_sure:
                 self._shorten(kept, now)
 
     def _shorten(self, kept: _Entry, now: int) -> None:
         """End an order of a former life when it was to end, now that UTC is sure."""
         self._kept = None
-        offset_ns, error_ns = self._host.time.offset_ns, self._host.time.error_at(now)
+        offset_ns, error_ns = self.host.time.offset_ns, self.host.time.error_at(now)
         assert self._ends_at is not None
         if kept.ends_utc_ns is None or offset_ns is None or error_ns is None:
             return
@@ -303,7 +304,7 @@ class Silence:
 
     def _end_in_utc(self, now: int) -> int | None:
         """UTC of the end, as late as it may be, ns; None: not sure."""
-        offset_ns, error_ns = self._host.time.offset_ns, self._host.time.error_at(now)
+        offset_ns, error_ns = self.host.time.offset_ns, self.host.time.error_at(now)
         if self._ends_at is None or offset_ns is None or error_ns is None:
             return None
         return self._ends_at + offset_ns + error_ns

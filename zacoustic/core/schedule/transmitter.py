@@ -10,12 +10,17 @@ from typing import Final, Protocol
 
 import msgspec
 
-from zacoustic.core.base.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
-from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.base.linktypes import (
+    ONE_LINK,
+    LinkCapabilities,
+    LinkState,
+    Transmission,
+    TransmitReport,
+)
+from zacoustic.core.base.stats import LinkStats
 from zacoustic.core.schedule.access import Wanted
 from zacoustic.core.schedule.airtime import AirtimeCaps
 from zacoustic.core.schedule.composer import Composed
-from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
 from zacoustic.core.schedule.silence import Silence
@@ -35,6 +40,8 @@ class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
     """Instant from which on the link is up, ns."""
     changed_at: int
     """Instant, ns."""
+    link: str = ONE_LINK
+    """Name of the link."""
 
 
 class FrameSource(Protocol):
@@ -72,28 +79,30 @@ class FrameSource(Protocol):
 
 
 class Transmitter:
-    """Makes the transmissions of one engine.
+    """Makes the transmissions of one engine on one link.
 
     Args:
-        source: What it has to say.
-        silence: When it must not.
-        host: What is known of UTC.
+        link: Name of the link.
+        source: What the engine has to say there.
+        silence: When nothing may be said, and what is known of UTC.
         airtime: How much of the time it may be on the air.
-        stats: Counts.
-        make_port: Makes the port of a link from what that can do and what goes around a frame.
+        stats: Counts on this link.
+        make_port: Makes the port of the link from what that can do and what goes around a frame.
         emit: Takes `NothingHeard`.
     """
 
     def __init__(
         self,
+        link: str,
         source: FrameSource,
         silence: Silence,
-        host: HostTime,
         airtime: AirtimeCaps,
-        stats: EngineStats,
+        stats: LinkStats,
         make_port: Callable[[LinkCapabilities, Envelope], LinkPort],
         emit: Callable[[NothingHeard], None],
     ) -> None:
+        self.link = link
+        """Name of the link."""
         self.port: LinkPort | None = None
         """The link; None before it was up."""
         self.link_state = LinkState.OPENING
@@ -104,7 +113,6 @@ class Transmitter:
         self._silence = silence
         self._stats = stats
         self._make_port = make_port
-        self._host = host
         self._offset_ns: int | None = None
         self._emit = emit
         self._up_at = 0
@@ -145,8 +153,7 @@ class Transmitter:
             self.port.access.handle_timeout(now)
 
     def review(self, now: int) -> None:
-        """Tell the application what keeps frames from the channel, or from the others."""
-        self._host.review(self._clock_doubt(now), now)
+        """Tell the application when nothing is heard."""
         if self._frames_at_up is None:
             return
         sent = self._stats.frames_transmitted - self._frames_at_up[0]
@@ -154,7 +161,7 @@ class Transmitter:
             self._frames_at_up = None
         elif sent >= UNHEARD_FRAMES:
             self._frames_at_up = None
-            self._emit(NothingHeard(frames=sent, up_at=self._up_at, changed_at=now))
+            self._emit(NothingHeard(frames=sent, up_at=self._up_at, changed_at=now, link=self.link))
 
     def make(self, now: int) -> tuple[Transmission, tuple[int, ...]] | None:
         """Make the transmission that is worth most now, if one may begin.
@@ -183,13 +190,12 @@ class Transmitter:
             frame_bytes=composed.frame_bytes,
             destination=composed.destination,
             acknowledge=composed.acknowledge,
+            link=self.link,
         )
         self._next_transmission_id += 1
         port.transmit(transmission.transmission_id, composed.parts, now)
-        self._stats.frames_transmitted += 1
-        self._stats.bytes_transmitted += len(composed.frame_bytes)
         airtime_ns = port.capabilities.airtime_ns(len(composed.frame_bytes))
-        self._stats.airtime_ns += airtime_ns
+        self._stats.sent(len(composed.frame_bytes), airtime_ns)
         held = self.airtime.spend(composed.stream_bytes, airtime_ns, now)
         for stream_id, until in held.items():
             self._source.queue.hold(stream_id, until)
@@ -198,7 +204,10 @@ class Transmitter:
 
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Note the end of a transmission; False for a report that belongs to none."""
-        return self.port is not None and self.port.finish(report, now)
+        if self.port is None or not self.port.finish(report, now):
+            return False
+        self._stats.reported(report.outcome.value)
+        return True
 
     def next_at(self, now: int) -> int | None:
         """Return the instant from which a frame can and should go, ns, or None."""
@@ -210,17 +219,17 @@ class Transmitter:
             return speak_at if transmit_at is None else transmit_at
         return min(transmit_at, speak_at)
 
-    # Below the methods above
-
-    def _clock_doubt(self, now: int) -> str:
+    def clock_doubt(self, now: int) -> str:
         """Return why nothing is transmitted for want of the time, one line; empty: it is not so."""
         if self.port is None:
             return self._silence.clock_doubt
         return self._silence.clock_doubt or self.port.access.clock_doubt(now)
 
+    # Below the methods above
+
     def _tell_access(self, port: LinkPort, now: int) -> None:
         """Tell a new policy what is known of UTC, and what the host says if that is nothing."""
-        known = self._host.time
+        known = self._silence.host.time
         if known.offset_ns is not None:
             port.access.handle_clock(known.offset_ns, known.error_at(now), now)
         elif self._offset_ns is not None:

@@ -7,6 +7,7 @@ import msgspec
 
 from zacoustic.core.base.qos import PRIORITY_NAMES, Priority
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.errors import LocalError
 
 ORDERS_STREAM_ID: Final = 175
 """Stream id of remote commands, in every table that does not give it to another stream."""
@@ -21,6 +22,19 @@ SERIALS: Final = 1 << 16
 
 _SHORTEST_SILENCE_S: Final = 0.1
 _INTERVAL_STEP_S: Final = 0.01
+
+
+def check_timeout(timeout_s: float) -> None:
+    """See that a command can be tried for so long.
+
+    Raises:
+        LocalError: It cannot.
+    """
+    if not timeout_s <= ORDERS_TIMEOUT_S:
+        raise LocalError(
+            f"timeout_s is {timeout_s:g}; allowed: at most {ORDERS_TIMEOUT_S:g}",
+            hint="a command is repeated for that long at most: give it again when it has failed",
+        )
 
 
 class OrderKind(enum.Enum):

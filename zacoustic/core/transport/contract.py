@@ -1,9 +1,10 @@
 """The contract for a transport of somebody else: a mechanism between two nodes beside the wire's.
 
-It is made by `Engine(transports=[...])` with the `Context` of its engine, and from then on lives
-like the others: it says something in *extensions* (docs/wire.md, section 3), registers what it
-takes, has timers, a place in the journal, random numbers and events of its own, and follows the
-signals of `Peers`. It adds no thread, no clock and no file: an engine is a function of its inputs.
+It is made by `Engine(transports=[...])`, once for each link, with the `Context` of the link, and
+from then on lives like the others: it says something in *extensions* (docs/wire.md, section 3),
+registers what it takes, has timers, a place in the journal, random numbers and events of its own,
+and follows the signals of `Peers`. It adds no thread, no clock and no file: an engine is a function
+of its inputs.
 
 A node that does not have it skips what it says.
 

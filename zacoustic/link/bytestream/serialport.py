@@ -113,7 +113,7 @@ class SerialConnection:
         except (OSError, ValueError) as error:  # pyserial raises both for a port it cannot open
             failure = error if isinstance(error, OSError) else OSError(str(error))
             self._tell(settle, self._opened, failure)
-        except Exception as error:
+        except Exception as error:  # a fault of ours: the waiting caller must hear that it ended
             _logger.exception("%s: the reading thread has failed", self._path)
             self._tell(settle, self._opened, OSError(str(error)))
         finally:

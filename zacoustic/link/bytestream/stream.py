@@ -172,8 +172,7 @@ class ByteStream:
                 receiver.stream_lost(f"{self.address}: {reason}")
                 await asyncio.sleep(delay_s)
                 delay_s = min(2 * delay_s, last_s)
-        except Exception:
-            # A fault of the receiver or of ours; without this line it would stay unknown.
+        except Exception:  # a fault of the receiver or of ours; nobody awaits this task
             _logger.exception("%s: the stream has failed and stays closed", self.address)
             raise
 

@@ -146,7 +146,8 @@ def _age(found: Found, marked: Marked | None) -> str:
     """Return why this lacks the last writes; empty: it does not."""
     node = found.node
     if not found.has_file:
-        return "it is missing" if marked is not None else ""
+        # The mark of a new journal is there before its first commit, of which it may be killed.
+        return "it is missing" if marked is not None and marked.commits else ""
     if not found.is_whole or node is None:
         return found.fault
     if node.is_backup:

@@ -3,7 +3,8 @@
 The log of a database ends where it ends: if it is cut off, deleted, or replaced by an older file,
 the rest is whole and too old. So each commit is counted in the journal, and after each commit the
 count is written here, in two places by turns, each with its own check. It does not wait for the
-disk: a journal is never behind its mark, whatever a power cut leaves.
+disk: a journal is never behind its mark, whatever a power cut leaves. Only the first mark does, of
+a new journal before its first commit: from then on a journal without a mark has lost it.
 
 The mark is also what a node locks: a second one is refused, and the kernel unlocks it with the
 process.
@@ -70,6 +71,14 @@ class Mark:
         place = _PLACE.pack(_MAGIC, marked.address, marked.identity, marked.commits)
         at = marked.commits % _PLACES * _SECTOR_BYTES
         os.pwrite(self._descriptor, place + _CHECK.pack(zlib.crc32(place)), at)
+
+    def sync(self) -> None:
+        """Bring what was written to the disk.
+
+        Raises:
+            OSError: That is not possible now.
+        """
+        os.fsync(self._descriptor)
 
     def close(self) -> None:
         """Unlock it."""

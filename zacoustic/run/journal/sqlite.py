@@ -177,6 +177,8 @@ class SqliteJournal:
             raise OSError(f"journal {self.path}: {one_line(error)}") from error
         found.has_file, found.fault = False, ""
         try:
+            if node is None and not found.doubt:
+                self._begin_mark(self._file, mark)
             self._commit(self._begun)
         except BaseException:
             self._file.close()
@@ -184,6 +186,16 @@ class SqliteJournal:
             found.has_file, found.node = node is not None, node
             raise
         self._identities = {each: _identity(each) for each in self._files()}
+
+    def _begin_mark(self, file: JournalFile, mark: Mark) -> None:
+        """Write the mark of a new journal, before its first commit.
+
+        Raises:
+            OSError: It cannot be written now.
+        """
+        mark.write(Marked(self._address, file.node.identity, file.node.commits))
+        mark.sync()
+        sync_folder(self.path.parent)
 
     def _commit(self, values: dict[str, bytes | None]) -> None:
         file, mark = self._file, self._mark

@@ -117,7 +117,7 @@ class JournalThread:
         try:
             while self._waiting and await self._commit():
                 pass
-        except Exception as error:
+        except Exception as error:  # of the store or its owner: the runner stops
             self._is_stopped = True
             self._fail(error)
         finally:

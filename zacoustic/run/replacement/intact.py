@@ -42,7 +42,8 @@ class Intact:
     def __init__(
         self, renew: Renew, epoch: int, entries: Mapping[str, bytes], trial: Trial | None = None
     ) -> None:
-        self._renew = renew
+        self.renew = renew
+        """Makes an engine."""
         self._epoch = epoch
         self._trial = trial
         self.writes: list[JournalWrite] = []
@@ -53,7 +54,7 @@ class Intact:
             try:
                 self.engine = renew(epoch, self.entries)
                 return
-            except Exception as error:
+            except Exception as error:  # whatever a bug or an entry makes an engine raise
                 self._sort(error)
         else:
             self._sort(None)
@@ -106,9 +107,9 @@ class Intact:
 
     def _raises(self, entries: Mapping[str, bytes]) -> bool:
         try:
-            engine = self._renew(self._epoch, dict(entries))
+            engine = self.renew(self._epoch, dict(entries))
             if self._trial is not None:
                 self._trial(engine)
-        except Exception:
+        except Exception:  # as above: that it raises is the answer
             return True
         return False

@@ -16,7 +16,7 @@ from zacoustic.core.engine.events import EngineRestarted, Event
 from zacoustic.run.journal import EPOCHS
 from zacoustic.run.journal.thread import JournalThread
 from zacoustic.run.replacement.faults import FIRST_PAUSE_S, Faults
-from zacoustic.run.replacement.intact import Intact, Renew, Trial
+from zacoustic.run.replacement.intact import Intact, Trial
 from zacoustic.run.replacement.outstanding import Outstanding
 
 
@@ -24,16 +24,15 @@ class Replacement:
     """Knows what the next engine of a node needs.
 
     Args:
-        engine: The first engine.
-        renew: Makes the others.
+        first: The first engine, and what it was made of.
     """
 
-    def __init__(self, engine: Engine, renew: Renew) -> None:
-        self.faults = Faults(engine.address)
-        self._renew = renew
-        self._entries = dict(engine.stored)
+    def __init__(self, first: Intact) -> None:
+        self.faults = Faults(first.engine.address)
+        self._renew = first.renew
+        self._entries = dict(first.engine.stored)
         self._outstanding = Outstanding()
-        self._outstanding.watch(engine)
+        self._outstanding.watch(first.engine)
         self._task: asyncio.Task[None] | None = None
 
     @property
@@ -46,7 +45,7 @@ class Replacement:
         if self._outstanding.passes(event):
             try:
                 deliver(event)
-            except Exception as error:
+            except Exception as error:  # the application's, or a bug: the engine is whole
                 self.faults.note(error, instant(), event=event)
 
     def committed(self, write: JournalWrite) -> None:
@@ -85,7 +84,7 @@ class Replacement:
                 try:
                     intact = Intact(self._renew, epoch, self._entries, trial)
                     break
-                except Exception as error:
+                except Exception as error:  # such as no memory: tried again until one is made
                     await asyncio.sleep(max(self.faults.note(error, instant()), FIRST_PAUSE_S))
             intact.engine.stats.dropped["internal_error"] = self.faults.count
             self._entries = intact.entries

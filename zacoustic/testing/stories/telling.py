@@ -108,7 +108,7 @@ class Telling:
         """Tell it; once."""
         try:
             self._run()
-        except Exception as error:
+        except Exception as error:  # raised again
             error.add_note(f"again: zacoustic sim --story {self.story.seed}")
             raise
 

@@ -3,10 +3,11 @@
 `Gateway` is all that a program needs; `zacoustic gateway FILE` is it on the command line. One
 module for each noun:
 
-- `gateway`, `junction`, `exchange`: start and stop, the session joined to an engine, the event
-  dispatcher; the session is a `zacoustic.zenoh.session`;
-- `routes`, `jobs`: the declarations for each stream; `redundant`: which of several local gateways
-  does a job;
+- `gateway`, `compose`, `session`: start and stop, what the parts are made of, how they run; the
+  Zenoh session is a `zacoustic.zenoh.session`, the engine runs in a `zacoustic.run.node`;
+- `network`: what is declared there for each stream (`jobs`), and who else is there; `redundant`:
+  which of several local gateways does a job;
+- `events`: the event dispatcher, and what people are told of an event;
 - `streams`: topics, services and actions, both ways, and samples for late joiners;
 - `dialect`: the forms of streams for Zenoh programs, and for nodes of ROS 2 (`ros`);
 - `commands`: requests to the gateway itself;

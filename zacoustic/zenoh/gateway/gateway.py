@@ -1,10 +1,10 @@
-"""The life of a gateway: from a config to a junction of session, engine and link, and back.
+"""The life of a gateway: from a config to a session that joins network and link, and back.
 
 ::
 
     Zenoh's threads                       the loop                                      the link
     subscriber ──► Mailbox ──┐                             ┌────────────┐
-    queryable ──► QueryDesk ─┼─► WakeUp ──► Exchange ───►│ LinkRunner │──► transmit
+    queryable ──► QueryDesk ─┼─► WakeUp ──► Session ────►│ LinkRunner │──► transmit
     token ──────► Presence ──┘                             │   Engine   │
     put, reply ◄── Island, Worker ◄── Topics, Services ◄───│            │◄── frames
                                                            └────────────┘
@@ -17,6 +17,7 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
@@ -27,25 +28,23 @@ import zenoh
 from zacoustic.config import Config, read_config
 from zacoustic.core.base.clock import Clock
 from zacoustic.core.base.qos import Durability
-from zacoustic.core.engine.engine import Engine
 from zacoustic.errors import ConfigError
 from zacoustic.link import registry
 from zacoustic.link.contract import Link
 from zacoustic.run.hostclock import HostClock
-from zacoustic.run.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
+from zacoustic.run.journal import Journal, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.run.journal.forgotten import forgotten
-from zacoustic.run.journal.thread import recover, release
-from zacoustic.run.permitlog import open_permit_log
+from zacoustic.run.node import LinkNode, OpenRecording, PreparedNode
 from zacoustic.text.safetext import one_line, without_secrets
 from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.compose import Composition
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
-from zacoustic.zenoh.gateway.junction import Junction
 from zacoustic.zenoh.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
+from zacoustic.zenoh.gateway.session import GatewaySession
 from zacoustic.zenoh.session.latching import stamp_samples
 from zacoustic.zenoh.session.session import Island, endpoints_of, listen_at, listen_here, mode_of
 
 if TYPE_CHECKING:
-    from zacoustic.run.recording.live import LiveRecording
     from zacoustic.zenoh.gateway.status.metrics import MetricsServer
 
 _logger = logging.getLogger(__name__)
@@ -88,19 +87,26 @@ class Gateway:
         self.config = config
         self._zenoh_config = _zenoh_config(config)
         self._listens_here = listen_here(self._zenoh_config)
-        self._link = link or registry.create(_locator(config), config.address)
-        journal = journal or config.journal or MemoryJournal()
+        journal = journal or config.journal
         if isinstance(journal, str | Path):
             journal = journal_in(journal, config.address)
-        self._journal: Journal = journal
+        self._parts = LinkNode(
+            address=config.address,
+            table=config.table,
+            link=link or registry.create(_locator(config), config.address),
+            rules=config.rules,
+            ranges=config.ranges_to(),
+            journal=journal,
+            permits=config.permit_log,
+            clock=clock,
+            host=host or HostClock(),
+        )
         self._notify: Notify = notify or _log
         self._metrics_place = metrics or config.metrics
         self._metrics: MetricsServer | None = None
-        self._clock = clock
-        self._host = host or HostClock()
         self._record = record
-        self._recording: LiveRecording | None = None
-        self._junction: Junction | None = None
+        self._node: PreparedNode | None = None
+        self._session: GatewaySession | None = None
         self._is_closing = False
         self._closed = asyncio.Event()
 
@@ -148,17 +154,15 @@ class Gateway:
             ConfigError: The journal cannot be used, or the recording cannot be made.
         """
         try:
-            state = await recover(self._journal)
-            if self._record is not None:
-                await self._open_recording(self._record)
+            node = self._node = await self._parts.prepare(self._recorder())
             table, latched = self.config.table, Durability.TRANSIENT_LOCAL
             if self.config.ros or any(each.qos.durability is latched for each in table):
                 stamp_samples(self._zenoh_config)
             island = await Island.open(self._zenoh_config)
-            self._junction = junction = await self._join(island, state)
-            await junction.open()
-            await self._serve_metrics(junction)
-            self._notify(self._started(junction))
+            session = self._session = await self._join(node, island)
+            await session.open()
+            await self._serve_metrics(session)
+            self._notify(self._started(session, node))
         except BaseException:
             await self.close()
             raise
@@ -171,15 +175,13 @@ class Gateway:
         self._is_closing = True
         try:
             async with AsyncExitStack() as last_first:  # each, even if others fail
-                if self._recording is not None:
-                    last_first.push_async_callback(self._recording.close)
-                if self._junction is not None:
-                    last_first.push_async_callback(self._junction.close)
-                else:
-                    last_first.push_async_callback(release, self._journal)
+                if self._node is not None:
+                    last_first.push_async_callback(self._node.close)
+                if self._session is not None:
+                    last_first.push_async_callback(self._session.close)
                 if self._metrics is not None:
                     last_first.push_async_callback(self._metrics.close)
-            if self._junction is not None:
+            if self._session is not None:
                 self._notify(Stopped())
         finally:
             self._closed.set()
@@ -190,8 +192,8 @@ class Gateway:
         Raises:
             Exception: What has stopped it, if it was not closed.
         """
-        assert self._junction is not None, "the gateway has not been started"
-        await self._junction.wait_failed()
+        assert self._session is not None, "the gateway has not been started"
+        await self._session.wait_failed()
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -205,13 +207,13 @@ class Gateway:
     ) -> None:
         await self.close()
 
-    def _started(self, junction: Junction) -> Started:
-        config, table = self.config, self.config.table
+    def _started(self, session: GatewaySession, node: PreparedNode) -> Started:
+        config, table, journal = self.config, self.config.table, self._parts.journal
         return Started(
             address=config.address,
             name=config.name or "",
             mode=mode_of(self._zenoh_config),
-            zid=str(junction.island.session.zid()),
+            zid=str(session.network.island.session.zid()),
             endpoints=tuple(
                 f"{word} {without_secrets(endpoint)}"
                 for word in ("listen", "connect")
@@ -219,20 +221,22 @@ class Gateway:
             ),
             listens_here=self._listens_here,
             link=self._locator,
-            link_state=junction.runner.link_state.value,
+            link_state=session.runner.link_state.value,
             streams=tuple(stream.name for stream in table),
             digest=table.digest.hex(),
-            journal=str(self._journal.path) if isinstance(self._journal, SqliteJournal) else "",
+            journal=str(journal.path) if isinstance(journal, SqliteJournal) else "",
             forgotten=self._forgotten(),
             metrics=self._metrics.url if self._metrics is not None else "",
-            recording=str(self._recording.path) if self._recording is not None else "",
-            redundant=tuple(each for each in junction.redundant.alive if each != config.address),
+            recording=str(node.recording.path) if node.recording is not None else "",
+            redundant=tuple(
+                each for each in session.network.redundant.alive if each != config.address
+            ),
         )
 
     @property
     def _locator(self) -> str:
         links = self.config.links
-        return without_secrets(links[0].locator) if links else type(self._link).__name__
+        return without_secrets(links[0].locator) if links else type(self._parts.link).__name__
 
     def _about(self) -> dict[str, object]:
         """Return what does not change, for the health report."""
@@ -245,7 +249,7 @@ class Gateway:
             "link": self._locator,
         }
 
-    async def _serve_metrics(self, junction: Junction) -> None:
+    async def _serve_metrics(self, session: GatewaySession) -> None:
         if self._metrics_place is None:
             return
         try:
@@ -255,39 +259,29 @@ class Gateway:
             raise ConfigError(
                 f"metrics: needs {error.name}, which is not installed", hint=hint
             ) from error
-        self._metrics = MetricsServer(*self._metrics_place, junction.documents)
+        self._metrics = MetricsServer(*self._metrics_place, session.documents)
         await self._metrics.open()
 
-    async def _open_recording(self, path: str | Path) -> None:
+    def _recorder(self) -> OpenRecording | None:
+        """Return what opens the recording, if there is to be one."""
+        if self._record is None:
+            return None
         from zacoustic.run.recording.live import open_recording
 
         ros = self.config.ros
-        self._recording = await open_recording(
-            path,
-            clock=self._clock,
+        return partial(
+            open_recording,
+            self._record,
+            clock=self._parts.clock,
             ros=ros.streams if ros is not None else None,
             trouble=lambda text: self._notify(NotRecorded(detail=text)),
         )
 
-    async def _join(self, island: Island, state: JournalState) -> Junction:
+    async def _join(self, node: PreparedNode, island: Island) -> GatewaySession:
         try:
-            return Junction(
-                self.config.address,
-                self.config.table,
-                island=island,
-                link=self._link,
-                journal=self._journal,
-                state=state,
-                ranges=self.config.ranges_to(),
-                rules=self.config.rules,
-                permit_log=open_permit_log(self.config.permit_log),
-                dialects=self._dialects,
-                about=self._about(),
-                notify=self._notify,
-                clock=self._clock,
-                host=self._host,
-                make_engine=Engine if self._recording is None else self._recording.make,
-            )
+            return Composition(
+                node, island, self._dialects, about=self._about(), notify=self._notify
+            ).session()
         except BaseException:
             await island.close()
             raise
@@ -303,7 +297,8 @@ class Gateway:
         return RosDialects(self.config.address, table, ros, island, complaints, ring)
 
     def _forgotten(self) -> str:
-        if not isinstance(self._journal, MemoryJournal):
+        journal = self._parts.journal
+        if not (journal is None or isinstance(journal, MemoryJournal)):
             return ""
         return forgotten(self.config.table, self.config.address)
 

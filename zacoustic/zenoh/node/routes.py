@@ -25,17 +25,28 @@ Feedback = TypeVar("Feedback")
 Result = TypeVar("Result")
 
 
-class TopicRoute(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
-    """Where the samples of one endpoint go, or come from."""
+class Route(msgspec.Struct, frozen=True, kw_only=True):
+    """Where one endpoint goes."""
 
     name: str
-    """The topic as the application called it."""
+    """The topic as the application called it; of a service or an action its key."""
+    stream: Stream | None
+    """The stream; None: a Zenoh key that no config maps."""
+
+    @property
+    def known_stream(self) -> Stream:
+        """The stream, where each route has one: on a link."""
+        assert self.stream is not None, f"{self.name} is no stream"
+        return self.stream
+
+
+class TopicRoute(Route, Generic[T], frozen=True, kw_only=True):
+    """Where the samples of one endpoint go, or come from."""
+
     key: str | None
     """The one key; None: every key that the name stands for."""
     expression: str
     """Zenoh key expression that covers the keys."""
-    stream: Stream | None
-    """The stream; None: a Zenoh key that no config maps."""
     instance: Instance = ()
     """Value numbers of `key`; see `zacoustic.core.streams.keys`."""
     form: Form[T]
@@ -46,13 +57,9 @@ class TopicRoute(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
     """How samples wait."""
 
 
-class ServiceRoute(msgspec.Struct, Generic[Request, Response], frozen=True, kw_only=True):
+class ServiceRoute(Route, Generic[Request, Response], frozen=True, kw_only=True):
     """Where the calls of one endpoint go, or come from."""
 
-    name: str
-    """The service, a key."""
-    stream: Stream | None
-    """The stream; None: a Zenoh key that no config maps."""
     request: Form[Request]
     """The Python side of requests."""
     response: Form[Response]
@@ -65,13 +72,9 @@ class ServiceRoute(msgspec.Struct, Generic[Request, Response], frozen=True, kw_o
     """Priority and linger."""
 
 
-class ActionRoute(msgspec.Struct, Generic[Goal, Feedback, Result], frozen=True, kw_only=True):
+class ActionRoute(Route, Generic[Goal, Feedback, Result], frozen=True, kw_only=True):
     """Where the goals of one endpoint go, or come from."""
 
-    name: str
-    """The action, a key."""
-    stream: Stream | None
-    """The stream; None: a Zenoh key that no config maps."""
     goal: Form[Goal]
     """The Python side of goals."""
     feedback: Form[Feedback]

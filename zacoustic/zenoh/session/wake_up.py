@@ -15,14 +15,22 @@ class WakeUp:
 
     Args:
         loop: The loop to wake.
-        answer: What it then does.
+        answer: What it then does; None: what `open` says, which is called later.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, answer: Callable[[], None]) -> None:
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, answer: Callable[[], None] | None = None
+    ) -> None:
         self._loop = loop
         self._answer = answer
         self._guard = threading.Lock()
         self._has_rung = False
+
+    def open(self, answer: Callable[[], None]) -> None:
+        """Answer from now on, and at once if it was rung before; on the loop."""
+        self._answer = answer
+        if self._has_rung:
+            self._take()
 
     def ring(self) -> None:
         """Have `answer` called soon; everything handed over before the call is there by then."""
@@ -30,9 +38,11 @@ class WakeUp:
             if self._has_rung:
                 return
             self._has_rung = True
-        tell_loop(self._loop, self._open)
+        tell_loop(self._loop, self._take)
 
-    def _open(self) -> None:
+    def _take(self) -> None:
+        if self._answer is None:
+            return
         with self._guard:
             self._has_rung = False
         self._answer()

@@ -109,7 +109,7 @@ class Worker:
             step()
         except zenoh.ZError as error:
             _logger.debug("zenoh: %s", error)
-        except Exception:
+        except Exception:  # a fault of one step; the steps behind it are others' business
             _logger.exception("a step of the thread %s failed", self._thread.name)
 
 

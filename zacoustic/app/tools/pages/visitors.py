@@ -107,7 +107,7 @@ class Visitors:
 
         try:
             await self._application(scope, hear, say)
-        except Exception:
+        except Exception:  # of any framework below: writing to one that has left may raise anything
             if has_begun or not has_left:
                 raise
 

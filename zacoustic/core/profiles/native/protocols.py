@@ -1,27 +1,31 @@
-"""What an engine consists of above its link: one component for each thing that two nodes agree on.
+"""What an engine consists of above a link: one component for each thing that two nodes agree on.
 
-They share the transmit queue, the handshake and the journal, and know nothing of the link but its
-airtimes. What concerns all of them (a link, a report, the timer) is passed on from here.
+They share the transmit queue, and know nothing of the link but its airtimes. Handshake and journal
+they share with those of other links. What concerns all of them (a link, a report, the timer) is
+passed on from here.
 
 Here the native wire is spoken. Another wire profile overrides what is said and heard, and leaves
 the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
 """
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Sequence, Set
+from functools import partial
 
-from zacoustic.core.base.journal import EPOCH_KEY
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.qos import Tuning
 from zacoustic.core.base.stats import count
-from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
+from zacoustic.core.peers.contact import PeerFound, PeerLost
+from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
+from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
 from zacoustic.core.peers.reception import Reception
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.composer import Composed, Composer
+from zacoustic.core.schedule.composer import Composed, Composer, Ingredients
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey
+from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
@@ -72,7 +76,7 @@ ProtocolEvent = (
 
 
 class Protocols:
-    """The components of one engine.
+    """The components of one engine on one link.
 
     Args:
         context: What they share.
@@ -93,19 +97,19 @@ class Protocols:
         peers, handshake, queue = context.peers, context.handshake, context.queue
         timers, generators, stats = context.timers, context.generators, context.stats
         journal, doubt = context.journal, context.doubt
-        self._address = address
-        self._journal = journal
+        self._context = context
         self._stats = stats
-        self._emit = emit
-        self._doubt = doubt
-        self._epochs_to_keep = 0
-        self.queue, self.handshake = queue, handshake
-        self.contact = Contact(
-            address, table, rules.contact, peers, timers, generators.of("contact"), emit
+        self.queue = queue
+        self.heartbeats = Heartbeats(
+            address, table, rules.contact.heartbeat_s, generators.of("contact")
         )
         self.ranging = Ranging(address, table, timers, generators.of("ranging"), emit)
         self.repeater = Repeater(
-            queue, peers, timers, generators.of("repeater"), handshake.introduce
+            queue,
+            peers,
+            timers,
+            generators.of("repeater"),
+            partial(handshake.introduce, context.link),
         )
         self.demand = Demand(
             address,
@@ -179,7 +183,7 @@ class Protocols:
             repeater=self.repeater,
             journal=journal,
             handshake=handshake,
-            begin_epoch=self.begin_epoch,
+            begin_epoch=context.node.epoch.begin,
             doubt=doubt,
             timers=timers,
             stats=stats,
@@ -192,7 +196,7 @@ class Protocols:
             repeater=self.repeater,
             journal=journal,
             handshake=handshake,
-            begin_epoch=self._renew_epoch,
+            begin_epoch=context.node.epoch.renew,
             doubt=doubt,
             timers=timers,
             stats=stats,
@@ -201,16 +205,15 @@ class Protocols:
         self._register(context.reception)
         self.receiver = Receiver(table, handshake, context.reception, stats)
         self.transports = self._transports(context, transports)
-        self.composer = Composer(
-            queue,
-            handshake,
-            self.dense,
-            self.ranging,
-            self.large.objects,
-            self.contact,
-            tuple(self.transports.values()),
-            stats,
+        made_of = Ingredients(
+            queue=queue,
+            dense=self.dense,
+            ranging=self.ranging,
+            objects=self.large.objects,
+            heartbeats=self.heartbeats,
+            extensions=tuple(self.transports.values()),
         )
+        self.composer = Composer(context.link, handshake, made_of, stats)
         for each in (self.services, self.actions, self.sending, self.demand, self.dense):
             peers.restarted.connect(each.peer_restarted)
         for told in (self.sending.peer_asked, self.dense.peer_asked):
@@ -224,15 +227,13 @@ class Protocols:
             self.objects, self.copied, self.deadlines, self.ranging,
         ):  # fmt: skip
             peers.forgotten.connect(one.peer_forgotten)
-        self._write_epoch()
+        context.node.epoch.began.connect(self._epoch_changed)
+        context.node.epoch.outlast(lambda: self.services.is_calling)
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it.
-
-        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
-        """
-        return not self._epochs_to_keep or bool(self._journal.failure)
+        """The boot epoch is written down: no other life of the node will have it."""
+        return self._context.node.epoch.may_speak
 
     @property
     def objects(self) -> Objects:
@@ -294,11 +295,17 @@ class Protocols:
         """Answer a request with an error; see `Engine.reply_error`."""
         return self.services.reply_error(call, failure, text, now)
 
+    def tune(self, stream: Stream, tuning: Tuning) -> None:
+        """Lay an override over the QoS of what waits of a topic."""
+        for lane in SAMPLE_LANES:
+            self.queue.tune((stream.stream_id, lane), tuning)
+        self.objects.tune(stream.stream_id, tuning.over(stream.qos).priority, on=tuning.on)
+
     # What is said and heard
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a frame on a link."""
-        return Envelope(capabilities, self._address)
+        return Envelope(capabilities, self._context.address)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
@@ -320,7 +327,8 @@ class Protocols:
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
-        self._doubt.settle(now)
+        self._context.doubt.settle(now)
+        self._context.peers[opened.source].link = self._context.link
         return self.receiver.handle(opened, frame, port, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
@@ -331,11 +339,11 @@ class Protocols:
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
-        self.contact.begin(now)
-        self.handshake.begin(now)
+        self.heartbeats.begin(now)
 
-    def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left."""
+    def recover(self) -> None:
+        """Go on with what a former life has left of this link."""
+        stored = self._context.stored
         self.demand.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
@@ -343,21 +351,13 @@ class Protocols:
         self.services.recover(stored)
         self.actions.recover(stored)
 
-    def begin_epoch(self, now: int) -> None:
-        """Begin a new boot epoch: what peers have confirmed is over."""
-        self.handshake.table_changed(now)
-        self.dense.epoch_changed()
-        self._write_epoch()
-        self.services.epoch_changed()
-        self.actions.epoch_changed(now)
-
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take the airtimes of a link, and drop what is too large for it."""
         capabilities = port.capabilities
-        self.handshake.use_link(capabilities)
+        self._context.handshake.use_link(self._context.link, capabilities, now)
         self.ranging.use_link(capabilities)
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
-        settling_ns = self.handshake.settling_ns
+        settling_ns = SETTLING_UNITS * unit_ns(capabilities)
         self.copied.use_link(times)
         self.sending.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
@@ -376,7 +376,7 @@ class Protocols:
 
     def link_up(self, now: int) -> None:
         """The link is up."""
-        self._doubt.link_up(now)
+        self._context.doubt.link_up(now)
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
@@ -416,23 +416,13 @@ class Protocols:
             reception.on(kind, self.large.feedback)
         reception.on(Subscribe, self.demand.receive)
 
-    def _renew_epoch(self, now: int) -> bool:
-        """Begin a new epoch unless a call is under way, which would not survive it."""
-        if self.services.is_calling:
-            return False
-        self.begin_epoch(now)
-        return True
+    def _epoch_changed(self, now: int) -> None:
+        self.dense.epoch_changed()
+        self.services.epoch_changed()
+        self.actions.epoch_changed(now)
 
     def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         self.topics.audience_changed(stream, newcomers, now)
-
-    def _write_epoch(self) -> None:
-        self._epochs_to_keep += 1
-        epoch_bytes = self.handshake.epoch.to_bytes(2, "big")
-        self._journal.write(EPOCH_KEY, epoch_bytes, self._epoch_kept)
-
-    def _epoch_kept(self, now: int) -> None:
-        self._epochs_to_keep -= 1
 
     def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
         self.large.unsubscribed(stream_id, sources, now)
@@ -440,4 +430,4 @@ class Protocols:
     def _hand_on(self, sample: SampleReceived, now: int) -> None:
         count(self._stats.received, sample.stream_id)
         self.deadlines.handed_on(sample, now)
-        self._emit(sample)
+        self._context.emit(sample)

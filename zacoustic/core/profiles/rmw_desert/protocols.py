@@ -15,7 +15,7 @@ What is dropped is counted under the words of `zacoustic.core.profiles.native.re
 and ``no_packet`` for bytes of the stream that belong to none.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import msgspec
 
@@ -73,6 +73,7 @@ class RmwDesertProtocols(Protocols):
         if transports:
             raise ConfigError("wire rmw_desert has no extensions; allowed: no other transports")
         super().__init__(context, rules)
+        self._address = context.address
         self._table = context.table
         self._timers = context.timers
         self._calls = DesertCalls(
@@ -198,7 +199,7 @@ class RmwDesertProtocols(Protocols):
         """Nothing waits."""
         return super().is_idle and not self._pieces
 
-    def recover(self, stored: Mapping[str, bytes]) -> None:
+    def recover(self) -> None:
         """Nothing of a former life is gone on with but its boot epoch."""
 
     def use_link(self, port: LinkPort, now: int) -> None:

@@ -9,7 +9,14 @@ from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.silence import Silence
-from zacoustic.core.streams.commands import ORDERS_STREAM_ID, SERIALS, Order, OrderKind, OrderState
+from zacoustic.core.streams.commands import (
+    ORDERS_STREAM_ID,
+    SERIALS,
+    Order,
+    OrderKind,
+    OrderState,
+    check_timeout,
+)
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.calls.answering import ANSWER_LANE
 from zacoustic.core.transport.calls.calls import RequestReceived
@@ -95,11 +102,14 @@ class Orders:
             timeout_s: How long to try, s, at most 600; None: 600.
 
         Raises:
-            LocalError: No such node, this one itself, or the table has no remote commands.
+            LocalError: No such node, this one itself, a longer time, or the table has no remote
+                commands.
             QueueFullError: Too many commands to that node are under way.
         """
         if not 1 <= node <= 254:
             raise LocalError(f"node {node}; allowed: 1..254")
+        if timeout_s is not None:
+            check_timeout(timeout_s)
         rival = self._table.get(ORDERS_STREAM_ID)
         if rival is None:
             raise LocalError(f"no orders cross a link with wire: {self._table.wire.value}")

@@ -7,11 +7,9 @@ import msgspec
 
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import UNTUNED, Qos, Tuning
-from zacoustic.core.schedule.queue import SAMPLE_LANES, TransmitQueue
 from zacoustic.core.streams.commands import Order, OrderKind
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.core.transport.objects.objects import Objects
 from zacoustic.errors import LocalError
 
 _JOURNAL: Final = "tune"
@@ -23,8 +21,7 @@ class Tunings:
     Args:
         address: Address of the node.
         table: Its streams.
-        queue: Where samples wait.
-        objects: Where samples wait that are larger than a frame.
+        tune: Lays an override over the QoS of what waits.
         stored: What the journal has kept.
         journal: Keeps the rest.
     """
@@ -34,15 +31,13 @@ class Tunings:
         address: int,
         table: StreamTable,
         *,
-        queue: TransmitQueue,
-        objects: Objects,
+        tune: Callable[[Stream, Tuning], None],
         stored: Mapping[str, bytes],
         journal: JournalPort,
     ) -> None:
         self._address = address
         self._table = table
-        self._queue = queue
-        self._objects = objects
+        self._tune = tune
         self._journal = journal
         self._tunings: dict[int, Tuning] = {}
         for name, value in stored.items():
@@ -110,6 +105,4 @@ class Tunings:
 
     def _apply(self, stream: Stream, tuning: Tuning) -> None:
         self._tunings[stream.stream_id] = tuning
-        for lane in SAMPLE_LANES:
-            self._queue.tune((stream.stream_id, lane), tuning)
-        self._objects.tune(stream.stream_id, tuning.over(stream.qos).priority, on=tuning.on)
+        self._tune(stream, tuning)

@@ -4,6 +4,8 @@ import enum
 
 import msgspec
 
+from zacoustic.core.base.linktypes import ONE_LINK
+
 
 class ObjectState(enum.Enum):
     """How far an object is."""
@@ -45,3 +47,5 @@ class ObjectProgress(msgspec.Struct, frozen=True, kw_only=True):
     """Of an own object that has ended: addresses of the receivers that do not have it."""
     detail: str = ""
     """Why, in a few words."""
+    link: str = ONE_LINK
+    """Name of the link that it goes by, or comes by."""

@@ -62,8 +62,11 @@ class ObjectDesk:
         else:
             self._receiving[event.peer, event.transfer] = event
 
-    def document(self) -> dict[str, object]:
-        """Return the document."""
+    def documents(self) -> dict[str, object]:
+        """Return the document, by the end of its key."""
+        return {"objects": self._document()}
+
+    def _document(self) -> dict[str, object]:
         return {
             "sending": [self._described(each) for each in self._sending.values()],
             "receiving": [self._described(each) for each in self._receiving.values()],

@@ -107,23 +107,22 @@ class OrderDesk:
         except LocalError as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
 
-    def has_sent(self, call_id: int) -> bool:
-        """Tell whether a call is a remote command."""
-        return call_id in self._sent
-
-    def respond(self, event: ResponseReceived) -> None:
-        """Answer the sender of a command to another node."""
-        held, node, order = self._sent.pop(event.call_id)
-        self._answer(held, node, order, OrderState.from_wire(event.value, event.age_s or 0.0))
-
-    def fail(self, event: CallFailed) -> None:
-        """Report the failure of a command to another node."""
-        held, node, order = self._sent.pop(event.call_id)
+    def answered(self, event: ResponseReceived | CallFailed) -> bool:
+        """Answer the sender of a command to another node; False: it is the answer to no command."""
+        sent = self._sent.pop(event.call_id, None)
+        if sent is None:
+            return False
+        held, node, order = sent
+        if isinstance(event, ResponseReceived):
+            state = OrderState.from_wire(event.value, event.age_s or 0.0)
+            self._answer(held, node, order, state)
+            return True
         text = event.text
         if event.failure is CallFailure.TIMED_OUT:
             text = f"node {node} has not answered in time"
             text += ", and may have obeyed" if order.changes else ""
         held.refuse(event.failure, text)
+        return True
 
     def silence(self, event: SilenceChanged) -> SilenceState:
         """Return the engine's answer in the words of a reply."""

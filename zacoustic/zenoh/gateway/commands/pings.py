@@ -78,17 +78,27 @@ class PingDesk:
             return
         self._runner.apply(partial(self._begin, held, node, within_s))
 
-    def has_sent(self, call_id: int) -> bool:
-        """Tell whether a call is a ping."""
-        return call_id in self._by_call
+    def answered(self, event: ResponseReceived | CallFailed) -> bool:
+        """The node has answered, or not; False: it was asked nothing by this call."""
+        ping = self._by_call.pop(event.call_id, None)
+        if ping is not None:
+            self._take_answer(ping, event)
+        return ping is not None
 
-    def has_asked(self, range_id: int | None) -> bool:
-        """Tell whether a range belongs to a ping."""
-        return range_id in self._by_range
+    def ranged(self, event: RangeMeasured | RangeFailed) -> bool:
+        """A range is there, or will not come; False: it belongs to no ping."""
+        ping = None if event.range_id is None else self._by_range.pop(event.range_id, None)
+        if ping is None:
+            return False
+        if isinstance(event, RangeFailed) and ping.round_trip_s is None:
+            ping.held.refuse(CallFailure.TIMED_OUT, event.text)
+        else:
+            self._answer(ping)
+        return True
 
-    def answered(self, event: ResponseReceived | CallFailed) -> None:
-        """The node has answered, or not."""
-        ping = self._by_call.pop(event.call_id)
+    # Below the methods above
+
+    def _take_answer(self, ping: "_Ping", event: ResponseReceived | CallFailed) -> None:
         if isinstance(event, CallFailed) and event.failure is not CallFailure.HANDLER:
             text = event.text
             if event.failure is CallFailure.TIMED_OUT:
@@ -102,17 +112,6 @@ class PingDesk:
         has_range = known is not None and known.measured_at >= ping.asked_at
         if has_range or left_s <= 0 or not self._runner.apply(partial(self._range, ping, left_s)):
             self._answer(ping)
-
-    def ranged(self, event: RangeMeasured | RangeFailed) -> None:
-        """A range is there, or will not come."""
-        assert event.range_id is not None
-        ping = self._by_range.pop(event.range_id)
-        if isinstance(event, RangeFailed) and ping.round_trip_s is None:
-            ping.held.refuse(CallFailure.TIMED_OUT, event.text)
-        else:
-            self._answer(ping)
-
-    # Below the methods above
 
     def _is_ours(self, node: int) -> bool:
         """Tell whether this gateway asks, of the local ones."""

@@ -19,44 +19,35 @@ from collections.abc import Callable
 import msgspec
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
-from zacoustic.core.peers.contact import Contact
-from zacoustic.core.peers.measurements import Measurements
-from zacoustic.core.transport.topics.deadlines import Deadlines
+from zacoustic.core.engine.engine import Engine
+from zacoustic.run.runner import LinkRunner
 
 
 class PeerStatus:
     """What one engine knows of others; for the loop.
 
     Args:
-        measurements: What was measured.
-        contact: Who is lost.
-        deadlines: Of what a sample is awaited.
-        address: Address of the node itself.
+        runner: Whose engine.
         clock: Where its instants come from.
         unix_s: The clock of people, s.
     """
 
     def __init__(
         self,
-        measurements: Measurements,
-        contact: Contact,
-        deadlines: Deadlines,
+        runner: LinkRunner,
         *,
-        address: int,
         clock: Clock,
         unix_s: Callable[[], float] = time.time,
     ) -> None:
-        self._measurements = measurements
-        self._contact = contact
-        self._deadlines = deadlines
-        self._address = address
+        self._runner = runner
         self._clock = clock
         self._unix_s = unix_s
         self._dated: dict[str, tuple[int, float]] = {}
 
     def documents(self) -> dict[str, object]:
         """Return the documents, by the end of their keys."""
-        known = self._measurements
+        engine = self._runner.engine
+        known = engine.measurements
         found: dict[str, object] = {}
         for address in known.addresses():
             for name, each in (
@@ -70,7 +61,7 @@ class PeerStatus:
                     del fields["address"]
                     at = fields.pop("measured_at")
                     found[key] = fields | {"measured_at_unix_s": self._date(key, at)}
-        for address, sighting in self._contact.sightings().items():
+        for address, sighting in engine.contact.sightings().items():
             key = f"peer/{address}/lost"
             heard_at = sighting.heard_at if sighting.is_lost else None
             found[key] = {
@@ -78,17 +69,17 @@ class PeerStatus:
                 "since_unix_s": self._date(f"{key}/since", sighting.since),
                 "heard_at_unix_s": heard_at and self._date(f"{key}/heard", heard_at),
             }
-        found |= self._late()
+        found |= self._late(engine)
         if known.modem is not None:
             fields = msgspec.structs.asdict(known.modem)
             at = fields.pop("read_at")
             found["modem"] = fields | {"read_at_unix_s": self._date("modem", at)}
         return found
 
-    def _late(self) -> dict[str, object]:
+    def _late(self, engine: Engine) -> dict[str, object]:
         """Return of each node with topics that have a deadline which samples are overdue."""
         found: dict[str, object] = {}
-        awaited = [each for each in self._deadlines.awaited() if each.source != self._address]
+        awaited = [each for each in engine.deadlines.awaited() if each.source != engine.address]
         for address in sorted({each.source for each in awaited}):
             keys = [each for each in awaited if each.source == address]
             found[f"peer/{address}/late"] = {

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.text.safetext import one_line
-from zacoustic.zenoh.gateway.notices import Notice
+from zacoustic.zenoh.gateway.notices import Notice, Notify
 
 EVENTS_KEPT: Final = 16
 """Number of last events."""
@@ -42,9 +42,9 @@ class RecentEvents:
         """Keep an input error."""
         self._keep(COMPLAINT, text, is_trouble=True)
 
-    def document(self) -> dict[str, object]:
-        """Return the document, the oldest first."""
-        return {"events": [*self._troubles, *self._events]}
+    def documents(self) -> dict[str, object]:
+        """Return the document, by the end of its key; the oldest first."""
+        return {"events": {"events": [*self._troubles, *self._events]}}
 
     def _keep(self, event: str, text: str, *, is_trouble: bool) -> None:
         self._events.append(
@@ -57,3 +57,27 @@ class RecentEvents:
         )
         if len(self._events) > EVENTS_KEPT and (oldest := self._events.popleft())["trouble"]:
             self._troubles.append(oldest)
+
+
+class Announcer:
+    """Tells people what they want to know, and keeps it for late readers.
+
+    Args:
+        recent_events: Keeps it.
+        notify: Tells it.
+    """
+
+    def __init__(self, recent_events: RecentEvents, notify: Notify) -> None:
+        self._recent_events = recent_events
+        self._notify = notify
+        self._is_closed = False
+
+    def tell(self, notice: Notice) -> None:
+        """Tell a notice."""
+        self._recent_events.note(notice)
+        if not self._is_closed:
+            self._notify(notice)
+
+    def close(self) -> None:
+        """Tell nothing more."""
+        self._is_closed = True

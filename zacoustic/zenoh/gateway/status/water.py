@@ -15,7 +15,8 @@ import msgspec
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE
 from zacoustic.core.base.trace import TraceRecord
-from zacoustic.core.engine.engine import Engine
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.link.contract import Link
 
 KEPT: Final = 16
 """Number of past frames in the document."""
@@ -43,12 +44,16 @@ class FrameLog:
     """The frames of one engine; for the loop.
 
     Args:
-        engine: Whose.
+        table: Its streams.
+        link: Its link.
         unix_s: The clock of people, s.
     """
 
-    def __init__(self, engine: Engine, *, unix_s: Callable[[], float] = time.time) -> None:
-        self._engine = engine
+    def __init__(
+        self, table: StreamTable, link: Link, *, unix_s: Callable[[], float] = time.time
+    ) -> None:
+        self._table = table
+        self._link = link
         self._unix_s = unix_s
         self._transmitting: Frame | None = None
         self._last: deque[Frame] = deque(maxlen=KEPT)
@@ -71,14 +76,13 @@ class FrameLog:
             case _:
                 pass
 
-    def document(self) -> dict[str, object]:
-        """Return the document; the past is oldest first."""
-        return {"transmitting": self._transmitting, "last": list(self._last)}
+    def documents(self) -> dict[str, object]:
+        """Return the document, by the end of its key; the past is oldest first."""
+        return {"water": {"transmitting": self._transmitting, "last": list(self._last)}}
 
     def _frame(self, way: str, peer: int | None, record: TraceRecord) -> Frame:
-        table, capabilities = self._engine.table, self._engine.capabilities
-        found = (table.get(each) for each in dict.fromkeys(record.streams))
-        airtime_ns = 0 if capabilities is None else capabilities.airtime_ns(record.size_bytes)
+        found = (self._table.get(each) for each in dict.fromkeys(record.streams))
+        airtime_ns = self._link.capabilities.airtime_ns(record.size_bytes)
         return Frame(
             way=way,
             peer=peer,

@@ -120,10 +120,13 @@ class Services:
             return
         self._calls[call_id] = (held, encoding)
 
-    def respond(self, event: ResponseReceived) -> None:
-        """Answer a local call."""
-        dialect = self.dialects[event.stream_id]
+    def answered(self, event: ResponseReceived | CallFailed) -> None:
+        """Answer or refuse a local call."""
         held, encoding = self._calls.pop(event.call_id)
+        if isinstance(event, CallFailed):
+            held.refuse(event.failure, event.text)
+            return
+        dialect = self.dialects[event.stream_id]
         try:
             payload, encoding = dialect.write_response(event.value, encoding)
         except PayloadInvalidError as error:
@@ -132,11 +135,6 @@ class Services:
         asked = held.query.attachment
         mark = dialect.answer_mark(asked.to_bytes() if asked is not None else None)
         held.answer([Answer(key=dialect.key, payload=payload, encoding=encoding, attachment=mark)])
-
-    def fail(self, event: CallFailed) -> None:
-        """Refuse a local call."""
-        held, _ = self._calls.pop(event.call_id)
-        held.refuse(event.failure, event.text)
 
     def serve(self, event: RequestReceived) -> None:
         """Ask the local server for the answer to a received call."""

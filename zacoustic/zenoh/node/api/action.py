@@ -215,7 +215,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
                 return
             try:
                 taken = callback(self._route.feedback.build(value))
-            except Exception as error:
+            except Exception as error:  # the application's
                 _logger.warning("%s: the callback of feedback failed", self.name, exc_info=error)
                 return
             if inspect.isawaitable(taken):
@@ -226,7 +226,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     async def _attend(self, taken: Awaitable[None]) -> None:
         try:
             await taken
-        except Exception as error:
+        except Exception as error:  # the application's
             _logger.warning("%s: the callback of feedback failed", self.name, exc_info=error)
 
 
@@ -394,7 +394,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
             try:
                 decided = self._goal_callback(request)
                 accepts = bool(await decided if inspect.isawaitable(decided) else decided)
-            except Exception as error:
+            except Exception as error:  # the application's
                 _logger.warning("%s: the callback of goals failed", self.name, exc_info=error)
                 accepts, text = False, " ".join(str(error).split()) or type(error).__name__
         if not accepts:
@@ -414,7 +414,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
         except asyncio.CancelledError:
             handle.finish(GoalStatus.ABORTED, None)
             raise
-        except Exception as error:
+        except Exception as error:  # the application's
             _logger.warning("%s: the goal failed", self.name, exc_info=error)
             handle.finish(GoalStatus.ABORTED, None)
             return
@@ -432,7 +432,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
             try:
                 decided = self._cancel_callback(handle)
                 accepts = bool(await decided if inspect.isawaitable(decided) else decided)
-            except Exception as error:
+            except Exception as error:  # the application's
                 _logger.warning("%s: the callback of cancels failed", self.name, exc_info=error)
                 accepts, text = False, " ".join(str(error).split()) or type(error).__name__
         taken.answer_cancel(accepts, text)

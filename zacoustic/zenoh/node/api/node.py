@@ -3,21 +3,22 @@
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+import msgspec
+
 from zacoustic.config import Config
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.peers.measurements import Range
-from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.commands import Order, OrderState, check_timeout
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import ConfigError, LocalError, SessionError
 from zacoustic.link.contract import Link
-from zacoustic.run.journal import Journal, MemoryJournal, journal_in
-from zacoustic.run.journal.thread import recover, release
+from zacoustic.run.journal import Journal, journal_in
 from zacoustic.zenoh.node.api.catalogue import Catalogue
 from zacoustic.zenoh.node.api.endpoints import EndpointMaker
 from zacoustic.zenoh.node.api.eventlog import EventLog
@@ -181,13 +182,14 @@ class Node(EndpointMaker):
             The state there then.
 
         Raises:
-            LocalError: No such node, or the command makes no sense here.
+            LocalError: No such node, a longer time, or the command makes no sense here.
             ServiceError: The node refuses it, with a reason.
             CallTimeoutError: No answer in time; it may have been executed.
             DeliveryError: It cannot be given from here.
             LinkClosedError: The node was closed, or has failed.
         """
         carrier = self._opened()
+        check_timeout(timeout_s)
         if isinstance(peer, str):
             peer = self._known().address_of(peer)
         return await carrier.order(peer, order, timeout_s)
@@ -272,47 +274,44 @@ class Node(EndpointMaker):
                     hint="pip install eclipse-zenoh",
                 ) from error
             return ZenohCarrier(config, self._connect, report=self._events.add)
-        from zacoustic.link import registry
-        from zacoustic.run.permitlog import open_permit_log
-        from zacoustic.zenoh.node.onlink.onlink import LinkCarrier
-
         if self._connect is not None:
             raise ConfigError("connect is given beside link; allowed: one of the two")
         if address is None:
             raise ConfigError(
                 f"node {self.name} has no address", hint="give address=1..254, or config=FILE"
             )
-        link = self._link
-        if isinstance(link, str):
-            link = registry.create(link, address)
-        journal = self._journal or (config.journal if config is not None else None)
+        return await self._make_link_carrier(self._link, config, address, table)
+
+    async def _make_link_carrier(
+        self, link: str | Link, config: Config | None, address: int, table: StreamTable
+    ) -> Carrier:
+        from zacoustic.link import registry
+        from zacoustic.run.node import LinkNode
+        from zacoustic.zenoh.node.onlink.onlink import LinkCarrier
+
+        parts = LinkNode(
+            address=address,
+            table=table,
+            link=registry.create(link, address) if isinstance(link, str) else link,
+        )
+        journal = self._journal
+        if config is not None:
+            journal = journal or config.journal
+            parts = msgspec.structs.replace(
+                parts, ranges=config.ranges_to(), rules=config.rules, permits=config.permit_log
+            )
         if isinstance(journal, str | Path):
             journal = journal_in(journal, address)
-        recording = None
-        try:
-            state = MemoryJournal().recover() if journal is None else await recover(journal)
-            if self._record is not None:
-                from zacoustic.run.recording.live import open_recording
+        record = None
+        if self._record is not None:
+            from zacoustic.run.recording.live import open_recording
 
-                recording = await open_recording(self._record)
-            return LinkCarrier(
-                link,
-                address,
-                table,
-                journal=journal,
-                state=state,
-                ranges={} if config is None else config.ranges_to(),
-                rules=TransmitRules() if config is None else config.rules,
-                permit_log=None if config is None else open_permit_log(config.permit_log),
-                recording=recording,
-                report=self._events.add,
-                fail=self._fail,
-            )
+            record = partial(open_recording, self._record)
+        prepared = await msgspec.structs.replace(parts, journal=journal).prepare(record)
+        try:
+            return LinkCarrier(prepared, report=self._events.add, fail=self._fail)
         except BaseException:
-            if journal is not None:
-                await release(journal)
-            if recording is not None:
-                await recording.close()
+            await prepared.close()
             raise
 
     def _fail(self, error: Exception) -> None:

@@ -185,7 +185,7 @@ class Subscription(Generic[T]):
                 result = callback(sample)
                 if inspect.isawaitable(result):
                     await result
-            except Exception:
+            except Exception:  # the application's: its next sample comes all the same
                 _logger.exception("the callback of %s failed", self.name)
 
     def _deliver(self, incoming: Incoming) -> None:

@@ -175,7 +175,7 @@ class Service(Generic[Request, Response]):
             response = self._handler(request, context)
             if inspect.isawaitable(response):
                 response = await response
-        except Exception as error:
+        except Exception as error:  # the application's: its caller is told
             _logger.warning("%s: the handler failed", self.name, exc_info=error)
             call.fail(CallFailure.HANDLER, _text_of(error))
             return

@@ -55,8 +55,7 @@ class LinkGoals:
         tag: bytes,
     ) -> "LinkSentGoal":
         """Send a goal and wait for its answer; cancelling this cancels the goal."""
-        assert route.stream is not None
-        stream_id = route.stream.stream_id
+        stream_id = route.known_stream.stream_id
 
         def begin(engine: Engine, now: int) -> LinkSentGoal:
             key = engine.actions.send_goal(stream_id, value, now, timeout_s=timeout_s, tag=tag)
@@ -78,11 +77,11 @@ class LinkGoals:
         self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
     ) -> list["LinkSentGoal"]:
         """Return the goals that a former boot epoch has sent, and that no caller has taken yet."""
-        assert route.stream is not None
+        stream_id = route.known_stream.stream_id
         found = [
             sent
             for sent in self._sent.values()
-            if sent.key.stream_id == route.stream.stream_id and sent.feed is None
+            if sent.key.stream_id == stream_id and sent.feed is None
         ]
         for sent in found:
             sent.feed = feed
@@ -95,8 +94,7 @@ class LinkGoals:
         Raises:
             LocalError: It is served already.
         """
-        assert route.stream is not None
-        stream_id = route.stream.stream_id
+        stream_id = route.known_stream.stream_id
         if stream_id in self._desks:
             raise LocalError(f"{route.name} is served by this node already")
         self._desks[stream_id] = desk

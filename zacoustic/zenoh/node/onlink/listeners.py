@@ -37,8 +37,7 @@ class Listeners:
 
     def add(self, route: TopicRoute[Any], deliver: Deliver) -> Callable[[], None]:
         """Deliver the samples of a topic, or of one key of it; returns what ends that."""
-        stream = route.stream
-        assert stream is not None
+        stream = route.known_stream
         listeners = self._listeners.setdefault(stream.stream_id, {})
         token = object()
         listeners[token] = (route.key, deliver)

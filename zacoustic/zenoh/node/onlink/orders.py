@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.events import CallFailed, CallFailure, Event, ResponseReceived
+from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.streams.commands import Order, OrderState
 from zacoustic.errors import LinkClosedError, ServiceError
 from zacoustic.run.runner import LinkRunner
@@ -53,10 +53,8 @@ class LinkOrders:
                 with contextlib.suppress(LinkClosedError):
                     self._runner.apply(lambda engine, now: engine.cancel(call_id, now))
 
-    def deliver(self, event: Event) -> bool:
+    def deliver(self, event: ResponseReceived | CallFailed) -> bool:
         """Take the answer to a command; False if it is something else."""
-        if not isinstance(event, ResponseReceived | CallFailed):
-            return False
         answer = self._answers.pop(event.call_id, None)
         if answer is None:
             return False

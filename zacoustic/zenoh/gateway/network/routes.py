@@ -29,10 +29,7 @@ from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.dialect.dialects import Declared, Dialects
 from zacoustic.zenoh.gateway.jobs import ATTEND, DELIVER, FORWARD, PROXY, SERVE, WATCH
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
-from zacoustic.zenoh.gateway.streams.actions import Actions
-from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
-from zacoustic.zenoh.gateway.streams.services import Services
-from zacoustic.zenoh.gateway.streams.topics import Topics
+from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 from zacoustic.zenoh.session.asking.goals import ActionKey
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryDesk, Serve
 from zacoustic.zenoh.session.session import Island
@@ -45,12 +42,9 @@ class Routes:
         table: All streams.
         island: The session of the declarations.
         redundant: Which jobs are ours, of those that redundant gateways share.
-        topics: Takes samples, answers a `get` on a topic.
-        services: Takes calls.
-        actions: Takes goals, and feedback.
-        matching: Watches who subscribes to on-demand topics.
+        streams: Take samples, calls and goals.
         dialects: Make jobs visible, and see local programs.
-        desk: Takes queries from Zenoh's threads.
+        queries: Takes queries from Zenoh's threads.
         runner: Gives calls to the engine.
     """
 
@@ -60,25 +54,20 @@ class Routes:
         island: Island,
         redundant: RedundantGateways,
         *,
-        topics: Topics,
-        services: Services,
-        actions: Actions,
-        matching: MatchingSubscribers,
+        streams: StreamHandlers,
         dialects: Dialects,
-        desk: QueryDesk,
+        queries: QueryDesk,
         runner: LinkRunner,
     ) -> None:
         self.jobs: frozenset[tuple[str, int]] = frozenset()
         """Job and stream id of present declarations, or soon to be."""
-        self._table = table
+        self.table = table
+        """All streams."""
         self._island = island
         self._redundant = redundant
-        self._topics = topics
-        self._services = services
-        self._actions = actions
-        self._matching = matching
+        self._streams = streams
         self._dialects = dialects
-        self._desk = desk
+        self._queries = queries
         self._runner = runner
         # Of the worker alone.
         self._declared: dict[tuple[str, int], list[Declared]] = {}
@@ -87,7 +76,7 @@ class Routes:
         """Declare new jobs, undeclare former ones."""
         wanted = frozenset(
             (job, stream.stream_id)
-            for stream in self._table
+            for stream in self.table
             for job, is_ours in (
                 (FORWARD, self._redundant.forwards(stream)),
                 (DELIVER, self._redundant.delivers(stream)),
@@ -103,9 +92,9 @@ class Routes:
         for key in sorted(gone):
             self._island.worker.submit(partial(self._undeclare, key))
         for job, stream_id in sorted(new):
-            stream = self._table.by_id(stream_id)
+            stream = self.table.by_id(stream_id)
             self._island.worker.submit(partial(self._declare, job, stream))
-        self._matching.watch({stream_id for job, stream_id in wanted if job == WATCH})
+        self._streams.matching.watch({stream_id for job, stream_id in wanted if job == WATCH})
 
     def undeclare(self) -> None:
         """Undeclare everything; in the worker."""
@@ -133,31 +122,32 @@ class Routes:
         if job == SERVE:
             return []
         if job == WATCH:
-            return [self._matching.declare(stream)]
+            return [self._streams.matching.declare(stream)]
         if job == ATTEND:
-            key = self._actions.forms[stream_id].key(ActionKey.FEEDBACK)
+            key = self._streams.actions.forms[stream_id].key(ActionKey.FEEDBACK)
             subscriber = session.declare_subscriber(
                 zenoh.KeyExpr(key),
-                self._island.callback(self._actions.ear(stream_id)),
+                self._island.callback(self._streams.actions.ear(stream_id)),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
             return [subscriber]
         if job == FORWARD:
-            dialect = self._topics.dialects[stream_id]
+            dialect = self._streams.topics.dialects[stream_id]
             expression = dialect.key(stream.keys.expression(self._redundant.address))
-            return list(dialect.subscribe(expression, partial(self._topics.post, stream_id)))
+            post = partial(self._streams.topics.post, stream_id)
+            return list(dialect.subscribe(expression, post))
         declared: list[Declared] = []
         keys, serve = self._served(job, stream)
         for key in keys:
             queryable = session.declare_queryable(
                 zenoh.KeyExpr(key),
-                self._island.callback(partial(self._desk.admit, serve)),
+                self._island.callback(partial(self._queries.admit, serve)),
                 complete=job == PROXY,
                 allowed_origin=zenoh.Locality.REMOTE,
             )
             declared.append(queryable)
         if job == DELIVER:
-            declared += self._topics.dialects[stream_id].offer(self._sources(stream))
+            declared += self._streams.topics.dialects[stream_id].offer(self._sources(stream))
         return declared
 
     def _undeclare(self, key: tuple[str, int]) -> None:
@@ -170,30 +160,31 @@ class Routes:
         if job == DELIVER:
             return (self._asked(stream),), self._answer(stream_id)
         if isinstance(stream.spec, ActionSpec):
-            return self._actions.forms[stream_id].served(), partial(self._actions.ask, stream_id)
-        return (self._services.dialects[stream_id].key,), self._call(stream_id)
+            actions = self._streams.actions
+            return actions.forms[stream_id].served(), partial(actions.ask, stream_id)
+        return (self._streams.services.dialects[stream_id].key,), self._call(stream_id)
 
     def _asked(self, stream: Stream) -> str:
         """Return the key expression of remote samples."""
         publishers = self._redundant.publishers_beyond(stream)
         only_one = publishers is not None and len(publishers) == 1
         expression = stream.keys.expression(publishers[0] if publishers and only_one else None)
-        return self._topics.dialects[stream.stream_id].key(expression)
+        return self._streams.topics.dialects[stream.stream_id].key(expression)
 
     def _sources(self, stream: Stream) -> tuple[int, ...]:
         """Return the remote nodes that may publish, as far as they are listed."""
         publishers = self._redundant.publishers_beyond(stream)
         if publishers is None:
-            return tuple(each for each in self._table.nodes if each not in self._redundant.alive)
+            return tuple(each for each in self.table.nodes if each not in self._redundant.alive)
         return publishers
 
     def _answer(self, stream_id: int) -> Serve:
-        return lambda held: self._topics.answer(held, stream_id)
+        return lambda held: self._streams.topics.answer(held, stream_id)
 
     def _call(self, stream_id: int) -> Serve:
         def call(held: HeldQuery) -> None:
             self._runner.apply(
-                lambda engine, now: self._services.call(held, stream_id, engine, now)
+                lambda engine, now: self._streams.services.call(held, stream_id, engine, now)
             )
 
         return call

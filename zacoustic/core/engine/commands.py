@@ -1,0 +1,103 @@
+"""Commands about streams, for whichever link a stream goes by."""
+
+from collections.abc import Callable, Collection, Set
+
+from zacoustic.core.engine.linkstack import LinkStack
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.actions.actions import Actions
+from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.transport.topics.deadlines import Awaited
+from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
+
+StackOf = Callable[[int], LinkStack]
+"""Returns the link that a stream goes by."""
+
+
+class GoalCommands:
+    """Commands about goals; each is described at `Actions`."""
+
+    def __init__(self, stack_of: StackOf) -> None:
+        self._stack_of = stack_of
+
+    def send_goal(
+        self,
+        stream_id: int,
+        value: object,
+        now: int,
+        *,
+        timeout_s: float | None = None,
+        tag: bytes = b"",
+    ) -> GoalKey:
+        """Send a goal."""
+        return self._of(stream_id).send_goal(stream_id, value, now, timeout_s=timeout_s, tag=tag)
+
+    def cancel_goal(self, goal: GoalKey, now: int) -> bool:
+        """Ask for the end of a goal."""
+        return self._of(goal.stream_id).cancel_goal(goal, now)
+
+    def accept(self, goal: GoalKey, now: int) -> bool:
+        """Accept a goal."""
+        return self._of(goal.stream_id).accept(goal, now)
+
+    def reject(
+        self,
+        goal: GoalKey,
+        now: int,
+        *,
+        text: str = "",
+        failure: GoalFailure = GoalFailure.REJECTED,
+    ) -> bool:
+        """Refuse a goal."""
+        return self._of(goal.stream_id).reject(goal, now, text=text, failure=failure)
+
+    def publish_feedback(self, goal: GoalKey, value: object, now: int) -> bool:
+        """Tell how far a goal is."""
+        return self._of(goal.stream_id).publish_feedback(goal, value, now)
+
+    def finish(self, goal: GoalKey, status: GoalStatus, value: object, now: int) -> bool:
+        """End a goal."""
+        return self._of(goal.stream_id).finish(goal, status, value, now)
+
+    def answer_cancel(self, goal: GoalKey, now: int, *, accepted: bool, text: str = "") -> bool:
+        """Answer a `CancelRequested`."""
+        return self._of(goal.stream_id).answer_cancel(goal, now, accepted=accepted, text=text)
+
+    def _of(self, stream_id: int) -> Actions:
+        return self._stack_of(stream_id).protocols.actions
+
+
+class Subscriptions:
+    """Commands and getters about on-demand topics; each is described at `Demand`."""
+
+    def __init__(self, stack_of: StackOf) -> None:
+        self._stack_of = stack_of
+
+    def want(self, stream_id: int, now: int, sources: Collection[int] | None = None) -> None:
+        """Subscribe to an on-demand topic at some of its publishers, and at no others."""
+        self._of(stream_id).want(stream_id, now, sources)
+
+    def publishers(self, stream: Stream) -> frozenset[int]:
+        """Return the other nodes that may publish an on-demand topic."""
+        return self._of(stream.stream_id).publishers(stream)
+
+    def wanted(self, stream_id: int) -> frozenset[int]:
+        """Return the publishers at which this node subscribes to an on-demand topic."""
+        return self._of(stream_id).wanted(stream_id)
+
+    def audience(self, stream: Stream) -> Set[int] | None:
+        """Return the nodes that have subscribed to an on-demand topic; None for any other."""
+        return self._of(stream.stream_id).audience(stream)
+
+    def _of(self, stream_id: int) -> Demand:
+        return self._stack_of(stream_id).protocols.demand
+
+
+class AwaitedSamples:
+    """Of what a sample is awaited, on all links."""
+
+    def __init__(self, stacks: Collection[LinkStack]) -> None:
+        self._stacks = stacks
+
+    def awaited(self) -> list[Awaited]:
+        """Return the awaited samples of this node and of others; read only."""
+        return [each for stack in self._stacks for each in stack.protocols.deadlines.awaited()]

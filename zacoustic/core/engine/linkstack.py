@@ -1,0 +1,192 @@
+"""What an engine is on one link: its transports, the port of the link, and what it transmits there.
+
+Each link has transports of its own: airtimes, pauses, windows and runs of two links have nothing to
+do with each other, so the loss of one disturbs nothing on the other one. What is agreed with other
+nodes is common to all links (`zacoustic.core.schedule.context`). The engine knows which of them a
+stream goes by.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from zacoustic.core.base.linktypes import (
+    UNKNOWN_SOURCE,
+    LinkCapabilities,
+    LinkState,
+    ReceivedFrame,
+    Transmission,
+    TransmitReport,
+)
+from zacoustic.core.base.trace import Tracer
+from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
+from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
+from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.schedule.airtime import AirtimeCaps
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.port import LinkPort
+from zacoustic.core.schedule.silence import Silence
+from zacoustic.core.schedule.transmitter import Transmitter
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.wire.envelope import Envelope, Opened
+
+_PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
+
+
+class LinkStack:
+    """One link of an engine.
+
+    Args:
+        context: The node on this link.
+        rules: What the config says of the node.
+        own: What it says of the link.
+        silence: When nothing may be transmitted.
+        trace: Takes what is done.
+        transports: Make transports of somebody else.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        rules: TransmitRules,
+        own: LinkRules,
+        silence: Silence,
+        trace: Tracer,
+        transports: Sequence[MakeTransport],
+    ) -> None:
+        self.name = context.link
+        """Name of the link."""
+        self.ids = context.ids
+        """The ids that the application sees."""
+        self.stats = context.stats
+        """Counts on this link."""
+        self._context = context
+        self._silence = silence
+        self._trace = trace
+        self.protocols = _PROTOCOLS[context.table.wire](context, rules, transports)
+        """The transports."""
+        self._access_rng = context.generators.of("access")
+        self._access = own.access
+        self.transmitter = Transmitter(
+            context.link,
+            self.protocols,
+            silence,
+            AirtimeCaps(own.max_airtime),
+            context.stats,
+            self._make_port,
+            context.emit,
+        )
+        """What goes when."""
+        context.peers.forgotten.connect(self.transmitter.peer_forgotten)
+        for stream in context.table:
+            self.declared(stream)
+
+    def declared(self, stream: Stream) -> None:
+        """A stream is in the table."""
+        self.transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
+
+    # Inputs
+
+    def handle_frame(self, frame: ReceivedFrame, now: int) -> None:
+        """A frame, or a piece of a byte stream, arrived."""
+        port = self.transmitter.port
+        if port is None:
+            self.stats.drop("link_down")
+            return
+        self.stats.heard(len(frame.frame_bytes))
+        for opened in port.envelope.open(frame):
+            reason = port.refuse(opened, frame)
+            if isinstance(opened, Opened) and reason in (None, "not_for_us"):
+                if opened.source != UNKNOWN_SOURCE:
+                    self._context.node.contact.heard(opened.source, now)
+                    measurements = self._context.node.measurements
+                    measurements.note(opened.source, frame.metrics, frame.received_at)
+                port.heard(opened.source, len(frame.frame_bytes), now)
+                if reason is None:
+                    streams = self.protocols.receive(opened, frame, port, now)
+                    self._trace.note(
+                        now,
+                        "receive",
+                        peer=opened.source,
+                        frame=frame.frame_bytes,
+                        streams=streams,
+                        link=self.name,
+                    )
+                    continue
+                self.protocols.overhear(opened, frame, port, now)
+            assert reason is not None
+            self.stats.drop(reason)
+            self._trace.note(
+                now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason,
+                link=self.name,
+            )  # fmt: skip
+
+    def handle_report(self, report: TransmitReport, now: int) -> None:
+        """A transmission has ended."""
+        if self.transmitter.finish(report, now):
+            self._trace.note(now, "report", detail=report.outcome.value, link=self.name)
+        else:
+            self.stats.drop("stray_report")
+
+    def handle_state(
+        self, state: LinkState, capabilities: LinkCapabilities | None, now: int
+    ) -> bool:
+        """The link went up or down; returns whether its state is another one now."""
+        if capabilities is not None and capabilities != self.capabilities:
+            self.transmitter.use_link(capabilities, now)
+        if state is self.transmitter.link_state:
+            return False
+        self.transmitter.change_state(state, now)
+        if state is LinkState.UP:
+            self._silence.wake(now)
+            self.protocols.link_up(now)
+        return True
+
+    # Outputs
+
+    def make(self, now: int) -> Transmission | None:
+        """Return the frame that is worth most now, if the link can take one."""
+        made = self.transmitter.make(now)
+        if made is None:
+            return None
+        transmission, streams = made
+        self._trace.note(
+            now,
+            "transmit",
+            peer=transmission.destination,
+            frame=transmission.frame_bytes,
+            streams=streams,
+            link=self.name,
+        )
+        return transmission
+
+    # Getters
+
+    @property
+    def state(self) -> LinkState:
+        """What the link last said of itself."""
+        return self.transmitter.link_state
+
+    @property
+    def capabilities(self) -> LinkCapabilities | None:
+        """What the link can do; None before it was up."""
+        port = self.transmitter.port
+        return port.capabilities if port else None
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing waits, and nothing is under way."""
+        port = self.transmitter.port
+        return not (port is not None and port.is_busy) and self.protocols.is_idle
+
+    # Below the methods above
+
+    def _make_port(self, capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
+        return LinkPort(
+            capabilities,
+            self._context.address,
+            self._access_rng,
+            self._access,
+            envelope=envelope,
+            measurements=self._context.node.measurements,
+        )

@@ -1,0 +1,63 @@
+"""The boot epoch of one node: another one in each life, and written down before it is said."""
+
+from collections.abc import Callable
+
+from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
+from zacoustic.core.base.signals import Signal
+from zacoustic.core.peers.handshake import Handshake
+
+
+class BootEpoch:
+    """The boot epoch of one node.
+
+    Args:
+        handshake: Says it to others.
+        journal: Keeps it.
+    """
+
+    def __init__(self, handshake: Handshake, journal: JournalPort) -> None:
+        self._handshake = handshake
+        self._journal = journal
+        self._to_keep = 0
+        self.began = Signal[int]()
+        """``(now)``: a new one has begun."""
+        self._is_calling: list[Callable[[], bool]] = []
+        self._write()
+
+    @property
+    def may_speak(self) -> bool:
+        """It is written down: no other life of the node will have it.
+
+        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
+        """
+        return not self._to_keep or bool(self._journal.failure)
+
+    def outlast(self, is_calling: Callable[[], bool]) -> None:
+        """Have somebody asked before it is renewed whether a call is under way."""
+        self._is_calling.append(is_calling)
+
+    def begin(self, now: int) -> None:
+        """Begin a new one: what peers have confirmed is over."""
+        self._handshake.table_changed(now)
+        self._write()
+        self.began(now)
+
+    def renew(self, now: int) -> bool:
+        """Begin a new one unless a call is under way, which would not survive it.
+
+        Returns:
+            Whether it has begun.
+        """
+        if any(is_calling() for is_calling in self._is_calling):
+            return False
+        self.begin(now)
+        return True
+
+    # Below the methods above
+
+    def _write(self) -> None:
+        self._to_keep += 1
+        self._journal.write(EPOCH_KEY, self._handshake.epoch.to_bytes(2, "big"), self._kept)
+
+    def _kept(self, now: int) -> None:
+        self._to_keep -= 1

@@ -1,0 +1,167 @@
+"""`LinkNode`: what a node on a link is made of, and its runner.
+
+A gateway and a program's node in direct mode begin alike: the journal begins a boot epoch, the
+recording and the permit log are opened, and an engine is made of what the journal has, now and
+whenever one has raised. This is told here once.
+"""
+
+import logging
+import random
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import AsyncExitStack
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+import msgspec
+
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.base.trace import TraceSink
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.link.contract import Link
+from zacoustic.run.clocks import NodeClocks
+from zacoustic.run.hostclock import HostClock
+from zacoustic.run.journal import Journal, JournalState, MemoryJournal
+from zacoustic.run.journal.thread import recover, release
+from zacoustic.run.permitlog import PermitLog, open_permit_log
+from zacoustic.run.replacement.intact import Intact
+from zacoustic.run.runner import LinkRunner
+
+if TYPE_CHECKING:
+    from zacoustic.run.recording.live import LiveRecording
+
+OpenRecording: TypeAlias = Callable[[], Awaitable["LiveRecording"]]
+"""Opens a recording."""
+
+_logger = logging.getLogger(__name__)
+
+
+class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
+    """One node on one link, not running yet."""
+
+    address: int
+    """Its acoustic address."""
+    table: StreamTable
+    """Its streams."""
+    link: Link
+    """Its link, not open yet."""
+    rules: TransmitRules = TransmitRules()
+    """When, and how much, it may transmit."""
+    ranges: Mapping[int, float] = {}
+    """Nodes whose range is measured periodically, each with its period, s."""
+    journal: Journal | None = None
+    """Where the engine's writes go; None: nothing survives a restart."""
+    permits: Path | None = None
+    """File of the permit log, or None."""
+    clock: Clock = time.monotonic_ns
+    """Where instants come from; the same as the link's."""
+    host: HostClock = msgspec.field(default_factory=HostClock)
+    """The clock of the computer."""
+
+    async def prepare(self, record: OpenRecording | None = None) -> "PreparedNode":
+        """Begin a boot epoch of the journal, and open recording and permit log.
+
+        Args:
+            record: Opens the recording, which makes the engines; None: nothing is recorded.
+
+        Raises:
+            ConfigError: One of them cannot be used; nothing is left open.
+        """
+        async with AsyncExitStack() as failing:
+            if self.journal is None:
+                state = MemoryJournal().recover()
+            else:
+                failing.push_async_callback(release, self.journal)
+                state = await recover(self.journal)
+            recording = None if record is None else await record()
+            if recording is not None:
+                failing.push_async_callback(recording.close)
+            permit_log = open_permit_log(self.permits)
+            failing.pop_all()
+        return PreparedNode(self, state, permit_log, recording)
+
+
+class PreparedNode:
+    """A node whose journal has begun a boot epoch: it gives its runner once, or is given up.
+
+    Args:
+        parts: What it is made of.
+        state: What the journal has kept.
+        permit_log: Takes each emission, or None.
+        recording: Makes its engines, or None.
+    """
+
+    def __init__(
+        self,
+        parts: LinkNode,
+        state: JournalState,
+        permit_log: PermitLog | None,
+        recording: "LiveRecording | None",
+    ) -> None:
+        self.parts = parts
+        self._state = state
+        self._permit_log = permit_log
+        self.recording = recording
+        """Makes its engines, or None."""
+        self._has_runner = False
+
+    def make_runner(self, trace: TraceSink | None = None) -> LinkRunner:
+        """Make the engine and its runner, which closes link, journal and permit log.
+
+        Args:
+            trace: Takes the trace of each of its engines, or None.
+        """
+        parts = self.parts
+        renew = partial(self._renew, trace)
+        runner = LinkRunner(
+            Intact(renew, self._state.boot_epoch, self._state.entries),
+            parts.link,
+            clocks=NodeClocks(parts.clock, parts.host, stated_error_s=parts.rules.clock_error_s),
+            journal=parts.journal,
+            permit_log=self._permit_log,
+        )
+        self._has_runner = True
+        return runner
+
+    def start_ranging(self, runner: LinkRunner) -> None:
+        """Measure the ranges that are measured periodically.
+
+        Raises:
+            RangeUnavailableError: The link measures none.
+        """
+        for address, every_s in self.parts.ranges.items():
+            runner.apply(partial(_repeat_range, address, every_s))
+
+    async def close(self) -> None:
+        """Finish the recording, behind the runner; without a runner, close all that is open."""
+        async with AsyncExitStack() as each:
+            recording, self.recording = self.recording, None
+            if recording is not None:
+                each.push_async_callback(recording.close)
+            if self._has_runner:
+                return
+            if self.parts.journal is not None:
+                each.push_async_callback(release, self.parts.journal)
+            if self._permit_log is not None:
+                each.push_async_callback(self._permit_log.close)
+
+    def _renew(self, trace: TraceSink | None, epoch: int, stored: Mapping[str, bytes]) -> Engine:
+        parts, seed = self.parts, random.SystemRandom().getrandbits(64)
+        _logger.info("node %d: epoch %d, seed %d", parts.address, epoch, seed)
+        make = Engine if self.recording is None else self.recording.make
+        return make(
+            address=parts.address,
+            table=parts.table,
+            epoch=epoch,
+            rng=random.Random(seed),
+            stored=parts.host.named(stored),
+            rules=parts.rules,
+            trace=trace,
+        )
+
+
+def _repeat_range(address: int, every_s: float, engine: Engine, now: int) -> None:
+    engine.ranging.repeat(address, every_s, now)

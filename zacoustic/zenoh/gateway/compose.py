@@ -1,0 +1,212 @@
+"""Composition of a gateway session: who is made, of what, in which order.
+
+Each part is made of parts that are there already, and none is changed afterwards. Two things come
+late by their nature, and are given when the session opens: the events of the engine, which is made
+first, and the wake-up of the loop.
+"""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.run.journal import MemoryJournal
+from zacoustic.run.node import PreparedNode
+from zacoustic.zenoh.gateway.commands.desks import Desks
+from zacoustic.zenoh.gateway.commands.objects import ObjectDesk
+from zacoustic.zenoh.gateway.commands.orders import OrderDesk
+from zacoustic.zenoh.gateway.commands.pings import PingDesk
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.dialect.dialects import Dialects
+from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
+from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
+from zacoustic.zenoh.gateway.network.network import LocalNetwork
+from zacoustic.zenoh.gateway.network.routes import Routes
+from zacoustic.zenoh.gateway.notices import Notify
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.gateway.session import GatewaySession
+from zacoustic.zenoh.gateway.status.dates import Dates
+from zacoustic.zenoh.gateway.status.documents.dropped import Dropped
+from zacoustic.zenoh.gateway.status.documents.link import LinkStatus
+from zacoustic.zenoh.gateway.status.documents.peers import PeerTable
+from zacoustic.zenoh.gateway.status.documents.streams import StreamStatus
+from zacoustic.zenoh.gateway.status.framefeed import FrameFeed
+from zacoustic.zenoh.gateway.status.health import Health
+from zacoustic.zenoh.gateway.status.peer_status import PeerStatus
+from zacoustic.zenoh.gateway.status.recent_events import Announcer, RecentEvents
+from zacoustic.zenoh.gateway.status.report import Report
+from zacoustic.zenoh.gateway.status.status import Status
+from zacoustic.zenoh.gateway.status.traffic import Traffic
+from zacoustic.zenoh.gateway.status.water import FrameLog
+from zacoustic.zenoh.gateway.streams.actions import Actions
+from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
+from zacoustic.zenoh.gateway.streams.kept import KeptSamples
+from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
+from zacoustic.zenoh.gateway.streams.services import Services
+from zacoustic.zenoh.gateway.streams.topics import Topics
+from zacoustic.zenoh.session.asking.queries import QueryDesk
+from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.wake_up import WakeUp
+
+# The engine tells 64 calls to one service apart; a caller that needs more than this at once on all
+# services together would wait for hours on sound.
+QUERIES_LIMIT: Final = 256
+"""Local queries that are held at the same time."""
+STOPPING_TEXT: Final = "the gateway is stopping"
+"""What a caller reads whose query is held then."""
+
+MakeDialects = Callable[[Island, Complaints, Callable[[], None]], Dialects]
+"""Makes the dialects of a session; the last argument wakes the loop."""
+
+
+class Composition:
+    """The parts of one gateway session, each made once; on the loop.
+
+    Args:
+        node: What is on the link.
+        island: The Zenoh session, open.
+        make_dialects: Makes the local forms of streams.
+        about: Constant facts for monitors.
+        notify: Told what people want to know.
+    """
+
+    def __init__(
+        self,
+        node: PreparedNode,
+        island: Island,
+        make_dialects: MakeDialects,
+        *,
+        about: Mapping[str, object],
+        notify: Notify,
+    ) -> None:
+        parts = node.parts
+        self._node = node
+        self._island = island
+        self._about = about
+        self._clock = parts.clock
+        self._wall_clock = parts.host.utc_ns
+        self._table = parts.table
+        self._wake_up = WakeUp(asyncio.get_running_loop())
+        self._redundant = RedundantGateways(parts.address, self._clock)
+        self._dates = Dates(self._clock, self._wall_clock)
+        self._recent_events = RecentEvents(self._dates.unix_s)
+        self._announcer = Announcer(self._recent_events, notify)
+        self._complaints = Complaints(self._clock, tell=self._recent_events.complain)
+        self._traffic = Traffic(self._dates.unix_s)
+        self._frames = FrameLog(parts.table, parts.link, unix_s=self._dates.unix_s)
+        self._runner = node.make_runner(self._trace)
+        self._dialects = make_dialects(island, self._complaints, self._wake_up.ring)
+        self._queries = QueryDesk(
+            island.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT
+        )
+
+    def session(self) -> GatewaySession:
+        """Make the session."""
+        streams = self._streams()
+        routes = Routes(
+            self._table,
+            self._island,
+            self._redundant,
+            streams=streams,
+            dialects=self._dialects,
+            queries=self._queries,
+            runner=self._runner,
+        )
+        network = LocalNetwork(
+            self._island,
+            self._wake_up,
+            redundant=self._redundant,
+            dialects=self._dialects,
+            routes=routes,
+            queries=self._queries,
+            tell=self._announcer.tell,
+        )
+        objects = ObjectDesk(self._table, self._runner)
+        status = self._status(streams, routes, objects)
+        desks = self._desks(objects, status.health)
+        notices = EventNotices(self._table, self._runner, desks.orders)
+        return GatewaySession(
+            self._node,
+            self._runner,
+            network,
+            streams=streams,
+            desks=desks,
+            status=status,
+            dispatcher=EventDispatcher(streams, desks, network, status, notices),
+        )
+
+    def _streams(self) -> StreamHandlers:
+        table, island, ring = self._table, self._island, self._wake_up.ring
+        topics = Topics(
+            table,
+            self._redundant,
+            self._complaints,
+            self._dialects,
+            KeptSamples(self._runner.keep, clock=self._clock, wall_clock=self._wall_clock),
+            clock=self._clock,
+            ring=ring,
+        )
+        services = Services(
+            table, island, self._complaints, self._dialects, clock=self._clock, ring=ring
+        )
+        actions = Actions(
+            self._redundant.address,
+            table,
+            island,
+            self._complaints,
+            self._dialects,
+            runner=self._runner,
+            clock=self._clock,
+        )
+        matching = MatchingSubscribers(
+            table, island, self._redundant, topics, self._runner, ring=ring
+        )
+        return StreamHandlers(topics, services, actions, matching)
+
+    def _desks(self, objects: ObjectDesk, health: Health) -> Desks:
+        orders = OrderDesk(
+            self._table,
+            self._runner,
+            self._redundant,
+            clock=self._clock,
+            wall_clock=self._wall_clock,
+        )
+        pings = PingDesk(self._runner, self._redundant, clock=self._clock)
+        return Desks(objects, orders, pings, health)
+
+    def _status(self, streams: StreamHandlers, routes: Routes, objects: ObjectDesk) -> Status:
+        runner, dates = self._runner, self._dates
+        started = {"started_at_unix_s": round(dates.unix_s(), 3)}
+        journal = self._node.parts.journal
+        link = LinkStatus(
+            runner,
+            {**self._about, **started},
+            is_journal_kept=not (journal is None or isinstance(journal, MemoryJournal)),
+            clock=self._clock,
+        )
+        peers = PeerTable(runner, self._traffic)
+        stream_status = StreamStatus(runner, self._traffic, lambda: routes.jobs)
+        sections = (
+            link,
+            peers,
+            stream_status,
+            objects,
+            self._frames,
+            Dropped(runner, self._complaints, streams.topics, self._queries, self._island),
+            self._recent_events,
+            PeerStatus(runner, clock=self._clock, unix_s=dates.unix_s),
+        )
+        report = Report(sections, dates)
+        return Status(
+            report,
+            Health(self._redundant.address, self._island, report, dates),
+            FrameFeed(runner, self._island),
+            traffic=self._traffic,
+            peers=peers,
+            streams=stream_status,
+            announcer=self._announcer,
+        )
+
+    def _trace(self, record: TraceRecord) -> None:
+        self._traffic.note(record)
+        self._frames.note(record)

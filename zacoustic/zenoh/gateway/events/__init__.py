@@ -1,0 +1,1 @@
+"""Events of the engine: who takes them, and what people are told."""

@@ -1,0 +1,98 @@
+"""The event dispatcher: each event of the engine goes to those that take events of its type."""
+
+from collections.abc import Callable
+from typing import Any, get_args
+
+from zacoustic.core.base.linktypes import ModemRead, PeerMeasured
+from zacoustic.core.engine.events import (
+    CallFailed,
+    DeliveryEnded,
+    DeliveryStored,
+    EngineRestarted,
+    Event,
+    PeerFound,
+    PeerLost,
+    PeerSeen,
+    RequestReceived,
+    ResponseReceived,
+    SampleReceived,
+    StreamsDiffer,
+    TransportEvent,
+)
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.zenoh.gateway.commands.desks import Desks
+from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
+from zacoustic.zenoh.gateway.network.network import LocalNetwork
+from zacoustic.zenoh.gateway.status.status import Status
+from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
+
+Take = Callable[[Any], object]
+"""Takes an event of one type."""
+
+_HEARD_ELSEWHERE = (DeliveryStored, PeerMeasured, ModemRead, TransportEvent)
+"""For programs on a link; of measurements the health report asks the engine."""
+
+
+class EventDispatcher:
+    """Hands events on; for the loop.
+
+    Args:
+        streams: Take samples, calls and goals.
+        desks: Take answers to commands of the local network, and progress of objects.
+        network: Sees engines restart, and peers go and come.
+        status: Takes note of the rest, and tells people.
+        notices: Makes what people are told.
+    """
+
+    def __init__(
+        self,
+        streams: StreamHandlers,
+        desks: Desks,
+        network: LocalNetwork,
+        status: Status,
+        notices: EventNotices,
+    ) -> None:
+        self._streams = streams
+        self._desks = desks
+        self._status = status
+        self._notices = notices
+        self._takers: dict[type[Any], tuple[Take, ...]] = {
+            **dict.fromkeys(TOLD, (self._tell,)),
+            **dict.fromkeys(get_args(ActionEvent), (streams.actions.deliver,)),
+            **dict.fromkeys(_HEARD_ELSEWHERE, ()),
+            SampleReceived: (streams.topics.deliver, status.note_sample),
+            RequestReceived: (streams.services.serve,),
+            ResponseReceived: (self._answer,),
+            CallFailed: (self._answer,),
+            RangeMeasured: (desks.pings.ranged,),
+            RangeFailed: (self._fail_range,),
+            DeliveryEnded: (status.note_delivery,),
+            ObjectProgress: (desks.objects.note,),
+            StreamsDiffer: (status.note_difference, self._tell),
+            PeerSeen: (status.note_peer, self._tell),
+            PeerLost: (self._tell, network.note_peer),
+            PeerFound: (self._tell, network.note_peer),
+            EngineRestarted: (self._tell, network.go_on),
+        }
+        forgotten = set(get_args(Event)) - self._takers.keys()
+        assert not forgotten, f"nobody takes {forgotten}"
+
+    def deliver(self, event: Event) -> None:
+        """Take an event of the engine."""
+        for take in self._takers.get(type(event), ()):  # of a transport's own events there is none
+            take(event)
+
+    def _answer(self, event: ResponseReceived | CallFailed) -> None:
+        if not self._desks.take_answer(event):
+            self._streams.services.answered(event)
+
+    def _fail_range(self, event: RangeFailed) -> None:
+        if not self._desks.pings.ranged(event):
+            self._tell(event)
+
+    def _tell(self, event: Event) -> None:
+        notice = self._notices.of(event)
+        if notice is not None:
+            self._status.tell(notice)

@@ -1,0 +1,169 @@
+"""What people want to know of the engine's events: a notice for each that is worth a line."""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from zacoustic.core.engine.events import (
+    ClockStateChanged,
+    DeadlineMissed,
+    EngineRestarted,
+    Event,
+    JournalDoubted,
+    JournalStateChanged,
+    LinkStateChanged,
+    NothingHeard,
+    PeerFound,
+    PeerLost,
+    PeerSeen,
+    SilenceChanged,
+    StreamsDiffer,
+    StreamTuned,
+    SubscribersChanged,
+)
+from zacoustic.core.peers.ranging import RangeFailed
+from zacoustic.core.profiles.entities import RosEntitySeen
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.commands.orders import OrderDesk
+from zacoustic.zenoh.gateway.notices import (
+    ClockChanged,
+    EngineLost,
+    EntityHeard,
+    JournalChanged,
+    JournalInDoubt,
+    LinkChanged,
+    LinkUnheard,
+    Notice,
+    PeerBack,
+    PeerHeard,
+    PeerMissed,
+    RangingFailed,
+    SampleLate,
+    SilenceKept,
+    StreamDiffers,
+    Subscribed,
+    TopicTuned,
+)
+
+
+class EventNotices:
+    """Makes the notices of one gateway.
+
+    Args:
+        table: All streams.
+        runner: Whose link.
+        orders: Puts silence into words.
+    """
+
+    def __init__(self, table: StreamTable, runner: LinkRunner, orders: OrderDesk) -> None:
+        self._table = table
+        self._runner = runner
+        self._orders = orders
+
+    def of(self, event: Event) -> Notice | None:
+        """Return the notice of an event; None: it is not worth one."""
+        make = _MAKERS.get(type(event))
+        return None if make is None else make(self, event)
+
+    def _link(self, event: LinkStateChanged) -> Notice:
+        return LinkChanged(state=event.state.value, detail=self._runner.link_detail)
+
+    def _silence(self, event: SilenceChanged) -> Notice:
+        state = self._orders.silence(event)
+        return SilenceKept(silent=state.silent, until_utc=state.until_utc or "", doubt=event.doubt)
+
+    def _tuned(self, event: StreamTuned) -> Notice:
+        return TopicTuned(
+            stream_id=event.stream_id,
+            stream=self._table.by_id(event.stream_id).name,
+            on=event.on,
+            min_interval_s=event.min_interval_s,
+            priority=event.priority.name.lower(),
+            ordered_by=event.ordered_by,
+        )
+
+    def _restarted(self, event: EngineRestarted) -> Notice:
+        return EngineLost(faults=event.faults, cause=event.cause)
+
+    def _journal(self, event: JournalStateChanged) -> Notice:
+        return JournalChanged(failure=event.failure)
+
+    def _doubt(self, event: JournalDoubted) -> Notice:
+        return JournalInDoubt(reason=event.reason)
+
+    def _unheard(self, event: NothingHeard) -> Notice:
+        return LinkUnheard(frames=event.frames)
+
+    def _clock(self, event: ClockStateChanged) -> Notice:
+        return ClockChanged(doubt=event.doubt)
+
+    def _seen(self, event: PeerSeen) -> Notice:
+        return PeerHeard(
+            address=event.address,
+            name=self._node(event.address),
+            epoch=event.epoch,
+            same_table=event.same_table,
+            wire_version=event.wire_version,
+        )
+
+    def _lost(self, event: PeerLost) -> Notice:
+        return PeerMissed(address=event.address, name=self._node(event.address))
+
+    def _found(self, event: PeerFound) -> Notice:
+        return PeerBack(address=event.address, name=self._node(event.address))
+
+    def _subscribers(self, event: SubscribersChanged) -> Notice:
+        name = self._table.by_id(event.stream_id).name
+        return Subscribed(stream=name, subscribers=event.subscribers)
+
+    def _late(self, event: DeadlineMissed) -> Notice | None:
+        if not event.is_first:
+            return None  # it has its notice, and the health report counts
+        return SampleLate(
+            stream=event.key, address=event.source, side=event.side.value, missed=event.missed
+        )
+
+    def _differ(self, event: StreamsDiffer) -> Notice:
+        stream = self._table.get(event.stream_id)
+        return StreamDiffers(
+            address=event.address,
+            stream_id=event.stream_id,
+            stream=stream.name if stream is not None else "",
+        )
+
+    def _ranging(self, event: RangeFailed) -> Notice:
+        return RangingFailed(address=event.address, text=event.text)
+
+    def _entity(self, event: RosEntitySeen) -> Notice:
+        return EntityHeard(
+            node=f"{event.namespace.rstrip('/')}/{event.node}",
+            kind=event.kind.name.lower(),
+            topic=event.topic,
+            type=event.type,
+            leaves=event.leaves,
+        )
+
+    def _node(self, address: int) -> str:
+        return self._table.nodes.get(address, "")
+
+
+_MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = {
+    LinkStateChanged: EventNotices._link,
+    SilenceChanged: EventNotices._silence,
+    StreamTuned: EventNotices._tuned,
+    EngineRestarted: EventNotices._restarted,
+    JournalStateChanged: EventNotices._journal,
+    JournalDoubted: EventNotices._doubt,
+    NothingHeard: EventNotices._unheard,
+    ClockStateChanged: EventNotices._clock,
+    PeerSeen: EventNotices._seen,
+    PeerLost: EventNotices._lost,
+    PeerFound: EventNotices._found,
+    SubscribersChanged: EventNotices._subscribers,
+    DeadlineMissed: EventNotices._late,
+    StreamsDiffer: EventNotices._differ,
+    RangeFailed: EventNotices._ranging,
+    RosEntitySeen: EventNotices._entity,
+}
+TOLD: Final = tuple(_MAKERS)
+"""The types of events that are worth a notice."""

@@ -1,0 +1,138 @@
+"""`LocalNetwork`: a gateway as its local network sees it, and whom it sees there."""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import Final
+
+import zenoh
+
+from zacoustic.core.engine.events import EngineRestarted, PeerFound, PeerLost
+from zacoustic.zenoh.gateway.dialect.dialects import Dialects
+from zacoustic.zenoh.gateway.network.presence import Presence
+from zacoustic.zenoh.gateway.network.routes import Routes
+from zacoustic.zenoh.gateway.notices import Notify, RedundancyChanged, RouterChanged
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.session.asking.queries import QueryDesk
+from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
+
+FAREWELL_LIMIT_S: Final = 3.0
+"""How long the last replies may take at the end, s, and how long undeclaring may."""
+
+
+class LocalNetwork:
+    """The local network of one gateway; for the loop.
+
+    Args:
+        island: Its session, open.
+        wake_up: Wakes the loop.
+        redundant: The gateways there.
+        dialects: The local forms of streams.
+        routes: The declarations of streams.
+        queries: Takes queries.
+        tell: Takes notices about the router and other gateways.
+    """
+
+    def __init__(
+        self,
+        island: Island,
+        wake_up: WakeUp,
+        *,
+        redundant: RedundantGateways,
+        dialects: Dialects,
+        routes: Routes,
+        queries: QueryDesk,
+        tell: Notify,
+    ) -> None:
+        self.island = island
+        self.redundant = redundant
+        self.queries = queries
+        self._wake_up = wake_up
+        self._dialects = dialects
+        self._routes = routes
+        self._tell = tell
+        self._has_router = True
+        self._loop = asyncio.get_running_loop()
+        digest = routes.table.digest.hex()
+        self._presence = Presence(redundant.address, digest, island, wake_up.ring)
+
+    async def join(self) -> None:
+        """Become visible.
+
+        Raises:
+            SessionError: Another gateway has the address.
+        """
+        if self.island.mode == "client":
+            await self.island.worker.run(lambda: self.island.watch(self._see_router))
+        for address in await self._presence.declare():
+            self.redundant.update(address, is_alive=True)
+        await self._dialects.open()
+
+    async def open(self, declare: Callable[[], None], attend: Callable[[], None]) -> None:
+        """Declare the streams.
+
+        Args:
+            declare: Declares what else is to be there, in the worker.
+            attend: Called on the loop when there is something to take in.
+        """
+        self._routes.reconcile()
+        await self.island.worker.run(declare)  # and all that was to be declared
+        self._wake_up.open(attend)
+        self._wake_up.ring()
+
+    def attend(self) -> None:
+        """Take in whom Zenoh's threads have seen come and go, and the queries."""
+        changed = [
+            self.redundant.update(address, is_alive=is_alive)
+            for address, is_alive in self._presence.take().items()
+        ]
+        if any(changed):
+            self._routes.reconcile()
+            self._tell(RedundancyChanged(addresses=self.redundant.alive))
+        if self._dialects.settle():
+            self._routes.reconcile()
+        for held, serve in self.queries.take():
+            serve(held)
+
+    def note_peer(self, event: PeerLost | PeerFound) -> None:
+        """A node is lost, or back: its programs are."""
+        if self._dialects.note_peer(event.address, is_lost=isinstance(event, PeerLost)):
+            self._routes.reconcile()
+
+    def go_on(self, event: EngineRestarted) -> None:
+        """Take in what has waited while there was no engine."""
+        self._wake_up.ring()
+
+    async def settle(self) -> None:
+        """Wait until all replies are out, if that is soon."""
+        await self._in_worker(lambda: None)
+
+    async def leave(self, undeclare: Callable[[], None]) -> None:
+        """Undeclare everything, and close the session.
+
+        Args:
+            undeclare: Undeclares what else there is, in the worker.
+        """
+
+        def undeclare_all() -> None:
+            self._routes.undeclare()
+            self._dialects.undeclare()
+            self._presence.undeclare()
+            undeclare()
+
+        await self._in_worker(undeclare_all)
+        await self.island.close()
+
+    def _see_router(self, is_there: bool) -> None:
+        """Note that the router was lost or is back; on Zenoh's thread."""
+        tell_loop(self._loop, lambda: self._take_router(is_there))
+
+    def _take_router(self, is_there: bool) -> None:
+        if is_there is not self._has_router:
+            self._has_router = is_there
+            self._tell(RouterChanged(state="back" if is_there else "lost"))
+
+    async def _in_worker(self, step: Callable[[], None]) -> None:
+        with contextlib.suppress(TimeoutError, zenoh.ZError):
+            await self.island.worker.run(step, limit_s=FAREWELL_LIMIT_S)

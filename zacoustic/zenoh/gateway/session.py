@@ -1,0 +1,131 @@
+"""The gateway session: a running gateway, from its first declaration to its last.
+
+Held queries get an error before anything is closed: a session that is closed over an unanswered
+query lets the caller believe that there is no server. So the end goes: refuse queries, engine and
+link, declarations, session.
+"""
+
+import asyncio
+import logging
+
+from zacoustic.errors import LinkClosedError
+from zacoustic.run.node import PreparedNode
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.commands.desks import Desks
+from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
+from zacoustic.zenoh.gateway.network.network import LocalNetwork
+from zacoustic.zenoh.gateway.status.status import Status
+from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
+
+_logger = logging.getLogger(__name__)
+
+
+class GatewaySession:
+    """A local network and an engine, joined; for the loop. `compose` makes it.
+
+    Args:
+        node: Whose ranges are measured.
+        runner: Runs the engine on its link; closed with the session.
+        network: The local network; left with the session.
+        streams: Take what the local network gives.
+        desks: What is asked of the gateway itself.
+        status: What it shows of itself.
+        dispatcher: Takes the events of the engine.
+    """
+
+    def __init__(
+        self,
+        node: PreparedNode,
+        runner: LinkRunner,
+        network: LocalNetwork,
+        *,
+        streams: StreamHandlers,
+        desks: Desks,
+        status: Status,
+        dispatcher: EventDispatcher,
+    ) -> None:
+        self.runner = runner
+        self.network = network
+        self.failure: Exception | None = None
+        self._node = node
+        self._streams = streams
+        self._desks = desks
+        self._status = status
+        self._dispatcher = dispatcher
+        self._is_closing = False
+        self._ended = asyncio.Event()
+
+    async def open(self) -> None:
+        """Become visible, open the link, declare the streams.
+
+        Raises:
+            SessionError: Another gateway has the address.
+            LinkOpenError: The link cannot be opened.
+            RangeUnavailableError: The config measures ranges, and the link cannot.
+        """
+        await self.network.join()
+        await self.runner.start(self._dispatcher.deliver, self._status.health.touch)
+        self._streams.recover(self.runner.engine.stored)
+        self._node.start_ranging(self.runner)
+        await self.network.open(self._declare, self._attend)
+        self._status.health.touch()
+
+    async def close(self) -> None:
+        """Stop in the order that leaves no caller waiting."""
+        self._is_closing = True
+        self.network.queries.close()
+        self._streams.close()
+        self._status.close()
+        try:
+            await self.network.settle()
+            await self.runner.close()
+        finally:
+            await self.network.leave(self._undeclare)
+            self._ended.set()
+
+    async def wait_failed(self) -> None:
+        """Wait until it ends.
+
+        Raises:
+            Exception: What has stopped it, if it was not closed.
+        """
+        waits = [
+            asyncio.ensure_future(wait) for wait in (self.runner.wait_failed(), self._ended.wait())
+        ]
+        try:
+            await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for wait in waits:
+                wait.cancel()
+            await asyncio.gather(*waits, return_exceptions=True)
+        failure = self.failure or self.runner.failure
+        if failure is not None:
+            raise failure
+
+    def documents(self) -> dict[str, object]:
+        """Return the documents of the health report as they are now."""
+        return self._status.report.documents()
+
+    def _attend(self) -> None:
+        """Take in what Zenoh's threads have handed over; the answer to the wake-up."""
+        if self._is_closing:
+            return
+        try:
+            self.network.attend()
+            self._streams.matching.settle()
+            self.runner.apply(self._streams.drain)
+        except LinkClosedError:
+            return  # the runner has failed, and `wait_failed` says so
+        except Exception as error:  # a fault: the gateway ends, and says so
+            _logger.exception("gateway %d: stopped by a fault", self.network.redundant.address)
+            self.failure = error
+            self._ended.set()
+
+    def _declare(self) -> None:
+        self._status.feed.declare()
+        self._streams.services.watch(self.network.redundant.address)
+        self._desks.declare(self.network.island, self.network.queries)
+
+    def _undeclare(self) -> None:
+        self._status.feed.undeclare()
+        self._desks.undeclare()

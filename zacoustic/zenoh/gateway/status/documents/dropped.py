@@ -1,0 +1,64 @@
+"""The document about what was dropped: receptions, local input, samples that waited too long."""
+
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.streams.topics import Topics
+from zacoustic.zenoh.session.asking.queries import QueryDesk
+from zacoustic.zenoh.session.session import Island
+
+Counts = dict[str, dict[str, int]]
+"""How many, by stream and reason."""
+
+
+class Dropped:
+    """The document ``dropped`` of one gateway.
+
+    Args:
+        runner: Whose engine.
+        complaints: Counts the errors of local input.
+        topics: Counts the samples that were too many.
+        queries: Counts the queries that were too many.
+        island: Counts what the session did not take.
+    """
+
+    def __init__(
+        self,
+        runner: LinkRunner,
+        complaints: Complaints,
+        topics: Topics,
+        queries: QueryDesk,
+        island: Island,
+    ) -> None:
+        self._runner = runner
+        self._complaints = complaints
+        self._topics = topics
+        self._queries = queries
+        self._island = island
+
+    def documents(self) -> dict[str, object]:
+        """Return the document, by the end of its key."""
+        engine = self._runner.engine
+        return {
+            "dropped": {
+                "water": engine.stats.dropped,
+                "island": self._of_local_input(),
+                "expired": self._by_name(engine.expired),
+                "superseded": self._by_name(engine.superseded),
+                "unsubscribed": self._by_name(engine.stats.unsubscribed),
+            }
+        }
+
+    def _of_local_input(self) -> Counts:
+        found = {name: dict(counts) for name, counts in self._complaints.counts.items()}
+        for name, counts in self._topics.losses().items():
+            found.setdefault(name, {}).update(counts)
+        if self._queries.refused:
+            found["queries"] = {"refused": self._queries.refused}
+        if self._island.lost:
+            found["session"] = {"lost": self._island.lost}
+        return found
+
+    def _by_name(self, counts: dict[int, int]) -> dict[str, int]:
+        table = self._runner.engine.table
+        named = ((table.get(stream_id), count) for stream_id, count in counts.items())
+        return {"" if stream is None else stream.name: count for stream, count in named}

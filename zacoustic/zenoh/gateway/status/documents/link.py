@@ -1,0 +1,95 @@
+"""Documents about the node, its link and its journal, and what each byte was spent on."""
+
+from collections.abc import Mapping
+
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.base.stats import LedgerEntry
+from zacoustic.core.engine.engine import Engine
+from zacoustic.run.runner import LinkRunner
+
+
+class LinkStatus:
+    """The documents ``node``, ``link``, ``ledger`` and ``journal`` of one gateway.
+
+    Args:
+        runner: Whose engine and link.
+        about: What does not change.
+        is_journal_kept: The journal outlives the process.
+        clock: Where the instants of the engine come from.
+    """
+
+    def __init__(
+        self,
+        runner: LinkRunner,
+        about: Mapping[str, object],
+        *,
+        is_journal_kept: bool,
+        clock: Clock,
+    ) -> None:
+        self._runner = runner
+        self._about = dict(about)
+        self._is_journal_kept = is_journal_kept
+        self._clock = clock
+
+    def documents(self) -> dict[str, object]:
+        """Return the documents, by the end of their keys."""
+        doubt = self._engine.doubt.reason
+        return {
+            "node": self._about | {"doubt": doubt},
+            "link": self._link(),
+            "ledger": self._ledger(),
+            "journal": {
+                "kept": self._is_journal_kept,
+                "failure": self._engine.journal_failure,
+                "doubt": doubt,
+            },
+        }
+
+    @property
+    def _engine(self) -> Engine:
+        return self._runner.engine
+
+    def _link(self) -> dict[str, object]:
+        stats, why_silent = self._engine.stats, self._why_silent()
+        return {
+            "state": self._runner.link_state.value,
+            "detail": self._runner.link_detail,
+            "silent": bool(why_silent),
+            "why_silent": why_silent,
+            "capabilities": self._engine.capabilities,
+            "diagnostics": self._runner.link.diagnostics(),
+            "frames_transmitted": stats.frames_transmitted,
+            "bytes_transmitted": stats.bytes_transmitted,
+            "airtime_s": ns_to_seconds(stats.airtime_ns),
+            "frames_received": stats.frames_received,
+            "bytes_received": stats.bytes_received,
+            "reports": stats.reports,
+        }
+
+    def _why_silent(self) -> str:
+        """Return why nothing is transmitted; empty: no such command, and the time is known."""
+        engine = self._engine
+        state = engine.silence.state(self._clock())
+        if state.is_ordered:
+            return f"ordered; {state.doubt}" if state.doubt else "ordered"
+        return engine.clock.doubt or ("a quiet window" if state.is_silent else "")
+
+    def _ledger(self) -> dict[str, object]:
+        stats = self._engine.stats
+        airtime_s = ns_to_seconds(stats.airtime_ns)
+        per_byte_s = airtime_s / stats.bytes_transmitted if stats.bytes_transmitted else 0.0
+        return {
+            "bytes": stats.bytes_transmitted,
+            "airtime_s": airtime_s,
+            "entries": [self._entry(entry, per_byte_s) for entry in stats.ledger()],
+        }
+
+    def _entry(self, entry: LedgerEntry, per_byte_s: float) -> dict[str, object]:
+        stream = self._engine.table.get(entry.stream_id)
+        return {
+            "id": entry.stream_id,
+            "stream": stream.name if stream is not None else "",
+            "cause": entry.cause.value,
+            "bytes": entry.transmitted_bytes,
+            "airtime_s": round(entry.transmitted_bytes * per_byte_s, 6),
+        }

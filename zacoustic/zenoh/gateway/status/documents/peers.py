@@ -1,0 +1,60 @@
+"""The document about the nodes that were heard."""
+
+from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import PeerSeen
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.status.traffic import Traffic
+
+
+class PeerTable:
+    """The document ``peers`` of one gateway.
+
+    Args:
+        runner: Whose engine hears them.
+        traffic: Knows when, and what became of frames to them.
+    """
+
+    def __init__(self, runner: LinkRunner, traffic: Traffic) -> None:
+        self._runner = runner
+        self._traffic = traffic
+        self._seen: dict[int, PeerSeen] = {}
+
+    def note(self, event: PeerSeen) -> None:
+        """Keep a peer's introduction."""
+        self._seen[event.address] = event
+
+    def documents(self) -> dict[str, object]:
+        """Return the document, by the end of its key."""
+        return {"peers": self._peers()}
+
+    @property
+    def _engine(self) -> Engine:
+        return self._runner.engine
+
+    def _peers(self) -> dict[str, object]:
+        confirmed = self._engine.peers()
+        measured = self._engine.measurements.addresses()
+        heard_at_unix_s = self._traffic.heard_at_unix_s()
+        addresses = sorted({*confirmed, *self._seen, *heard_at_unix_s, *measured})
+        return {
+            str(address): self._peer(address, confirmed, heard_at_unix_s.get(address))
+            for address in addresses
+        }
+
+    def _peer(
+        self, address: int, confirmed: dict[int, bool], heard_at_unix_s: float | None
+    ) -> dict[str, object]:
+        seen = self._seen.get(address)
+        round_trip_ns = self._engine.stats.round_trips_ns.get(address)
+        return {
+            "name": self._engine.table.nodes.get(address, ""),
+            "epoch": seen.epoch if seen else None,
+            "same_table": seen.same_table if seen else None,
+            "wire_version": seen.wire_version if seen else None,
+            "confirmed_us": confirmed.get(address, False),
+            "heard_at_unix_s": heard_at_unix_s,
+            **self._traffic.of_peer(address),
+            "round_trip_s": ns_to_seconds(round_trip_ns) if round_trip_ns else None,
+            "metrics": self._engine.measurements.metrics(address),
+        }

@@ -1,0 +1,61 @@
+"""What a gateway shows of itself: its health report, frames for who watches, notices."""
+
+from zacoustic.core.engine.events import PeerSeen, SampleReceived
+from zacoustic.zenoh.gateway.status.documents.peers import PeerTable
+from zacoustic.zenoh.gateway.status.documents.streams import StreamStatus
+from zacoustic.zenoh.gateway.status.framefeed import FrameFeed
+from zacoustic.zenoh.gateway.status.health import Health
+from zacoustic.zenoh.gateway.status.recent_events import Announcer
+from zacoustic.zenoh.gateway.status.report import Report
+from zacoustic.zenoh.gateway.status.traffic import Traffic
+
+
+class Status:
+    """The status of one gateway; for the loop.
+
+    Args:
+        report: The health report.
+        health: Puts it on the local network.
+        feed: Puts frames while somebody watches.
+        traffic: Keeps how old samples were.
+        peers: Keeps introductions.
+        streams: Keeps outcomes, and streams that differ.
+        announcer: Tells people.
+    """
+
+    def __init__(
+        self,
+        report: Report,
+        health: Health,
+        feed: FrameFeed,
+        *,
+        traffic: Traffic,
+        peers: PeerTable,
+        streams: StreamStatus,
+        announcer: Announcer,
+    ) -> None:
+        self.report = report
+        self.health = health
+        self.feed = feed
+        self.tell = announcer.tell
+        self.note_delivery = streams.note_delivery
+        self.note_difference = streams.note_difference
+        self._traffic = traffic
+        self._peers = peers
+        self._streams = streams
+        self._announcer = announcer
+
+    def note_sample(self, event: SampleReceived) -> None:
+        """Keep how old a sample was when it was sent."""
+        self._traffic.note_age(event.stream_id, event.age_s)
+
+    def note_peer(self, event: PeerSeen) -> None:
+        """Keep a peer's introduction."""
+        self._peers.note(event)
+        self._streams.note_peer(event)
+
+    def close(self) -> None:
+        """Put nothing more, and tell people nothing more."""
+        self._announcer.close()
+        self.feed.close()
+        self.health.close()

@@ -1,0 +1,125 @@
+"""Calls over a link, both ways: those of a program here, and those that it serves."""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import Any
+
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived, ResponseReceived
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.errors import LinkClosedError, LocalError
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.node.carrier import IncomingCall, call_error
+from zacoustic.zenoh.node.routes import ServiceRoute
+
+
+class LinkCalls:
+    """The calls of one node.
+
+    Args:
+        runner: Whose engine carries them.
+        table: The streams.
+    """
+
+    def __init__(self, runner: LinkRunner, table: StreamTable) -> None:
+        self._runner = runner
+        self._table = table
+        self._servers: dict[int, Callable[[IncomingCall], None]] = {}
+        self._awaited: dict[int, asyncio.Future[object]] = {}
+
+    async def call(
+        self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
+    ) -> object:
+        """Call a service and wait for the answer; cancelling gives the call up."""
+        stream_id = route.known_stream.stream_id
+        answer: asyncio.Future[object] = asyncio.get_running_loop().create_future()
+
+        def begin(engine: Engine, now: int) -> int:
+            call_id = engine.call(stream_id, value, now, timeout_s=timeout_s)
+            self._awaited[call_id] = answer  # before the events of the engine are polled
+            return call_id
+
+        call_id = self._runner.apply(begin)
+        try:
+            return await answer
+        finally:
+            if self._awaited.pop(call_id, None) is not None:
+                with contextlib.suppress(LinkClosedError):
+                    self._runner.apply(lambda engine, now: engine.cancel(call_id, now))
+
+    def serve(
+        self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
+    ) -> Callable[[], None]:
+        """Hand over the requests of a service.
+
+        Raises:
+            LocalError: It is served already.
+        """
+        stream_id = route.known_stream.stream_id
+        if stream_id in self._servers:
+            raise LocalError(f"{route.name} is served by this node already")
+        self._servers[stream_id] = handle
+
+        def stop() -> None:
+            if self._servers.get(stream_id) is handle:
+                del self._servers[stream_id]
+
+        return stop
+
+    def requested(self, event: RequestReceived) -> None:
+        """Hand a request to the program that serves."""
+        call = LinkCall(self._runner, event)
+        handle = self._servers.get(event.call.stream_id)
+        if handle is None:
+            name = self._table.by_id(event.call.stream_id).name
+            call.fail(CallFailure.NO_SERVER, f"no program serves {name}")
+        else:
+            handle(call)
+
+    def answered(self, event: ResponseReceived | CallFailed) -> None:
+        """A call of this node has ended."""
+        answer = self._awaited.pop(event.call_id, None)
+        if answer is None or answer.done():
+            return
+        if isinstance(event, ResponseReceived):
+            answer.set_result(event.value)
+        else:
+            name = self._table.by_id(event.stream_id).name
+            answer.set_exception(call_error(name, event.failure, event.text))
+
+    def end_all(self, error: Exception) -> None:
+        """Inform the waiting callers that no answer will come."""
+        for answer in self._awaited.values():
+            if not answer.done():
+                answer.set_exception(error)
+        self._awaited.clear()
+
+
+class LinkCall:
+    """A request that came over the link.
+
+    Args:
+        runner: Whose engine answers it.
+        event: The request.
+    """
+
+    def __init__(self, runner: LinkRunner, event: RequestReceived) -> None:
+        self.value: Any = event.value
+        self.client: int | None = event.call.client
+        self.call_id: str | None = str(event.call)
+        self.deadline_at = event.deadline_at
+        self._runner = runner
+        self._call = event.call
+
+    def reply(self, value: object) -> bool:
+        """Answer it."""
+        return self._runner.apply(lambda engine, now: engine.reply(self._call, value, now))
+
+    def fail(self, failure: CallFailure, text: str) -> bool:
+        """Answer it with an error."""
+        with contextlib.suppress(LinkClosedError):
+            return self._runner.apply(
+                lambda engine, now: engine.reply_error(self._call, failure, text, now)
+            )
+        return False

@@ -1,0 +1,103 @@
+"""Publishing on a link: the way of a sample to the engine, and what becomes of it."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from zacoustic.core.base.qos import Reliability
+from zacoustic.core.engine.engine import Engine
+from zacoustic.errors import LocalError, QueueFullError
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.node.delivery import Deliveries, Delivery
+from zacoustic.zenoh.node.routes import TopicRoute
+
+
+class LinkPublishing:
+    """The samples of one node; made on the loop, and for any thread.
+
+    Args:
+        runner: Whose engine takes them.
+    """
+
+    def __init__(self, runner: LinkRunner) -> None:
+        self._runner = runner
+        self._thread = threading.get_ident()
+        self.deliveries = Deliveries()
+        """The reliable ones on their way."""
+
+    def publish(
+        self, route: TopicRoute[Any], value: object, *, encoding: str | None, delete: bool
+    ) -> Delivery | None:
+        """Queue a sample."""
+        stream, instance = route.known_stream, route.instance
+        made_at = time.monotonic_ns()
+        delivery: Delivery | None = None
+        if stream.qos.reliability is Reliability.RELIABLE:
+            delivery = Delivery(
+                route.key or route.name, is_journalled=stream.spec.journal, cancel=self._cancel
+            )
+
+        def put(engine: Engine, now: int) -> None:
+            try:
+                delivery_id = engine.publish(
+                    stream.stream_id,
+                    value,
+                    now,
+                    instance=instance,
+                    encoding=encoding,
+                    delete=delete,
+                    queued_at=made_at,
+                )
+            except LocalError as error:
+                if delivery is not None:
+                    delivery.fail(error)
+                raise
+            if delivery is not None:  # before the events of the engine are polled
+                self.deliveries.add(delivery_id, delivery)
+
+        if not delete and threading.get_ident() != self._thread:
+            stream.codec.encode(value)  # raises here what the loop could only log
+        self._command(put, route.name)
+        return delivery
+
+    def _cancel(self, delivery: Delivery) -> None:
+        """Give a sample up."""
+
+        def cancel(engine: Engine, now: int) -> None:
+            delivery_id = self.deliveries.id_of(delivery)
+            if delivery_id is not None:
+                engine.cancel_delivery(delivery_id, now)
+
+        self._command(cancel, delivery.key)
+
+    def _command(self, command: Callable[[Engine, int], None], name: str) -> None:
+        """Have the engine do something; what it raises is raised on the loop."""
+        if threading.get_ident() == self._thread:
+            self._runner.apply(command)
+        elif not self._runner.submit(command):
+            raise QueueFullError(f"{name}: the loop of the node is far behind, or has ended")
+
+
+class LinkOutlet:
+    """Where one publisher puts its samples.
+
+    Args:
+        publishing: Of the node.
+        route: Where they go.
+    """
+
+    def __init__(self, publishing: LinkPublishing, route: TopicRoute[Any]) -> None:
+        self._publishing = publishing
+        self._route = route
+
+    def put(self, value: object, encoding: str | None) -> Delivery | None:
+        """Queue a sample."""
+        return self._publishing.publish(self._route, value, encoding=encoding, delete=False)
+
+    def delete(self) -> Delivery | None:
+        """Queue a delete."""
+        return self._publishing.publish(self._route, None, encoding=None, delete=True)
+
+    def close(self) -> None:
+        """Nothing to withdraw: a link knows no publishers."""
