@@ -50,13 +50,13 @@ if TYPE_CHECKING:
         PeerLost,
         PeerSeen,
         SilenceChanged,
+        StreamOverridden,
         StreamsDiffer,
-        StreamTuned,
         SubscribersChanged,
     )
     from zacoustic.core.peers.measurements import Range
     from zacoustic.core.profiles.entities import RosEntitySeen
-    from zacoustic.core.streams.commands import Order, OrderKind, OrderState
+    from zacoustic.core.streams.commands import CommandKind, CommandState, RemoteCommand
     from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
     from zacoustic.core.values.types import Bounds
     from zacoustic.zenoh.node import (
@@ -84,6 +84,8 @@ __all__ = [
     "CallTimeoutError",
     "Client",
     "ClockStateChanged",
+    "CommandKind",
+    "CommandState",
     "Config",
     "ConfigError",
     "DeadlineMissed",
@@ -115,9 +117,6 @@ __all__ = [
     "NothingHeard",
     "ObjectProgress",
     "ObjectState",
-    "Order",
-    "OrderKind",
-    "OrderState",
     "OutcomeUnknownError",
     "PayloadInvalidError",
     "PayloadTooLargeError",
@@ -132,6 +131,7 @@ __all__ = [
     "Range",
     "RangeUnavailableError",
     "Reliability",
+    "RemoteCommand",
     "RosEntitySeen",
     "Sample",
     "ServerGoalHandle",
@@ -140,7 +140,7 @@ __all__ = [
     "SessionError",
     "SilenceChanged",
     "Stamp",
-    "StreamTuned",
+    "StreamOverridden",
     "StreamsDiffer",
     "SubscribersChanged",
     "Subscription",
@@ -168,14 +168,14 @@ _HOMES = {
         "PeerLost",
         "PeerSeen",
         "SilenceChanged",
-        "StreamTuned",
+        "StreamOverridden",
         "StreamsDiffer",
         "SubscribersChanged",
     ),
     "zacoustic.core.base.linktypes": ("LinkMetrics", "LinkState", "ModemRead", "PeerMeasured"),
     "zacoustic.core.peers.measurements": ("Range",),
     "zacoustic.core.transport.objects.progress": ("ObjectProgress", "ObjectState"),
-    "zacoustic.core.streams.commands": ("Order", "OrderKind", "OrderState"),
+    "zacoustic.core.streams.commands": ("RemoteCommand", "CommandKind", "CommandState"),
     "zacoustic.core.base.qos": ("Durability", "Forward", "Priority", "Qos", "Reliability", "Stamp"),
     "zacoustic.core.profiles.entities": ("RosEntitySeen",),
     "zacoustic.core.values.types": ("Bounds",),

@@ -15,7 +15,7 @@ from zacoustic.config import Config
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.peers.measurements import Range
-from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LocalError
 from zacoustic.link.contract import Link
@@ -144,11 +144,15 @@ class Node:
         """Measure how far away another node is, and wait for it; see `zacoustic.Node.range`."""
         return self._running().wait(self._node.range(peer, timeout_s=timeout_s))
 
-    def order(
-        self, peer: int | str, order: Order, *, timeout_s: float = asynchronous.ORDER_TIMEOUT_S
-    ) -> OrderState:
-        """Give an order to a node, and wait for the answer; see `zacoustic.Node.order`."""
-        return self._running().wait(self._node.order(peer, order, timeout_s=timeout_s))
+    def command(
+        self,
+        peer: int | str,
+        command: RemoteCommand,
+        *,
+        timeout_s: float = asynchronous.COMMAND_TIMEOUT_S,
+    ) -> CommandState:
+        """Give an order to a node, and wait for the answer; see `zacoustic.Node.command`."""
+        return self._running().wait(self._node.command(peer, command, timeout_s=timeout_s))
 
     def refuse(self, progress: ObjectProgress) -> bool:
         """Refuse the rest of a large sample on its way to here; see `zacoustic.Node.refuse`."""

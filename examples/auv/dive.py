@@ -79,7 +79,7 @@ class Dive:
         self._until: Until | None = None
         self._since_s = 0.0
         self.is_over = False
-        self.complaints: list[str] = []
+        self.problems: list[str] = []
         """What has gone wrong; empty: nothing."""
 
     def poke(self, now_s: float) -> None:
@@ -92,8 +92,8 @@ class Dive:
                     return
                 else:
                     limit = f"not within {self._until.limit_s:g} s"
-                    self.complaints.append(f"{self._until.what}: {limit}")
-                    self._note(self.complaints[-1])
+                    self.problems.append(f"{self._until.what}: {limit}")
+                    self._note(self.problems[-1])
             self._since_s = now_s
             self._until = next(self._steps, None)
             if self._until is None:
@@ -129,7 +129,7 @@ class Dive:
         if self._with_photo:
             yield Until("the photo is here", lambda: bool(shore.photos), PHOTO_LIMIT_S)
             if not shore.photos or len(shore.photos[0]) < LEAST_BYTES:
-                self.complaints.append("no photo")
+                self.problems.append("no photo")
 
         put(STOP, Stop("script"))
         yield Until("stopped", lambda: self._mode() is Mode.STOPPED, 120.0)
@@ -137,7 +137,7 @@ class Dive:
 
     def _expect(self, answer: Answer, what: str) -> None:
         if not answer.is_good:
-            self.complaints.append(f"{what}: {answer.text or 'no answer'}")
+            self.problems.append(f"{what}: {answer.text or 'no answer'}")
 
     def _check(self, number: int, waypoint: Waypoint, goal: Answer) -> None:
         self._expect(goal, f"way-point {number}")
@@ -145,7 +145,7 @@ class Dive:
             return
         off_m = abs(goal.value.depth - waypoint.depth)
         if goal.value.distance > REACHED_WITHIN_M or off_m > DEPTH_WITHIN_M:
-            self.complaints.append(
+            self.problems.append(
                 f"way-point {number}: {goal.value.distance:.1f} m away, {off_m:.2f} m off in depth"
             )
 

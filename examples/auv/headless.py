@@ -63,13 +63,13 @@ async def _dive(*, loss: float, ros: bool) -> int:
                         if now_s >= ends_at_s:
                             break
                         await asyncio.sleep(_PAUSE_S)
-                    dive.complaints += carrier.unaccounted()
+                    dive.problems += carrier.unaccounted()
         except ZacousticError as error:
             note(f"failed: {error}")
             return 1
-    for complaint in dive.complaints:
-        note(f"complaint: {complaint}")
-    if not dive.complaints:
+    for problem in dive.problems:
+        note(f"complaint: {problem}")
+    if not dive.problems:
         note(f"all {sum(carrier.published.values())} samples, calls and goals have ended")
-    note("the dive went as it should" if not dive.complaints else "the dive failed")
-    return 1 if dive.complaints else 0
+    note("the dive went as it should" if not dive.problems else "the dive failed")
+    return 1 if dive.problems else 0

@@ -52,7 +52,7 @@ from zacoustic.core.engine.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     CancelRequested,
     FeedbackReceived,
     GoalAnswered,

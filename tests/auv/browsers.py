@@ -125,13 +125,13 @@ class Visitor:
     """One page of a browser, and everything that it has to complain about."""
 
     def __init__(self, browser: Any, address: str, viewport: dict[str, int] | None = None) -> None:
-        self.complaints: list[str] = []
+        self.problems: list[str] = []
         self._address = address
         self.page = browser.new_page(viewport=viewport or LAPTOP)
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
         self.page.on("console", self._heard)
         self.page.on("request", self._asked)
-        self.page.on("requestfailed", lambda request: self.complaints.append(request.url))
+        self.page.on("requestfailed", lambda request: self.problems.append(request.url))
 
     def open(self) -> None:
         """Load the page, as soon as somebody serves it."""
@@ -169,12 +169,12 @@ class Visitor:
 
     def _heard(self, said: Any) -> None:
         if said.type in ("error", "warning"):
-            self.complaints.append(said.text)
+            self.problems.append(said.text)
 
     def _asked(self, request: Any) -> None:
         """The page loads nothing from outside: there is no internet at sea."""
         if not request.url.startswith((self._address, "data:", "blob:")):
-            self.complaints.append(f"asked for {request.url}")
+            self.problems.append(f"asked for {request.url}")
 
 
 @contextmanager
@@ -196,5 +196,5 @@ def visit(
         visitor = Visitor(browser, running.address, viewport)
         visitor.open()
         yield browser, visitor
-        assert is_harmed or visitor.complaints == []
+        assert is_harmed or visitor.problems == []
         browser.close()

@@ -130,7 +130,7 @@ def test_ten_minutes_at_the_page(capsys: pytest.CaptureFixture[str]) -> None:
                 other.open()
                 other.see("probably now", limit_ms=LIMIT_MS)
                 other.page.close()
-                visitor.complaints += other.complaints
+                visitor.problems += other.problems
             heap.append(heap_bytes(tool))
             rss.append(running.rss_bytes)
             step += 1

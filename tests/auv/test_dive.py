@@ -21,7 +21,7 @@ def test_dive_reaches_every_way_point(loss: float, count: Callable[[int], int]) 
         dive = Dive(water.shore, water)
         water.run(dive)
         assert dive.is_over, (seed, loss)
-        assert not dive.complaints, (seed, loss, dive.complaints)
+        assert not dive.problems, (seed, loss, dive.problems)
         assert len(water.missed) == len(WAYPOINTS)
         for away_m, off_m in water.missed:
             assert away_m < REACHED_WITHIN_M, (seed, loss)

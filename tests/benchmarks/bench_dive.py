@@ -24,7 +24,7 @@ WORST_STOP_S: Final = 6.0
 WORST_STOP_WITH_PHOTO_S: Final = 10.0
 _WITHIN_S: Final = 120.0
 
-Order = Callable[[VirtualDive], None]
+RemoteCommand = Callable[[VirtualDive], None]
 
 
 def percentile(values: list[float], share: float) -> float:
@@ -42,7 +42,7 @@ def hold(water: VirtualDive) -> None:
     water.call(HOLD, Hold(True, 10.0, 90.0, 1.5))
 
 
-def latency_s(seed: int, loss: float, order: Order, *, with_photo: bool) -> float:
+def latency_s(seed: int, loss: float, order: RemoteCommand, *, with_photo: bool) -> float:
     """Measure how long one order takes to the vehicle's program; infinity: it did not arrive."""
     water = VirtualDive(seed=seed, loss=loss)
     water.network.run(until_s=30.0)
@@ -68,8 +68,8 @@ def dives(seeds: int) -> bool:
             water = VirtualDive(seed=seed, loss=loss)
             dive = Dive(water.shore, water)
             water.run(dive)
-            complete += dive.is_over and not dive.complaints
-            for line in dive.complaints:
+            complete += dive.is_over and not dive.problems
+            for line in dive.problems:
                 print(f"      seed {seed}: {line}")
             away_m = max([away_m, *(away for away, _ in water.missed)])
             off_m = max([off_m, *(off for _, off in water.missed)])
@@ -92,7 +92,7 @@ def main() -> int:
     kept = dives(seeds)
     print()
     print("an order, from the shore to the vehicle's program       p50 s   p95 s   p99 s")
-    cases: tuple[tuple[str, float, Order, bool, float], ...] = (
+    cases: tuple[tuple[str, float, RemoteCommand, bool, float], ...] = (
         ("hold, 20 % loss", 0.2, hold, False, WORST_ORDER_S),
         ("hold, 20 % loss, a photo is coming up", 0.2, hold, True, WORST_ORDER_S),
         ("stop, 40 % loss", 0.4, stop, False, WORST_STOP_S),

@@ -1,4 +1,4 @@
-"""Texts, JSON and CBOR without a type: bytes as they are, by zlib, packed, in dense strings.
+"""Texts, JSON and CBOR without a type: bytes as they are, by zlib, packed, in dense blocks.
 
 Telemetry of missions as a publisher without a schema would write it, numbers with as many decimals
 as their step has. zlib is raw deflate, a sample at a time; with the dictionary it knows the texts

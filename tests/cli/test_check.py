@@ -303,7 +303,7 @@ def test_what_a_sample_costs_in_bits_is_told_of_packed_and_dense_topics(
     fleet = write(tmp_path, section)
     assert main(["check", str(fleet), "--json"]) == 0
     rows = {row["stream_id"]: row for row in json.loads(capsys.readouterr().out)["streams"]}
-    # 180 000 001 latitudes and two modes are 29 bits, in a dense string two bytes more at most
+    # 180 000 001 latitudes and two modes are 29 bits, in a dense block two bytes more at most
     assert rows[10]["bits"] == {"smallest": 29, "typical": 29.0, "largest": 29}
     assert rows[30]["bits"] == {"smallest": 1, "typical": None, "largest": 48}
     assert rows[31]["bits"] == {"smallest": 9, "typical": None, "largest": None}

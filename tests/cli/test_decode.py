@@ -27,7 +27,7 @@ TABLE = read_config(FLEET).table
 DENSE = config_from_mapping(section(), source="made up").table
 
 
-def strings(count: int) -> list[bytes]:
+def blocks(count: int) -> list[bytes]:
     """Dense strings of node 2, each but the first with a reference to the one before it."""
     types = {each.stream_id: each.dense_type for each in DENSE if each.dense_type is not None}
     codec = DenseCodec(types, digest=DENSE.digest)
@@ -167,12 +167,12 @@ def test_what_is_not_hexadecimal_is_said_and_the_rest_is_decoded(
     assert "TAG epoch 7" in written.out
 
 
-def test_a_dense_string_that_stands_for_itself_is_decoded_with_a_table() -> None:
-    (frame,) = strings(1)
+def test_a_dense_block_that_stands_for_itself_is_decoded_with_a_table() -> None:
+    (frame,) = blocks(1)
     (item,) = decode_frame(frame)
     assert (item.kind, item.value, item.fault) == ("dense", frame.hex(), "")
-    string, nav, status = decode_frame(frame, DENSE, source=2)
-    assert (string.kind, string.fault) == ("dense", "")
+    block, nav, status = decode_frame(frame, DENSE, source=2)
+    assert (block.kind, block.fault) == ("dense", "")
     assert (nav.kind, nav.stream_id, nav.name) == ("sample", 10, "auv1/nav")
     assert nav.value == {"lat": 43.1, "depth": 10.0, "heading": 90.0, "speed": 1.0}
     assert status.value == {"mode": "survey", "leak": False, "battery": 90}
@@ -187,13 +187,13 @@ def test_packed_bytes_are_decoded_with_a_table() -> None:
         assert item.fault == ""
 
 
-def test_a_dense_string_that_refers_to_a_frame_that_is_not_there_says_so() -> None:
-    (item,) = decode_frame(strings(2)[1], DENSE, source=2)
+def test_a_dense_block_that_refers_to_a_frame_that_is_not_there_says_so() -> None:
+    (item,) = decode_frame(blocks(2)[1], DENSE, source=2)
     assert item.fault == "a reference to a frame that is not held"
     assert "is not decoded: a reference to a frame that is not held" in item.text
 
 
-def test_whose_dense_string_it_is_must_be_known() -> None:
+def test_whose_dense_block_it_is_must_be_known() -> None:
     streams = [each for each in section()["streams"] if "publishers" in each]
     log = config_from_mapping(section(streams=streams), source="made up").table
     (item,) = decode_frame(b"\xff\x00", log, source=1)
@@ -201,7 +201,7 @@ def test_whose_dense_string_it_is_must_be_known() -> None:
 
 
 def test_references_are_known_to_who_has_seen_the_frames_before() -> None:
-    first, second, third = strings(3)
+    first, second, third = blocks(3)
     decoder = FrameDecoder(DENSE)
     hello = Hello(1, 7, DENSE.digest).encode()
     for frame in (hello + first, second, second, hello + third):
@@ -211,18 +211,18 @@ def test_references_are_known_to_who_has_seen_the_frames_before() -> None:
     assert decoder.decode(third, source=1)[-1].fault
 
 
-def test_dense_strings_of_a_trace_are_told_apart_by_their_source(
+def test_dense_blocks_of_a_trace_are_told_apart_by_their_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     fleet = write_config(tmp_path / "fleet.json5")
     ack = DenseAck(0, 0x1234).encode()
     lines = [
-        {"node": 2, "what": "transmit", "peer": 255, "frame": strings(1)[0].hex()},
-        {"node": 1, "what": "receive", "peer": 2, "frame": strings(1)[0].hex()},
+        {"node": 2, "what": "transmit", "peer": 255, "frame": blocks(1)[0].hex()},
+        {"node": 1, "what": "receive", "peer": 2, "frame": blocks(1)[0].hex()},
         {"node": 1, "what": "transmit", "peer": 2, "frame": ack.hex()},
         {"node": 2, "what": "receive", "peer": 1, "frame": ack.hex()},
-        {"node": 1, "what": "receive", "peer": 2, "frame": strings(2)[1].hex()},
-        {"node": 1, "what": "transmit", "peer": 255, "frame": strings(2)[1].hex()},
+        {"node": 1, "what": "receive", "peer": 2, "frame": blocks(2)[1].hex()},
+        {"node": 1, "what": "transmit", "peer": 255, "frame": blocks(2)[1].hex()},
     ]
     monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(map(json.dumps, lines))))
     assert main(["decode", "--json", "--config", str(fleet)]) == 0
@@ -238,7 +238,7 @@ def test_frames_as_arguments_are_taken_in_their_order(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     fleet = write_config(tmp_path / "fleet.json5")
-    frames = [frame.hex() for frame in strings(3)]
+    frames = [frame.hex() for frame in blocks(3)]
     assert main(["decode", *frames, "--config", str(fleet), "--source", "2"]) == 0
     assert capsys.readouterr().out.count("auv1/nav: {") == 3
 
@@ -250,7 +250,7 @@ def test_a_file_of_a_fleet_is_no_nodes_and_needs_no_address(
     section = json.loads(fleet.read_text(encoding="utf-8"))
     del section["plugins"]["acoustic"]["address"]
     fleet.write_text(json.dumps(section), encoding="utf-8")
-    assert main(["decode", "--config", str(fleet), strings(1)[0].hex(), "--source", "2"]) == 0
+    assert main(["decode", "--config", str(fleet), blocks(1)[0].hex(), "--source", "2"]) == 0
     assert "missing" not in capsys.readouterr().err
     # With a router that is not there: the file is read before.
     nowhere = ["--connect", "tcp/127.0.0.1:1"]

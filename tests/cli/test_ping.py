@@ -45,11 +45,11 @@ def test_ping_as_json_is_one_line_each_and_statistics(capsys: pytest.CaptureFixt
     assert (found["sent"], found["answered"], found["range_m"]["mean"]) == (3, 3, 1.0)
 
 
-def test_a_node_that_takes_no_orders_of_us_answers_a_ping_all_the_same(
+def test_a_node_that_takes_no_commands_of_us_answers_a_ping_all_the_same(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     async def scene() -> None:
-        section = WATCHED | {"orders_from": [3]}
+        section = WATCHED | {"commands_from": [3]}
         async with pair(acknowledges=False, section=section) as found:
             assert await verb("ping", "2", *found.where, *ONCE, "--json") == 0
 
@@ -60,7 +60,7 @@ def test_a_node_that_takes_no_orders_of_us_answers_a_ping_all_the_same(
 
 
 @pytest.mark.parametrize("acknowledges", [True, False])
-def test_where_no_orders_cross_the_range_alone_has_to_do(
+def test_where_no_commands_cross_the_range_alone_has_to_do(
     acknowledges: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     async def scene() -> int:
@@ -77,7 +77,7 @@ def test_where_no_orders_cross_the_range_alone_has_to_do(
     else:
         assert code == 1
         error = capsys.readouterr().err
-        assert "stream 175 is taken, so no orders cross the water" in error
+        assert "stream 175 is taken, so no commands cross the water" in error
         assert "and the modem measures no range" in error
 
 

@@ -59,16 +59,16 @@ def test_gateway_tells_its_events_exchanges_and_clock() -> None:
                 replies = await get(found.shore, "@acoustic/1/**")
                 events = json.loads(replies.payload(key))["events"]
                 peers = json.loads(replies.payload("@acoustic/1/peers"))
-                has_complained = any(each["event"] == "complaint" for each in events)
+                has_complained = any(each["event"] == "input_error" for each in events)
                 if has_complained and peers.get("2", {}).get("delivered"):
                     break
             # Two modems that speak at one moment lose a message, and that is told, too.
             lost, arrived = peers["2"]["not_delivered"], peers["2"]["delivered"]
             assert peers["2"]["per"] == pytest.approx(lost / (lost + arrived), abs=1e-3)
             assert {"link", "peer"} <= {each["event"] for each in events}
-            complaint = next(each for each in events if each["event"] == "complaint")
-            assert complaint["trouble"]
-            assert complaint["text"].startswith("chat: ")
+            input_error = next(each for each in events if each["event"] == "input_error")
+            assert input_error["trouble"]
+            assert input_error["text"].startswith("chat: ")
             node = json.loads(replies.payload("@acoustic/1/node"))
             assert (node["address"], node["name"], node["wire"]) == (1, "shore", "native")
             clock = json.loads(replies.payload("@acoustic/1/clock"))
@@ -140,7 +140,7 @@ def test_recent_events_keep_the_last_and_troubles_longer() -> None:
     for _ in range(EVENTS_KEPT):
         recent_events.note(LinkChanged(state="up"))
     recent_events.note(RouterChanged(state="lost"))
-    recent_events.complain("x" * 1000)
+    recent_events.input_error("x" * 1000)
     events = events_of(recent_events)
     assert len(events) == EVENTS_KEPT
     assert [each["trouble"] for each in events[-3:]] == [False, True, True]
@@ -156,6 +156,6 @@ def test_recent_events_keep_the_last_and_troubles_longer() -> None:
     events = events_of(recent_events)
     assert [each["trouble"] for each in events] == [True, True] + [False] * EVENTS_KEPT
     for _ in range(2 * EVENTS_KEPT):
-        recent_events.complain("no")
+        recent_events.input_error("no")
     events = events_of(recent_events)
     assert len(events) == EVENTS_KEPT + TROUBLES_KEPT

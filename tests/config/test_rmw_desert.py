@@ -97,7 +97,7 @@ REFUSED = (
     ("heartbeat_s", 60, '.heartbeat_s: 60 with wire: "rmw_desert": nothing on it says that a node'),
     ("lost_after_s", 60, ".lost_after_s: 60 with wire"),
     ("nodes.1.lost_after_s", 60, ".nodes[1].lost_after_s: 60 with wire"),
-    ("orders_from", [2], ".orders_from: [2] with wire"),
+    ("commands_from", [2], ".commands_from: [2] with wire"),
     ("ranging", [{"to": 2, "every_s": 30}], '.ranging: [{"to": 2, "every_s": 30}] with wire'),
     ("objects", {"max_bytes": 1000}, '.objects: {"max_bytes": 1000} with wire'),
     (

@@ -48,25 +48,25 @@ def test_each_access_is_read() -> None:
     assert _rules().access is None
 
 
-def test_who_gives_orders_is_read() -> None:
-    assert _rules().orders_from is None
-    assert _rules(orders_from=[]).orders_from == frozenset()
-    assert _rules(orders_from=[1]).orders_from == frozenset({1})
-    strangers = config_from_mapping({"address": 1, "orders_from": [7]}, source="test")
-    assert strangers.rules.orders_from == frozenset({7})
+def test_who_gives_commands_is_read() -> None:
+    assert _rules().commands_from is None
+    assert _rules(commands_from=[]).commands_from == frozenset()
+    assert _rules(commands_from=[1]).commands_from == frozenset({1})
+    strangers = config_from_mapping({"address": 1, "commands_from": [7]}, source="test")
+    assert strangers.rules.commands_from == frozenset({7})
 
 
 @pytest.mark.parametrize(
-    ("written", "complaint"),
+    ("written", "problem"),
     [
-        ([9], r"orders_from\[0\]: 9 is no node; allowed: 1 \(shore\), 2 \(auv1\)"),
-        (["shore"], r'orders_from\[0\]: "shore"'),
-        ("all", r'orders_from: "all"; allowed: a list of addresses; \[\] for nobody'),
+        ([9], r"commands_from\[0\]: 9 is no node; allowed: 1 \(shore\), 2 \(auv1\)"),
+        (["shore"], r'commands_from\[0\]: "shore"'),
+        ("all", r'commands_from: "all"; allowed: a list of addresses; \[\] for nobody'),
     ],
 )
-def test_orders_from_nowhere_are_an_error(written: object, complaint: str) -> None:
-    with pytest.raises(ConfigError, match=complaint):
-        _rules(orders_from=written)
+def test_commands_from_nowhere_are_an_error(written: object, problem: str) -> None:
+    with pytest.raises(ConfigError, match=problem):
+        _rules(commands_from=written)
 
 
 def test_access_of_the_file_counts_beside_a_locator() -> None:
@@ -77,7 +77,7 @@ def test_access_of_the_file_counts_beside_a_locator() -> None:
 
 
 @pytest.mark.parametrize(
-    ("access", "complaint"),
+    ("access", "problem"),
     [
         ({}, '.method: is missing; allowed: "aloha", "carrier_sense", "tdma", "polling"'),
         ({"method": "tdam"}, '.method: "tdam"; allowed: "aloha", '),
@@ -95,10 +95,10 @@ def test_access_of_the_file_counts_beside_a_locator() -> None:
         ({"method": "aloha", "slot_s": 0}, ".slot_s: 0; allowed: above 0"),
     ],
 )
-def test_access_that_is_wrong_says_what_and_why(access: object, complaint: str) -> None:
+def test_access_that_is_wrong_says_what_and_why(access: object, problem: str) -> None:
     with pytest.raises(ConfigError) as caught:
         _access(access)
-    assert f"test: plugins.acoustic.links[0].access{complaint}" in str(caught.value)
+    assert f"test: plugins.acoustic.links[0].access{problem}" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -110,7 +110,7 @@ def test_quiet_windows_and_caps_are_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("section", "complaint"),
+    ("section", "problem"),
     [
         ({"quiet": [{"from": "24:00", "to": "06:00"}]}, '.quiet[0].from: "24:00"; allowed: a time'),
         ({"quiet": [{"from": "22:00"}]}, ".quiet[0].to: is missing; allowed: a time of day"),
@@ -126,10 +126,10 @@ def test_quiet_windows_and_caps_are_read() -> None:
         ),
     ],
 )
-def test_rules_that_are_wrong_say_what(section: dict[str, object], complaint: str) -> None:
+def test_rules_that_are_wrong_say_what(section: dict[str, object], problem: str) -> None:
     with pytest.raises(ConfigError) as caught:
         _rules(**section)
-    assert complaint in str(caught.value)
+    assert problem in str(caught.value)
 
 
 def test_permit_log_is_beside_the_file(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_times_of_the_section_are_for_every_node_that_says_no_other() -> None:
 
 
 @pytest.mark.parametrize(
-    ("nodes", "section", "complaint"),
+    ("nodes", "section", "problem"),
     [
         (
             [{"address": 1}, {"address": 2, "heartbeat_s": 60, "lost_after_s": 90}],
@@ -184,11 +184,11 @@ def test_times_of_the_section_are_for_every_node_that_says_no_other() -> None:
     ],
 )
 def test_node_that_would_be_lost_before_it_can_be_heard_is_refused(
-    nodes: list[dict[str, Any]], section: dict[str, Any], complaint: str
+    nodes: list[dict[str, Any]], section: dict[str, Any], problem: str
 ) -> None:
     with pytest.raises(ConfigError) as caught:
         _contact(nodes, **section)
-    assert complaint in str(caught.value)
+    assert problem in str(caught.value)
 
 
 def test_on_demand_needs_somebody_who_could_be_asked() -> None:
@@ -233,7 +233,7 @@ def test_what_a_topic_says_of_large_samples_is_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("objects", "photo", "complaint"),
+    ("objects", "photo", "problem"),
     [
         ({"max_bytes": 0}, {}, "objects.max_bytes: 0; allowed: 1..268435455"),
         ({"max_bytes": 1 << 28}, {}, "objects.max_bytes: 268435456; allowed: 1..268435455"),
@@ -267,9 +267,9 @@ def test_what_a_topic_says_of_large_samples_is_read() -> None:
     ],
 )
 def test_limits_that_are_wrong_say_what_and_why(
-    objects: object, photo: dict[str, Any], complaint: str
+    objects: object, photo: dict[str, Any], problem: str
 ) -> None:
     with pytest.raises(ConfigError) as caught:
         _limits(objects, **photo)
-    assert f"test: plugins.acoustic.{complaint}" in str(caught.value)
+    assert f"test: plugins.acoustic.{problem}" in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -12,7 +12,7 @@ from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.frame import (
     Control,
     DenseAck,
-    DenseString,
+    DenseBlock,
     Prefixes,
     Record,
     Stray,
@@ -160,7 +160,7 @@ def test_delimited_records_come_back_in_their_order(pieces: list[bytes]) -> None
 
 
 @given(st.integers(1, 254), st.integers(0, 0x3FFF))
-def test_an_acknowledgement_of_a_dense_string_names_its_source_in_a_broadcast(
+def test_an_acknowledgement_of_a_dense_block_names_its_source_in_a_broadcast(
     address: int, mark: int
 ) -> None:
     named, bare = DenseAck(address, mark), DenseAck(0, mark)
@@ -172,17 +172,17 @@ def test_an_acknowledgement_of_a_dense_string_names_its_source_in_a_broadcast(
     ]
 
 
-def test_an_acknowledgement_of_a_dense_string_that_is_cut_off_is_read_no_further() -> None:
+def test_an_acknowledgement_of_a_dense_block_that_is_cut_off_is_read_no_further() -> None:
     for size in (1, 2, 3):
         (item,) = parse(DenseAck(9, 5).encode()[:size])
         assert isinstance(item, Stray)
 
 
-def test_a_dense_string_is_all_of_the_rest() -> None:
-    string = b"\xc0\x01\xb2\xff"
-    assert parse(b"\x01ab" + string) == [Record(1, b"ab"), DenseString(string)]
-    assert parse(Tag(1).encode() + b"\xb2\x02\x02x" + string) == [
+def test_a_dense_block_is_all_of_the_rest() -> None:
+    block = b"\xc0\x01\xb2\xff"
+    assert parse(b"\x01ab" + block) == [Record(1, b"ab"), DenseBlock(block)]
+    assert parse(Tag(1).encode() + b"\xb2\x02\x02x" + block) == [
         Tag(1),
         Record(2, b"x"),
-        DenseString(string),
+        DenseBlock(block),
     ]

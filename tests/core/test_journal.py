@@ -44,8 +44,8 @@ def test_what_a_node_keeps_is_not_in_the_digest() -> None:
     service = ServiceSpec(stream_id=2, name="b", server=1)
     assert not topic.journal
     assert service.journal
-    tuned: list[StreamSpec] = [
+    overridden: list[StreamSpec] = [
         TopicSpec(stream_id=1, name="a", journal=True),
         ServiceSpec(stream_id=2, name="b", server=1, journal=False),
     ]
-    assert StreamTable([topic, service]).digest == StreamTable(tuned).digest
+    assert StreamTable([topic, service]).digest == StreamTable(overridden).digest

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from zacoustic.core.base.qos import PATIENCE_NS, PRIORITY_NAMES, Priority, Qos, Tuning
+from zacoustic.core.base.qos import PATIENCE_NS, PRIORITY_NAMES, Override, Priority, Qos
 
 
 @pytest.mark.parametrize(
@@ -36,5 +36,5 @@ def test_real_time_never_lingers() -> None:
 
 
 def test_an_order_may_make_a_topic_rarer_than_its_deadline() -> None:
-    tuned = Tuning(min_interval_s=60.0).over(Qos(deadline_s=30.0))
-    assert tuned.min_interval_s == 60.0
+    overridden = Override(min_interval_s=60.0).over(Qos(deadline_s=30.0))
+    assert overridden.min_interval_s == 60.0

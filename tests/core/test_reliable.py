@@ -29,9 +29,11 @@ NODES = {1: "shore", 2: "auv", 3: "buoy"}
 
 
 def topic(stream_id: int, name: str, *, journal: bool = False, **settings: Any) -> TopicSpec:
-    audience = {key: settings.pop(key) for key in ("publishers", "subscribers") if key in settings}
+    subscribers = {
+        key: settings.pop(key) for key in ("publishers", "subscribers") if key in settings
+    }
     qos = Qos(reliability=Reliability.RELIABLE, **({"depth": 8} | settings))
-    return TopicSpec(stream_id=stream_id, name=name, qos=qos, journal=journal, **audience)
+    return TopicSpec(stream_id=stream_id, name=name, qos=qos, journal=journal, **subscribers)
 
 
 def fleet(nodes: Mapping[int, str] = MappingProxyType({1: "shore", 2: "auv"})) -> StreamTable:

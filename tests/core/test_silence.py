@@ -95,30 +95,30 @@ class Life:
         self.settle()
         return sent is not None
 
-    def order(self, now: int, duration_s: float | None = None) -> None:
+    def command(self, now: int, duration_s: float | None = None) -> None:
         self.now = now
         self.engine.silence.begin(now, duration_s=duration_s)
         self.settle()
 
 
-def test_nothing_goes_from_the_instant_of_the_order_to_its_end_urgent_or_not() -> None:
+def test_nothing_goes_from_the_instant_of_the_command_to_its_end_urgent_or_not() -> None:
     life = Life()
     assert life.says(S)
-    life.order(2 * S, 1800)
+    life.command(2 * S, 1800)
     assert not life.says(2 * S)
     assert not life.says(3 * S, urgent=True)
     assert life.engine.poll_timeout() == 1802 * S
     assert not life.says(1801 * S)
     assert life.says(1802 * S)
     first, last = life.events
-    assert (first.is_silent, first.is_ordered, first.ends_at) == (True, True, 1802 * S)
+    assert (first.is_silent, first.is_commanded, first.ends_at) == (True, True, 1802 * S)
     assert (last.is_silent, last.ends_at) == (False, None)
     assert "silence" not in life.stored
 
 
-def test_order_without_a_time_holds_until_it_is_resumed() -> None:
+def test_command_without_a_time_holds_until_it_is_resumed() -> None:
     life = Life()
-    life.order(S)
+    life.command(S)
     assert not life.says(10**6 * S)
     assert life.engine.poll_timeout() is None
     life.engine.silence.resume(life.now)
@@ -127,24 +127,24 @@ def test_order_without_a_time_holds_until_it_is_resumed() -> None:
 
 def test_steps_of_the_wall_clock_move_nothing_while_the_node_lives() -> None:
     life = Life()
-    life.order(S, 100)
+    life.command(S, 100)
     for utc in (NOON + 10**9 * S, 0, NOON):
         life.tell(utc)
         assert not life.says(50 * S)
     assert life.says(101 * S)
 
 
-def test_order_outlives_a_restart_for_what_is_left_of_it() -> None:
+def test_command_outlives_a_restart_for_what_is_left_of_it() -> None:
     life = Life()
-    life.order(S, 1800)
+    life.command(S, 1800)
     after = Life(life.stored, utc=NOON + 601 * S, now=7 * HOUR)
     assert not after.says(7 * HOUR + 1199 * S)
     assert after.says(7 * HOUR + 1200 * S)
 
 
-def test_order_that_is_over_at_the_restart_is_forgotten() -> None:
+def test_command_that_is_over_at_the_restart_is_forgotten() -> None:
     life = Life()
-    life.order(S, 1800)
+    life.command(S, 1800)
     after = Life(life.stored, utc=NOON + HOUR)
     assert after.says(0)
     assert "silence" not in after.stored
@@ -152,7 +152,7 @@ def test_order_that_is_over_at_the_restart_is_forgotten() -> None:
 
 def test_clock_that_went_back_does_not_prolong_it_beyond_its_duration() -> None:
     life = Life()
-    life.order(S, 1800)
+    life.command(S, 1800)
     after = Life(life.stored, utc=0)
     assert not after.says(1799 * S)
     assert after.says(1800 * S)
@@ -160,7 +160,7 @@ def test_clock_that_went_back_does_not_prolong_it_beyond_its_duration() -> None:
 
 def test_without_any_clock_it_begins_anew_after_a_restart() -> None:
     life = Life(utc=None)
-    life.order(S, 1800)
+    life.command(S, 1800)
     after = Life(life.stored, utc=None, now=50 * S)
     assert not after.says(1849 * S)
     assert after.says(1850 * S)
@@ -168,7 +168,7 @@ def test_without_any_clock_it_begins_anew_after_a_restart() -> None:
 
 def test_time_that_is_told_late_counts() -> None:
     life = Life(utc=None)
-    life.order(S, 1800)
+    life.command(S, 1800)
     life.now = 11 * S
     life.tell(NOON)  # it began 10 s before
     life.settle()
@@ -180,9 +180,9 @@ def test_time_that_is_told_late_counts() -> None:
     assert after.says(100 * S)
 
 
-def test_order_without_a_time_outlives_a_restart() -> None:
+def test_command_without_a_time_outlives_a_restart() -> None:
     life = Life()
-    life.order(S)
+    life.command(S)
     after = Life(life.stored, utc=NOON + HOUR)
     assert not after.says(10**6 * S)
 
@@ -193,13 +193,13 @@ def test_duration_that_is_none_is_refused(duration_s: float) -> None:
         Life().engine.silence.begin(0, duration_s=duration_s)
 
 
-def test_damaged_entry_of_the_journal_is_no_order() -> None:
+def test_damaged_entry_of_the_journal_is_no_command() -> None:
     assert Life({"silence": b"xyz"}).says(0)
 
 
 def test_clock_that_was_set_forward_while_the_node_lived_does_not_end_it_at_a_restart() -> None:
     life = Life()
-    life.order(S, 3 * 3600)
+    life.command(S, 3 * 3600)
     life.now = 5 * S
     life.tell(NOON + 4 * HOUR, None)  # by hand: nothing says that it is right
     life.settle()
@@ -217,7 +217,7 @@ def test_on_the_same_run_of_the_monotonic_clock_it_ends_to_the_instant() -> None
         (None, None),
     ):
         life = Life(boot=b"a", now=HOUR)
-        life.order(HOUR + S, 1800)
+        life.command(HOUR + S, 1800)
         after = Life(life.stored, utc=utc, error=error, boot=b"a", now=HOUR + 600 * S)
         assert after.events[0].doubt == ""
         assert not after.says(HOUR + 1801 * S - 1)
@@ -226,7 +226,7 @@ def test_on_the_same_run_of_the_monotonic_clock_it_ends_to_the_instant() -> None
 
 def test_another_run_of_the_monotonic_clock_tells_nothing() -> None:
     life = Life(boot=b"a", now=9 * HOUR)
-    life.order(9 * HOUR, 1800)
+    life.command(9 * HOUR, 1800)
     after = Life(life.stored, utc=None, boot=b"b", now=9 * HOUR + 1700 * S)
     assert not after.says(9 * HOUR + 3499 * S)
     assert after.says(9 * HOUR + 3500 * S)
@@ -234,7 +234,7 @@ def test_another_run_of_the_monotonic_clock_tells_nothing() -> None:
 
 def test_time_that_becomes_sure_late_shortens_what_was_left_by_no_more_than_is_certain() -> None:
     life = Life(error=2 * S)
-    life.order(0, 1800)
+    life.command(0, 1800)
     after = Life(life.stored, utc=NOON + 999 * HOUR, error=None)
     assert not after.says(59 * S)
     after.now = 60 * S
@@ -245,7 +245,7 @@ def test_time_that_becomes_sure_late_shortens_what_was_left_by_no_more_than_is_c
 
 def test_silence_that_is_restarted_again_and_again_without_a_clock_ends_all_the_same() -> None:
     life = Life(utc=NOON, error=None)
-    life.order(0, 1800)
+    life.command(0, 1800)
     silent_s = 0
     while silent_s < 7200:
         life.now = 600 * S
@@ -281,13 +281,13 @@ def test_it_never_ends_early_whatever_the_clocks_and_the_restarts(
             run = b"%d" % boots  # noqa: B023
             return Life(stored, utc=utc, error=error, boot=run, now=true - booted)  # noqa: B023
 
-        life, ordered = born(), False
+        life, commanded = born(), False
         while True:
             true += rng.randrange(1, 1800) * S
             now = true - booted
-            if not ordered:
-                life.order(now, length / S)
-                ordered, ends = True, true + length
+            if not commanded:
+                life.command(now, length / S)
+                commanded, ends = True, true + length
             match rng.randrange(4):
                 case 0:
                     utc, error = statement()
@@ -388,8 +388,8 @@ def test_time_that_was_sure_outlives_a_restart_under_water() -> None:
 
 def test_resuming_does_not_open_a_quiet_window() -> None:
     life = Life(rules=NIGHT)
-    life.order(10 * HOUR)
+    life.command(10 * HOUR)
     life.engine.silence.resume(10 * HOUR)
     assert not life.says(10 * HOUR)
     state = life.engine.silence.state(10 * HOUR)
-    assert (state.is_silent, state.is_ordered, state.ends_at) == (True, False, 19 * HOUR)
+    assert (state.is_silent, state.is_commanded, state.ends_at) == (True, False, 19 * HOUR)

@@ -11,9 +11,9 @@ import zenoh
 
 from tests.gateway.islands import LIMIT_S, Water, hear, island, matched, run, zenoh_config
 from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
-from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
 from zacoustic.zenoh.gateway.dialect.mailbox import PARCEL_OVERHEAD_BYTES, Mailbox, Parcel
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.wake_up import WakeUp
 
 Count = Callable[[int], int]
@@ -87,14 +87,14 @@ def test_last_values_are_bounded(count: Count) -> None:
     assert len(values.of(1)) == 99
 
 
-def test_complaints_are_counted_always_and_said_now_and_then(caplog: Any) -> None:
+def test_problems_are_counted_always_and_said_now_and_then(caplog: Any) -> None:
     now = 0
-    complaints = Complaints(lambda: now, quiet_s=10)
+    input_errors = InputErrors(lambda: now, quiet_s=10)
     for _ in range(5):
-        complaints.add("auv1/nav", "payload", "wrong\nunit")
+        input_errors.add("auv1/nav", "payload", "wrong\nunit")
     now = 10_000_000_000
-    complaints.add("auv1/nav", "payload", "auv1/nav: wrong again")
-    assert complaints.counts == {"auv1/nav": {"payload": 6}}
+    input_errors.add("auv1/nav", "payload", "auv1/nav: wrong again")
+    assert input_errors.counts == {"auv1/nav": {"payload": 6}}
     assert caplog.messages == [
         "auv1/nav: wrong unit",
         "auv1/nav: wrong again (and 4 more since the last warning)",

@@ -175,7 +175,7 @@ def test_nobody_is_known_by_address_and_orders_do_not_cross() -> None:
         payload = json.dumps({"for_s": 60}).encode()
         order = await get(client, "@acoustic/2/silence", payload, encoding="application/json")
         assert not order.good
-        assert ["no orders cross a link" in each for each in order.errors] == [True]
+        assert ["no commands cross a link" in each for each in order.errors] == [True]
 
     on_desert(body)
 

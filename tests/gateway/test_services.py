@@ -8,7 +8,7 @@ import zenoh
 from tests.gateway.islands import LIMIT_S, UNRELATED, Water, cbor, fence, get, island, run
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.gateway import Marker, read_marker
-from zacoustic.zenoh.session.asking.queries import QueryDesk
+from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.worker import Worker
 
 Serve = Callable[[zenoh.Query], None]
@@ -233,21 +233,21 @@ def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
             def ring() -> None:
                 loop.call_soon_threadsafe(rung.set)
 
-            desk = QueryDesk(worker, ring, limit=1, closed_text="closed")
-            server.declare_queryable("desk", lambda query: desk.admit(lambda held: None, query))
+            handler = QueryHandler(worker, ring, limit=1, closed_text="closed")
+            server.declare_queryable("desk", lambda query: handler.admit(lambda held: None, query))
             await fence(server)
             first = asyncio.ensure_future(get(client, "desk"))
             await rung.wait()
             assert (await get(client, "desk")).errors == [
                 "desk: NO_SERVER: 1 queries are held already"
             ]
-            [(held, _)] = desk.take()
+            [(held, _)] = handler.take()
             assert held.refuse(CallFailure.HANDLER, "first")
             assert not held.refuse(CallFailure.HANDLER, "second")
             assert (await first).errors == ["desk: HANDLER: first"]
-            desk.close()
+            handler.close()
             assert (await get(client, "desk")).errors == ["desk: NO_SERVER: closed"]
-            assert (len(desk), desk.refused) == (0, 1)
+            assert (len(handler), handler.refused) == (0, 1)
             await worker.close(limit_s=LIMIT_S)
 
     run(main())

@@ -9,7 +9,7 @@ import pytest
 
 from tests.gateway.islands import SECTION, Water, free_port, get, island, run, until
 from zacoustic.app.cli import main
-from zacoustic.zenoh.gateway.notices import SilenceKept
+from zacoustic.zenoh.gateway.notices import SilenceJournalled
 
 
 async def verb(*arguments: str) -> int:
@@ -24,48 +24,48 @@ async def state(client: Any, parameters: str = "") -> dict[str, Any]:
     return found
 
 
-def test_order_keeps_the_modem_silent_until_it_is_resumed() -> None:
+def test_command_keeps_the_modem_silent_until_it_is_resumed() -> None:
     async def scene() -> None:
         water = Water()
         async with island(1, water) as shore:
             with shore.client() as client:
                 assert await state(client) == {
-                    "address": 1, "silent": False, "ordered": False, "until_utc": None,
+                    "address": 1, "silent": False, "commanded": False, "until_utc": None,
                 }  # fmt: skip
-                found = await state(client, "?order=begin;for_s=1800")
+                found = await state(client, "?command=begin;for_s=1800")
                 assert found["silent"]
-                assert found["ordered"]
+                assert found["commanded"]
                 assert found["until_utc"].endswith("Z")
                 client.put("chat", b"not now")
                 client.put("auv1/text", b"nor the urgent one")
                 assert (await state(client))["silent"]
                 await asyncio.sleep(0)
                 assert water.emissions == []
-                assert not (await state(client, "?order=resume"))["silent"]
+                assert not (await state(client, "?command=resume"))["silent"]
                 await until(lambda: water.emissions, water.changed)
-                kept = [each for each in shore.notices if isinstance(each, SilenceKept)]
+                kept = [each for each in shore.notices if isinstance(each, SilenceJournalled)]
                 assert [each.silent for each in kept] == [True, False]
 
     run(scene())
 
 
 @pytest.mark.parametrize(
-    ("parameters", "complaint"),
+    ("parameters", "input_error"),
     [
-        ("?order=stop", "order is stop; allowed: begin, resume"),
-        ("?order=begin;for_s=-1", "for_s is -1; allowed: with order=begin, seconds above 0"),
-        ("?order=begin;for_s=soon", "for_s is soon"),
-        ("?order=resume;for_s=3", "for_s is 3"),
+        ("?command=stop", "command is stop; allowed: begin, resume"),
+        ("?command=begin;for_s=-1", "for_s is -1; allowed: with command=begin, seconds above 0"),
+        ("?command=begin;for_s=soon", "for_s is soon"),
+        ("?command=resume;for_s=3", "for_s is 3"),
         ("?for_s=3", "for_s is 3"),
     ],
 )
-def test_order_that_is_wrong_is_refused(parameters: str, complaint: str) -> None:
+def test_command_that_is_wrong_is_refused(parameters: str, input_error: str) -> None:
     async def scene() -> None:
         async with island(1, Water()) as shore:
             with shore.client() as client:
                 replies = await get(client, f"@acoustic/1/silence{parameters}")
                 assert not replies.good
-                assert complaint in replies.errors[0]
+                assert input_error in replies.errors[0]
                 assert not (await state(client))["silent"]
 
     run(scene())
@@ -79,12 +79,12 @@ def test_quiet_window_is_told() -> None:
         async with island(1, Water(), section=section) as shore:
             with shore.client() as client:
                 found = await state(client)
-                assert (found["silent"], found["ordered"]) == (True, False)
+                assert (found["silent"], found["commanded"]) == (True, False)
 
     run(scene())
 
 
-def test_verb_orders_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_verb_commands_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> None:
     async def scene() -> None:
         async with island(1, Water()) as shore:
             where = ["--connect", f"tcp/127.0.0.1:{shore.port}"]
@@ -97,17 +97,17 @@ def test_verb_orders_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> Non
 
     run(scene())
     captured = capsys.readouterr()
-    free, ordered, as_json, resumed, endless = captured.out.splitlines()
+    free, commanded, as_json, resumed, endless = captured.out.splitlines()
     assert free == "node 1: transmits"
-    assert ordered.startswith("node 1: silent, ordered, until 2")
+    assert commanded.startswith("node 1: silent, commanded, until 2")
     assert json.loads(as_json)["silent"] is True
     assert resumed == "node 1: transmits"
-    assert endless == "node 1: silent, ordered, until it is resumed"
+    assert endless == "node 1: silent, commanded, until it is resumed"
     assert "no gateway that knows node 9 is on this island" in captured.err
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "input_error"),
     [
         (["--for", "soon"], "--for soon; allowed: a time above 0, such as 90s, 30m, 2h, 1d"),
         (["--for", "0m"], "--for 0m; allowed"),
@@ -118,10 +118,10 @@ def test_verb_orders_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> Non
     ],
 )
 def test_arguments_that_are_wrong(
-    arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], input_error: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["silence", *arguments]) == 2
-    assert complaint in capsys.readouterr().err
+    assert input_error in capsys.readouterr().err
 
 
 def test_router_that_is_not_there_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,7 +26,7 @@ from zacoustic.core.engine.events import (
     RequestReceived,
 )
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.streams.commands import ORDERS_STREAM_ID, Order, OrderKind
+from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -51,11 +51,11 @@ from zacoustic.core.wire.numbers import Ack
 from zacoustic.core.wire.objects import (
     NO_FRAGMENT,
     WITHDRAWN,
-    Call,
     Complete,
     Fragment,
     Headless,
     Lacks,
+    ListenHint,
     Reason,
     Refused,
 )
@@ -168,12 +168,22 @@ def _objects() -> Iterator[Vector]:
     for name, call, index, meaning in (
         (
             "fragment_first",
-            Call.NONE,
+            ListenHint.NONE,
             0,
             "of object 5: stream 12, lineage 1234, number 7, instance 2, image/png, 100 bytes",
         ),
-        ("fragment_last", Call.ANSWER, 1, "the last source fragment, which calls for an answer"),
-        ("fragment_repair", Call.WINDOW, 2, "a repair fragment, seed 0; a listen window follows"),
+        (
+            "fragment_last",
+            ListenHint.ANSWER,
+            1,
+            "the last source fragment, which calls for an answer",
+        ),
+        (
+            "fragment_repair",
+            ListenHint.WINDOW,
+            2,
+            "a repair fragment, seed 0; a listen window follows",
+        ),
     ):
         record = Fragment(5, call, index, whole.fragment(index)).encode()
         yield _vector(name, record, f"FRAGMENT: {meaning}")
@@ -181,7 +191,7 @@ def _objects() -> Iterator[Vector]:
         ("fragment_withdrawn", WITHDRAWN, "object 5 is withdrawn"),
         ("fragment_turn", manifest.digest[:4], "no sample before object 5 will come"),
     ):
-        record = Fragment(5, Call.ANSWER, NO_FRAGMENT, about).encode()
+        record = Fragment(5, ListenHint.ANSWER, NO_FRAGMENT, about).encode()
         yield _vector(name, record, f"FRAGMENT: {meaning}")
     for name, feedback, meaning in (
         (
@@ -465,18 +475,18 @@ def _goals() -> Iterator[Vector]:
 def _orders() -> Iterator[Vector]:
     pair = _Pair()
     for name, order, meaning, answer in (
-        ("ask", Order(), "what holds?", "node 2 transmits"),
+        ("ask", RemoteCommand(), "what holds?", "node 2 transmits"),
         (
             "silence",
-            Order(kind=OrderKind.SILENCE, for_s=1800.0),
+            RemoteCommand(kind=CommandKind.SILENCE, for_s=1800.0),
             "silence for 1800 s, command 1",
             "node 2 is silent, by a command, for 1800 s",
         ),
-        ("resume", Order(kind=OrderKind.RESUME), "resume, command 2", "node 2 transmits"),
+        ("resume", RemoteCommand(kind=CommandKind.RESUME), "resume, command 2", "node 2 transmits"),
         (
             "tune",
-            Order(
-                kind=OrderKind.TUNE,
+            RemoteCommand(
+                kind=CommandKind.OVERRIDE,
                 stream_id=11,
                 on=False,
                 min_interval_s=10.0,
@@ -487,7 +497,7 @@ def _orders() -> Iterator[Vector]:
         ),
         (
             "reset",
-            Order(kind=OrderKind.RESET, stream_id=20),
+            RemoteCommand(kind=CommandKind.RESET, stream_id=20),
             "stream 20 as node 2 is configured, command 4",
             "refused: stream 20 is no topic",
         ),
@@ -499,12 +509,12 @@ def _orders() -> Iterator[Vector]:
         yield _vector(f"order_{name}_answer", said, f"HELLO; named answer of node 2: {answer}")
     confirm = bytes.fromhex(pair.frames[1][-1])  # whatever was asked again before
     yield _vector("order_confirm", confirm, "the client has the answer to call 4 of node 2")
-    digest = table().by_id(ORDERS_STREAM_ID).digest
+    digest = table().by_id(COMMANDS_STREAM_ID).digest
     yield _vector("digest_of_stream_175", digest, "digest of the stream of remote commands")
 
 
-def _order(order: Order, engine: Engine, now: int) -> int:
-    return engine.orders.send(2, order, now)
+def _order(order: RemoteCommand, engine: Engine, now: int) -> int:
+    return engine.commands.send(2, order, now)
 
 
 def demand_table() -> StreamTable:
@@ -518,13 +528,13 @@ def demand_table() -> StreamTable:
 
 def _subscriptions() -> Iterator[Vector]:
     pair = _Pair(streams=demand_table())
-    letter = pair.frame(1, lambda engine, now: engine.demand.want(50, now))
-    yield _vector("subscribe", letter, "SUBSCRIBE: of the streams 48…55 50 is wanted, version 1")
+    message = pair.frame(1, lambda engine, now: engine.subscriptions.want(50, now))
+    yield _vector("subscribe", message, "SUBSCRIBE: of the streams 48…55 50 is wanted, version 1")
     answer = bytes.fromhex(pair.frames[2][-1])
     yield _vector("subscribe_answer", answer, "SUBSCRIBE: the answer to it")
-    letter = pair.frame(1, lambda engine, now: engine.demand.want(50, now, ()))
+    message = pair.frame(1, lambda engine, now: engine.subscriptions.want(50, now, ()))
     yield _vector(
-        "unsubscribe", letter, "SUBSCRIBE: of the streams 48…55 none is wanted, version 2"
+        "unsubscribe", message, "SUBSCRIBE: of the streams 48…55 none is wanted, version 2"
     )
     digest = demand_table().by_id(50).digest
     yield _vector("digest_of_stream_50", digest, "digest of the on-demand stream 50")

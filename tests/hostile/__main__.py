@@ -18,15 +18,15 @@ def main(words: list[str]) -> int:
         drawn = hostile(seed)
         began = time.process_time()
         drive = Drive(drawn)
-        complaints = drive.run()
-        failed += bool(complaints)
+        violations = drive.run()
+        failed += bool(violations)
         took_s = time.process_time() - began
         print(
             f"{seed} {drawn.kind}: {drive.frames} frames, quiet {drive.longest_s:.0f} s into the "
-            f"calm, {took_s:.1f} s; {len(complaints)} complaints"
+            f"calm, {took_s:.1f} s; {len(violations)} complaints"
         )
-        for complaint in complaints:
-            print(f"    {complaint}")
+        for violation in violations:
+            print(f"    {violation}")
         if len(seeds) == 1:
             print(
                 *(f"    {what}: {times}" for what, times in sorted(drive.oracle.counts.items())),

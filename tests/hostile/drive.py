@@ -26,8 +26,8 @@ from zacoustic.core.engine.events import (
     SampleReceived,
     SilenceChanged,
 )
-from zacoustic.core.streams.commands import Order, OrderKind
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
+from zacoustic.core.transport.actions.events import (
     GoalAnswered,
     GoalFailed,
     GoalReceived,
@@ -42,7 +42,7 @@ grown when nothing is to be done any more; those lists are half of it."""
 MOST_ENTRIES: Final = 400
 """Entries in the journal of a node that has nothing to do."""
 SILENCE_S: Final = 150.0
-_ORDERED_S: Final = 20.0
+_COMMANDED_S: Final = 20.0
 _SILENT: Final = 2
 _LAST_WORD_S: Final = 30.0
 _STRANGERS: Final = range(50, 250)
@@ -102,12 +102,14 @@ class Drive:
             self._let_strangers_speak()
         if hostile.kind == "silent":
             network.at(
-                _ORDERED_S,
-                functools.partial(self._order, 1, Order(kind=OrderKind.SILENCE, for_s=SILENCE_S)),
+                _COMMANDED_S,
+                functools.partial(
+                    self._order, 1, RemoteCommand(kind=CommandKind.SILENCE, for_s=SILENCE_S)
+                ),
             )
             network.at(
                 hostile.busy_s + SILENCE_S + 300,
-                functools.partial(self._order, 1, Order(kind=OrderKind.RESUME)),
+                functools.partial(self._order, 1, RemoteCommand(kind=CommandKind.RESUME)),
             )
         try:
             network.run(until_s=hostile.busy_s + CALM_S)
@@ -117,7 +119,7 @@ class Drive:
         self._check_rest()
         self.oracle.check_ends()
         self.longest_s = max(0.0, self._last_frame_s - hostile.busy_s)
-        return self.oracle.complaints
+        return self.oracle.violations
 
     # What the applications do
 
@@ -142,7 +144,7 @@ class Drive:
             streams += [fleet.ARM, fleet.ARM, fleet.GOTO, 175]
         stream_id = rng.choice(streams)
         if stream_id in fleet.ON_DEMAND and rng.random() < 0.5:
-            self._apply(node, lambda engine, now: engine.demand.want(stream_id, now))
+            self._apply(node, lambda engine, now: engine.subscriptions.want(stream_id, now))
             return
         ticket = next(self._tickets)
         is_large = stream_id in fleet.RELIABLE and rng.random() < 0.3
@@ -151,7 +153,7 @@ class Drive:
         instance = (rng.randrange(2),) if stream_id in fleet.WITH_PARTS else ()
         if stream_id == 175:
             other = rng.choice([each for each in self.hostile.addresses if each != node])
-            self._order(node, Order(kind=OrderKind.ASK), to=other)
+            self._order(node, RemoteCommand(kind=CommandKind.ASK), to=other)
         elif stream_id == fleet.ARM:
             self._give(
                 node,
@@ -189,12 +191,12 @@ class Drive:
 
         self._apply(node, give)
 
-    def _order(self, node: int, order: Order, *, to: int = _SILENT) -> None:
+    def _order(self, node: int, command: RemoteCommand, *, to: int = _SILENT) -> None:
         if self.network.is_running(node):
             ticket = next(self._tickets)
             self._give(
                 node, "call", ticket, 175, None, (),
-                lambda engine, now: engine.orders.send(to, order, now, timeout_s=300.0),
+                lambda engine, now: engine.commands.send(to, command, now, timeout_s=300.0),
             )  # fmt: skip
 
     def _apply(self, node: int, command: Callable[[Engine, int], object]) -> None:
@@ -214,7 +216,7 @@ class Drive:
         network.crash(node, reboots=reboots)
         kept = {
             ticket: given.stream_id not in (fleet.ARM, fleet.LIGHT, 175)
-            and journal.is_kept(self._written[ticket])
+            and journal.is_journalled(self._written[ticket])
             for ticket, given in self.oracle.given.items()
             if given.node == node
         }
@@ -243,7 +245,7 @@ class Drive:
         hostile, network, rng = self.hostile, self.network, self._rng
         is_forged = hostile.kind == "forged"
         pool = (
-            foreign.wishes(hostile.modem)
+            foreign.subscribe_requests(hostile.modem)
             if is_forged
             else foreign.frames(rng.randrange(1, foreign.VARIANTS + 1), hostile.modem)
         )
@@ -288,7 +290,7 @@ class Drive:
         since = self._silent_from
         if record.node != _SILENT or since is None:
             return
-        if since + _LAST_WORD_S < now_s < _ORDERED_S + 0.95 * SILENCE_S:
+        if since + _LAST_WORD_S < now_s < _COMMANDED_S + 0.95 * SILENCE_S:
             self.oracle.complain(
                 f"{now_s:.1f} s: node {_SILENT} transmits; it was silenced at {since:.1f} s for "
                 f"{SILENCE_S:g} s"
@@ -327,7 +329,7 @@ class Drive:
                 oracle.end(node, life, "goal", event.goal, "failed")
             case ResultReceived():
                 oracle.end(node, life, "goal", event.goal, "ended")
-            case SilenceChanged(is_silent=True, is_ordered=True) if node == _SILENT:
+            case SilenceChanged(is_silent=True, is_commanded=True) if node == _SILENT:
                 if self._silent_from is None:
                     self._silent_from = self.network.now / NS_PER_S
             case _:

@@ -11,7 +11,7 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.events import Event, GoalStatus, RequestReceived
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.transport.actions.news import GoalReceived
+from zacoustic.core.transport.actions.events import GoalReceived
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 VARIANTS: Final = 4
@@ -86,7 +86,7 @@ def frames(variant: int, modem: Modem) -> tuple[Stranger, ...]:
 
 
 @functools.lru_cache(maxsize=16)
-def wishes(modem: Modem) -> tuple[Stranger, ...]:
+def subscribe_requests(modem: Modem) -> tuple[Stranger, ...]:
     """Return what a node of the fleet itself says that only subscribes and sends goals."""
     heard: list[Stranger] = []
 
@@ -107,7 +107,7 @@ def wishes(modem: Modem) -> tuple[Stranger, ...]:
     def wish(number: int) -> None:
         network.apply(
             2,
-            lambda engine, now: engine.demand.want(
+            lambda engine, now: engine.subscriptions.want(
                 fleet.ON_DEMAND[number % 2], now, {1} if number % 3 else set()
             ),
         )

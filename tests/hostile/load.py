@@ -7,7 +7,7 @@ from typing import Any
 
 from tests.hostile import fleet
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -28,14 +28,14 @@ def anything(rng: random.Random, address: int, table: StreamTable) -> Say:
     )
     if isinstance(spec, TopicSpec):
         if stream.is_on_demand and rng.random() < 0.3:
-            return lambda engine, now: engine.demand.want(stream_id, now)
+            return lambda engine, now: engine.subscriptions.want(stream_id, now)
         instance: Instance = (rng.randrange(2),) if spec.wildcards else ()
         return lambda engine, now: engine.publish(stream_id, value, now, instance=instance)
     if isinstance(spec, ServiceSpec | ActionSpec):
         other = rng.choice([each for each in table.nodes if each != address])
         if rng.random() < 0.2:
-            ask = Order(kind=OrderKind.ASK)
-            return lambda engine, now: engine.orders.send(other, ask, now, timeout_s=60.0)
+            ask = RemoteCommand(kind=CommandKind.ASK)
+            return lambda engine, now: engine.commands.send(other, ask, now, timeout_s=60.0)
     if isinstance(spec, ServiceSpec):
         return lambda engine, now: engine.call(stream_id, value[:20], now)
     return lambda engine, now: engine.actions.send_goal(stream_id, value[:20], now, timeout_s=200)

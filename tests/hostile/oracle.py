@@ -42,7 +42,7 @@ class Oracle:
     """
 
     def __init__(self, addresses: tuple[int, ...], *, doubles: bool, strangers: bool) -> None:
-        self.complaints: list[str] = []
+        self.violations: list[str] = []
         self.given: dict[int, Given] = {}
         """By ticket."""
         self.forgetful: set[int] = set()
@@ -55,7 +55,7 @@ class Oracle:
 
     def complain(self, text: str) -> None:
         """Note what must not have happened."""
-        self.complaints.append(text)
+        self.violations.append(text)
 
     def give(self, ticket: int, kind: str, given: Given) -> None:
         """Something was accepted; `kind` is ``sample``, ``call`` or ``goal``."""
@@ -121,16 +121,16 @@ class Oracle:
                     f"{given.at_s:.1f} s is delivered; node {sorted(lacking)} never got it"
                 )
 
-    def killed(self, node: int, life: int, is_kept: "dict[int, bool]") -> None:
+    def killed(self, node: int, life: int, is_journalled: "dict[int, bool]") -> None:
         """A node was killed.
 
         Args:
             node: Its address.
             life: Its life until now.
-            is_kept: Ticket → whether it was in the journal when the node was killed.
+            is_journalled: Ticket → whether it was in the journal when the node was killed.
         """
         for ticket, given in self.given.items():
-            if given.node == node and given.life == life and not is_kept.get(ticket, False):
+            if given.node == node and given.life == life and not is_journalled.get(ticket, False):
                 given.is_forgotten = True
 
     def check_ends(self) -> None:

@@ -6,7 +6,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.events import SampleReceived, SubscribersChanged
 from zacoustic.core.streams.specs import ActionSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import GoalReceived
+from zacoustic.core.transport.actions.events import GoalReceived
 from zacoustic.core.wire.subscriptions import Subscribe
 
 SOURCES = range(2, 254)
@@ -24,8 +24,8 @@ def test_subscribe_of_nobody_is_not_written_down() -> None:
     end = End(1, table)
     for source in SOURCES:
         for page in range(22):
-            letter = bytes((0xBC,)) + Subscribe(page, source % 100, 0xFF).body
-            end.hear(introduced(table, letter), source * NS_PER_S, source=source, destination=1)
+            message = bytes((0xBC,)) + Subscribe(page, source % 100, 0xFF).body
+            end.hear(introduced(table, message), source * NS_PER_S, source=source, destination=1)
     kept = [key for key in end.journal if key.startswith("demand/")]
     assert kept == ["demand/2/0"]  # of the one node that is listed, the one page that has a topic
     assert [event.subscribers for event in end.got(SubscribersChanged)] == [(2,)]

@@ -19,8 +19,8 @@ def test_node_may_be_forgotten_at_any_instant(count: Callable[[int], int]) -> No
             at_s = rng.uniform(1, drive.hostile.busy_s)
             drive.network.at(at_s, functools.partial(_forget, drive, node, other))
         # What is forgotten may run, or be handed on, twice; all the rest holds.
-        complaints = [each for each in drive.run() if "never ends" in each or "not idle" in each]
-        assert not complaints, f"seed {seed}: {complaints}"
+        violations = [each for each in drive.run() if "never ends" in each or "not idle" in each]
+        assert not violations, f"seed {seed}: {violations}"
 
 
 def _forget(drive: Drive, node: int, other: int) -> None:

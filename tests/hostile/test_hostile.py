@@ -15,9 +15,9 @@ BLOCKS = 4
 def test_all_holds_whatever_is_done_to_a_fleet(count: Callable[[int], int], block: int) -> None:
     red = {}
     for seed in range(block, count(SCENARIOS), BLOCKS):
-        complaints = Drive(hostile(seed)).run()
-        if complaints:
-            red[f"python -m tests.hostile {seed}"] = complaints[0]
+        violations = Drive(hostile(seed)).run()
+        if violations:
+            red[f"python -m tests.hostile {seed}"] = violations[0]
     assert not red
 
 

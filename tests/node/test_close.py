@@ -11,7 +11,7 @@ import pytest
 from tests.cli.watched import verb
 from tests.node.fleet import SECTION, WaterServer, water
 from tests.runtime.loop_checks import run
-from zacoustic import Config, DeliveryOutcome, Node, Order, OrderKind
+from zacoustic import CommandKind, Config, DeliveryOutcome, Node, RemoteCommand
 from zacoustic.blocking import Node as BlockingNode
 from zacoustic.config import config_from_mapping
 from zacoustic.zenoh.node.onlink.onlink import CLOSE_LINGER_S
@@ -91,7 +91,7 @@ def test_node_that_owes_nothing_or_cannot_speak_closes_at_once() -> None:
                 auv = Node(2, config=config(2), link=medium.link(2))
                 await auv.open()
                 taken = auv.subscribe(bytes, "note")
-                await auv.order(2, Order(kind=OrderKind.SILENCE, for_s=1000.0))
+                await auv.command(2, RemoteCommand(kind=CommandKind.SILENCE, for_s=1000.0))
                 shore.create_publisher(bytes, "note").publish(b"x")
                 await taken.receive()
                 began_s = time.monotonic()

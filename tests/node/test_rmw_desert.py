@@ -8,7 +8,7 @@ import pytest
 from tests.core.rmw_desert.peer import REQUEST, RESPONSE, SAMPLE, Heard, packet
 from tests.links.desert.desert_rig import serve
 from tests.links.desert.test_rmw_desert import Vehicle
-from zacoustic import CallContext, CallTimeoutError, Node, Order, PayloadInvalidError
+from zacoustic import CallContext, CallTimeoutError, Node, PayloadInvalidError, RemoteCommand
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic_desert.server import StandInServer
@@ -69,8 +69,8 @@ def test_topics_and_services_of_a_node() -> None:
             assert await vehicle.hear() == Heard(RESPONSE, 6, [500, "here"])
             with pytest.raises(RangeUnavailableError):
                 await node.range(2)
-            with pytest.raises(LocalError, match="no orders cross"):
-                await node.order(2, Order())
+            with pytest.raises(LocalError, match="no commands cross"):
+                await node.command(2, RemoteCommand())
             await node.flush()
         await vehicle.close()
 

@@ -17,13 +17,13 @@ from typing import Any, Final, TextIO
 import msgspec
 import pytest
 
-import tests.virtual.orderstory
+import tests.virtual.commandstory
 from tests.hostile import foreign
 from tests.hostile.drive import Drive
 from tests.hostile.scenario import hostile
 from tests.virtual.callstory import CallStory
+from tests.virtual.commandstory import CommandStory
 from tests.virtual.goalstory import GoalStory
-from tests.virtual.orderstory import OrderStory
 from tests.virtual.settling import Settling
 from tests.virtual.stopping import Pressing, stop_took_s
 from tests.virtual.test_polling import NODES as POLLED
@@ -117,7 +117,7 @@ def _story(seed: int, witness: Witness) -> None:
 def _hostile(seed: int, witness: Witness) -> None:
     # What foreign fleets say is part of the run, whatever ran before in this process.
     foreign.frames.cache_clear()
-    foreign.wishes.cache_clear()
+    foreign.subscribe_requests.cache_clear()
     Drive(hostile(seed)).run()
 
 
@@ -130,7 +130,7 @@ def _goal(seed: int, witness: Witness) -> None:
 
 
 def _order(seed: int, witness: Witness) -> None:
-    OrderStory(seed).run()
+    CommandStory(seed).run()
 
 
 def _settling(seed: int, witness: Witness) -> None:
@@ -213,5 +213,5 @@ def _watched(witness: Witness) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         defaults: dict[str, Any] = VirtualNetwork.__init__.__kwdefaults__  # type: ignore[assignment]
         patch.setitem(defaults, "build", witness.make)
-        patch.setattr(tests.virtual.orderstory, "Engine", witness.make)
+        patch.setattr(tests.virtual.commandstory, "Engine", witness.make)
         yield

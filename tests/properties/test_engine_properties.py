@@ -157,7 +157,7 @@ def test_made_up_frames_are_counted_and_answered_within_bounds(
 ) -> None:
     end = End(1, fleet(), capabilities=link(**lacks))
     now = 0
-    end.engine.demand.want(6, now)
+    end.engine.subscriptions.want(6, now)
     for number, (frame, source) in enumerate(frames):
         now += 10_000_000
         end.hear(frame, now, source=source, destination=(1, BROADCAST)[number % 2])
@@ -209,8 +209,8 @@ def real_frames(**lacks: bool) -> list[bytes]:
                 rig[2].engine.call(21, b"please", rig.now)
             rig.publish(1, 1, b"mine")
             if tables[1] is not other:
-                rig[1].engine.demand.want(6, rig.now, (2,) if number % 2 else ())
-                rig[1].engine.demand.want(7, rig.now, (2,))
+                rig[1].engine.subscriptions.want(6, rig.now, (2,) if number % 2 else ())
+                rig[1].engine.subscriptions.want(7, rig.now, (2,))
                 rig.publish(2, 6, b"view")
                 rig.publish(2, 7, b"log")
             rig.run(1)
@@ -252,7 +252,7 @@ def test_a_million_strange_frames_do_no_harm(
             end.hear(frame, now, source=source, destination=destination)
             if number % 10 == 0:
                 sources = [each for each in NODES if rng.random() < 0.5]
-                end.engine.demand.want(rng.choice((6, 7)), now, sources)
+                end.engine.subscriptions.want(rng.choice((6, 7)), now, sources)
                 end.engine.publish(6, b"seen?", now)
             due_at = end.engine.poll_timeout()
             if due_at is not None and due_at <= now:

@@ -15,7 +15,7 @@ from zacoustic.core.linktypes import LinkCapabilities, Transmission
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access.spec import AccessSpec, PollingSpec, TdmaSpec
-from zacoustic.core.transport.actions.news import GoalReceived
+from zacoustic.core.transport.actions.events import GoalReceived
 from zacoustic.errors import LocalError, PayloadTooLargeError
 from zacoustic.testing.virtual import Modem
 

@@ -10,12 +10,12 @@ from typing import Any
 import msgspec
 import pytest
 
-import tests.virtual.orderstory
+import tests.virtual.commandstory
 from tests.recording.memory import MemorySink, record_networks, recorded
 from tests.virtual.callstory import CallStory
+from tests.virtual.commandstory import CommandStory
 from tests.virtual.fleet import line
 from tests.virtual.goalstory import GoalStory
-from tests.virtual.orderstory import OrderStory
 from zacoustic.app.tools.design.sim.recorder import recorded_to
 from zacoustic.app.tools.inspect.recordings.checking import Verdict, check_messages
 from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
@@ -47,7 +47,7 @@ def test_stories_with_loss_delay_repetition_and_restarts(count: Callable[[int], 
     for seed in range(4, 4 + count(200)):
         recorder, sink = recorded()
         told = tell(random_story(seed), (), build=recorder.make)
-        assert not told.complaints
+        assert not told.violations
         verdict = checked(recorder, sink)
         sent = sink.of("/frames")
         sizes = [
@@ -73,13 +73,13 @@ def test_goals_and_calls_with_restarts(
         assert len(checked(recorder, sink).lives) >= 2
 
 
-def test_orders_and_silence(monkeypatch: pytest.MonkeyPatch, count: Callable[[int], int]) -> None:
+def test_commands_and_silence(monkeypatch: pytest.MonkeyPatch, count: Callable[[int], int]) -> None:
     for seed in range(count(100)):
         recorder, sink = recorded()
         monkeypatch.setattr(
-            tests.virtual.orderstory, "Engine", partial(_with_defaults, recorder.make)
+            tests.virtual.commandstory, "Engine", partial(_with_defaults, recorder.make)
         )
-        OrderStory(seed).run()
+        CommandStory(seed).run()
         checked(recorder, sink)
 
 
@@ -135,7 +135,7 @@ def run_survey(network: VirtualNetwork, *, until_s: float = 1500.0) -> None:
 
     for node in network.addresses:
         network.every(20.0, partial(nav, node), first_s=1.0 + node)
-    network.at(5.0, lambda: network.apply(1, lambda engine, now: engine.demand.want(3, now)))
+    network.at(5.0, lambda: network.apply(1, lambda engine, now: engine.subscriptions.want(3, now)))
     network.at(9.0, lambda: network.publish(2, 2, bytes(range(256)) * 12))
     network.at(600.0, lambda: network.restart(2))
     network.at(900.0, lambda: network.set_link(3, up=False))

@@ -25,7 +25,7 @@ from zacoustic.app.tools.inspect.recordings.whatif import Change, Trial, configu
 from zacoustic.core.engine.events import Event, GoalStatus
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import GoalReceived
+from zacoustic.core.transport.actions.events import GoalReceived
 from zacoustic.testing.virtual import VirtualNetwork
 
 

@@ -35,7 +35,7 @@ from zacoustic.core.linktypes import (
 from zacoustic.core.peers.ranging import RangeFailed
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import GoalAnswered, GoalFailed, GoalRecovered
+from zacoustic.core.transport.actions.events import GoalAnswered, GoalFailed, GoalRecovered
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.replacement.faults import FREE, REPORT
@@ -261,10 +261,10 @@ def test_what_was_not_written_down_is_told() -> None:
 
 def test_what_is_wanted_is_asked_for_anew() -> None:
     async def main(bench: Bench) -> None:
-        bench.runner.apply(lambda engine, now: engine.demand.want(13, now, {2}))
+        bench.runner.apply(lambda engine, now: engine.subscriptions.want(13, now, {2}))
         bench.link.hear(POISON)
         await bench.restarted()
-        assert bench.runner.engine.demand.wanted(13) == {2}
+        assert bench.runner.engine.subscriptions.wanted(13) == {2}
 
     on_a_bench(main)
 

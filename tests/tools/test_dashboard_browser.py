@@ -37,7 +37,7 @@ pytestmark = [
 
 def test_page_follows_the_gateway_says_what_is_dead_and_loads_nothing_from_elsewhere() -> None:
     api = pytest.importorskip("playwright.async_api", reason="NOT RUN: no playwright")
-    complaints: list[str] = []
+    problems: list[str] = []
     asked: set[str] = set()
 
     async def scene() -> None:
@@ -54,7 +54,7 @@ def test_page_follows_the_gateway_says_what_is_dead_and_loads_nothing_from_elsew
                 url = (await process.stdout.readline()).decode().removeprefix("page").strip()
             browser = await tool.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
             page = await browser.new_page(viewport={"width": 1200, "height": 900})
-            page.on("pageerror", lambda error: complaints.append(str(error)))
+            page.on("pageerror", lambda error: problems.append(str(error)))
             page.on("request", lambda request: asked.add(request.url))
             for attempt in range(100):
                 try:
@@ -111,7 +111,7 @@ def test_page_follows_the_gateway_says_what_is_dead_and_loads_nothing_from_elsew
             await process.communicate()
 
     run(scene(), limit_s=240)
-    assert complaints == []
+    assert problems == []
     elsewhere = [
         url for url in asked if not re.match(r"(http|ws)://127\.0\.0\.1:|data:|blob:", url)
     ]

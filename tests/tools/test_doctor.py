@@ -20,13 +20,13 @@ from tests.tools.ward import (
     STREAMS,
     TDMA,
     beside,
-    complaint,
     examine,
     full_disk,
     gateway,
     link,
     modem_file,
     modems,
+    problem,
     time_server,
     unprivileged,
     write,
@@ -152,7 +152,7 @@ def test_a_wrong_baud_rate(tmp_path: Path) -> None:
             path = write(
                 tmp_path, links=link(f"evologics/{place.locator}#baudrate=19200&reply_s=0.3")
             )
-            told = await complaint(path)
+            told = await problem(path)
         assert "no modem at 19200 baud, one answers at 9600" in told.text
         assert told.findings[0]["cure"] == "baudrate=9600 in the locator"
 
@@ -200,7 +200,7 @@ def test_an_address_clash_in_the_water(tmp_path: Path) -> None:
                     session.put("auv1/nav", b"here")
                     await _until_document(watching, 2, "dropped", partial(_has_own, number))
             path = beside(tmp_path, first, f"desert/{server.addresses[1]}", address=2)
-            told = await complaint(path)
+            told = await problem(path)
         await server.close()
         assert "address clash" in told.text
 
@@ -210,7 +210,7 @@ def test_an_address_clash_in_the_water(tmp_path: Path) -> None:
 def test_an_address_clash_of_modem_and_node(tmp_path: Path) -> None:
     async def main() -> None:
         async with modem_file(tmp_path, {"AL": 2}) as path:
-            told = await complaint(path)
+            told = await problem(path)
         assert "the modem has address 2, this node 1" in told.text
 
     run(main())
@@ -231,7 +231,7 @@ def test_a_table_mismatch_between_ends(tmp_path: Path) -> None:
                     watching, 1, "peers", lambda it: it["2"]["same_table"] is False
                 )
             path = beside(tmp_path, shore, "sim/127.0.0.1:1")
-            told = await complaint(path)
+            told = await problem(path)
         assert "table mismatch: node 2" in told.text
 
     run(main())
@@ -242,7 +242,7 @@ def test_a_gateway_that_runs_with_another_file(tmp_path: Path) -> None:
         water = Water()
         async with gateway(1, water.medium.link(1)) as shore:
             path = beside(tmp_path, shore, streams=STREAMS[:1])
-            told = await complaint(path)
+            told = await problem(path)
         assert "table mismatch: the gateway that runs has table" in told.text
 
     run(main())
@@ -264,7 +264,7 @@ def test_an_mtu_above_the_read_length_of_desert(tmp_path: Path) -> None:
                     session.put("auv1/nav", bytes(150))
                     await _until_document(watching, 1, "link", partial(_has_cut, number))
             path = beside(tmp_path, shore, f"desert/{server.addresses[0]}#max_read_length=256")
-            told = await complaint(path)
+            told = await problem(path)
         await server.close()
         assert "frames come in pieces" in told.text
         assert "max_read_length of the link is 256, and they are cut after 64 bytes" in told.text
@@ -276,7 +276,7 @@ def test_a_clock_that_is_off_by_more_than_the_schedule_bears(tmp_path: Path) -> 
     async def main() -> None:
         ahead = time_server(ahead_s=-2.5)
         async with modem_file(tmp_path, access=TDMA) as path, ahead as clock:
-            told = await complaint(path, "--ntp", clock)
+            told = await problem(path, "--ntp", clock)
         skew = re.search(r"clock skew: the clock is \+(\S+) s off", told.text)
         assert skew is not None
         assert float(skew[1]) == pytest.approx(2.5, abs=0.5)
@@ -287,7 +287,7 @@ def test_a_clock_that_is_off_by_more_than_the_schedule_bears(tmp_path: Path) -> 
 def test_desert_that_is_not_started(tmp_path: Path) -> None:
     async def main() -> None:
         path = write(tmp_path, links=link(f"desert/127.0.0.1:{free_port()}"))
-        told = await complaint(path, "--patience", "0.5")
+        told = await problem(path, "--patience", "0.5")
         assert "DESERT does not answer at 127.0.0.1" in told.text
 
     run(main())
@@ -297,7 +297,7 @@ def test_a_router_that_is_not_there(tmp_path: Path) -> None:
     async def main() -> None:
         port = free_port()
         path = write(tmp_path, zenoh=zenoh_settings("client", connect=port))
-        told = await complaint(path)
+        told = await problem(path)
         assert f"no Zenoh router at tcp/127.0.0.1:{port}" in told.text
 
     run(main())
@@ -311,7 +311,7 @@ def test_a_serial_port_that_the_user_may_not_open(readable: Path) -> None:
             # Who may open it finds nothing wrong; and what is imported late is there then.
             assert (await examine(path)).code == 0
             with unprivileged(place.locator.removeprefix("serial:")):
-                told = await complaint(path)
+                told = await problem(path)
         assert "Permission denied" in told.text
         assert "dialout" in told.findings[0]["cure"]
 
@@ -322,7 +322,7 @@ def test_a_disk_that_is_full_for_the_journal(tmp_path: Path) -> None:
     async def main() -> None:
         path = write(tmp_path, journal="journal")
         with full_disk():
-            told = await complaint(path)
+            told = await problem(path)
         assert "the journal cannot be written to" in told.text
 
     run(main())
@@ -332,7 +332,7 @@ def test_a_disk_that_is_full_for_the_journal(tmp_path: Path) -> None:
 def test_more_is_planned_than_fits(tmp_path: Path) -> None:
     async def main() -> None:
         status = {**STREAMS[0], "topic": "auv1/status", "min_interval_s": 0.5}
-        told = await complaint(write(tmp_path, streams=[status, STREAMS[1]]))
+        told = await problem(write(tmp_path, streams=[status, STREAMS[1]]))
         assert "auv1/status alone takes" in told.text
         assert "auv1/status: min_interval_s: " in told.findings[0]["cure"]
 
@@ -342,7 +342,7 @@ def test_more_is_planned_than_fits(tmp_path: Path) -> None:
 def test_a_source_level_for_the_bench(tmp_path: Path) -> None:
     async def main() -> None:
         async with modem_file(tmp_path, {"L": 3}) as path:
-            assert "source level is 3, -20 dB" in (await complaint(path)).text
+            assert "source level is 3, -20 dB" in (await problem(path)).text
         async with modem_file(tmp_path, {"L": 3}, behind="#deck=true") as path:
             assert (await examine(path)).code == 0
 
@@ -352,7 +352,7 @@ def test_a_source_level_for_the_bench(tmp_path: Path) -> None:
 def test_a_firmware_that_nobody_knows(tmp_path: Path) -> None:
     async def main() -> None:
         async with modem_file(tmp_path, firmware="3.0-beta") as path:
-            told = await complaint(path)
+            told = await problem(path)
         assert "firmware of the modem is unknown: it answers '3.0-beta'" in told.text
 
     run(main())
@@ -385,7 +385,7 @@ def test_a_gateway_that_runs_is_asked_about_its_modem(tmp_path: Path) -> None:
             locator = f"evologics/{place.locator}"
             async with gateway(1, registry.create(locator, 1)) as shore:
                 path = beside(tmp_path, shore, locator)
-                told = await complaint(path)
+                told = await problem(path)
         assert [each["what"][:17] for each in told.findings] == ["source level is 3"]
 
     run(main())
@@ -397,7 +397,7 @@ def test_a_gateway_that_was_given_its_modem_on_the_command_line(tmp_path: Path) 
             locator = f"evologics/{server.open_terminal(1).locator}"
             modem = registry.create(locator, 1)
             async with gateway(1, modem, links=link(locator)) as shore:
-                told = await complaint(beside(tmp_path, shore))
+                told = await problem(beside(tmp_path, shore))
         assert "source level is 3, -20 dB" in told.text
 
     run(main())
@@ -408,7 +408,7 @@ def test_a_link_of_a_running_gateway_that_is_down(tmp_path: Path) -> None:
         locator = f"desert/127.0.0.1:{free_port()}"
         async with gateway(1, registry.create(locator, 1)) as shore:
             path = beside(tmp_path, shore, locator)
-            told = await complaint(path)
+            told = await problem(path)
         assert "the link of the running gateway is " in told.text
         assert "waits for DESERT at" in told.text
 
@@ -458,7 +458,7 @@ def test_nothing_is_transmitted_and_nothing_is_set(tmp_path: Path) -> None:
 def test_a_link_without_checks_of_its_own_is_opened_and_closed(tmp_path: Path) -> None:
     async def main() -> None:
         locator = f"sim/127.0.0.1:{free_port()}#wait_s=0.2"
-        told = await complaint(write(tmp_path, links=link(locator)))
+        told = await problem(write(tmp_path, links=link(locator)))
         assert "the modem cannot be used: " in told.text
 
     run(main())

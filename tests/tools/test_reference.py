@@ -133,7 +133,7 @@ WHOLE: Final[dict[str, Any]] = {
     "quiet": [{"from": "22:00", "to": "06:00"}],
     "objects": {"max_waiting": 8},
     "heartbeat_s": 60,
-    "orders_from": [1],
+    "commands_from": [1],
 }  # fmt: skip
 WRONG: Final[list[tuple[str, Any]]] = [
     ("address", 0),
@@ -166,7 +166,7 @@ WRONG: Final[list[tuple[str, Any]]] = [
     ("quiet.0.from", "24:00"),
     ("objects.max_waiting", 65),
     ("heartbeat_s", 0),
-    ("orders_from", [300]),
+    ("commands_from", [300]),
 ]
 
 

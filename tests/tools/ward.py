@@ -144,7 +144,7 @@ def beside(folder: Path, island: Island, locator: str = "", **section: Any) -> P
     return write(folder, zenoh=zenoh_settings("router", listen=island.port), **section)
 
 
-async def complaint(path: Path, *more: str) -> Told:
+async def problem(path: Path, *more: str) -> Told:
     """Run the command, which has to find something."""
     told = await examine(path, *more)
     assert told.code == 1, told

@@ -20,10 +20,10 @@ from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, RequestReceived, SampleReceived
-from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import GoalReceived
+from zacoustic.core.transport.actions.events import GoalReceived
 from zacoustic.testing.virtual import VirtualNetwork
 
 NEVER: Final = math.inf
@@ -130,8 +130,8 @@ def _give(network: VirtualNetwork, kind: Kind) -> None:
             case Kind.GOAL:
                 return engine.actions.send_goal(_GOAL, b"goal", now, timeout_s=3600.0)
             case _:
-                order = Order(kind=OrderKind.ASK)
-                return engine.orders.send(_ABSENT, order, now)
+                order = RemoteCommand(kind=CommandKind.ASK)
+                return engine.commands.send(_ABSENT, order, now)
 
     topics = {Kind.SAMPLE: _SAMPLE, Kind.OBJECT: _OBJECT, Kind.EMERGENCY: _EMERGENCY}
     if kind in topics:

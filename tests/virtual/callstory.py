@@ -56,7 +56,7 @@ class CallStory:
     def __init__(self, seed: int) -> None:
         self._rng = rng = random.Random(f"calls/{seed}")
         self.seed = seed
-        self.complaints: list[str] = []
+        self.violations: list[str] = []
         self.calls: dict[tuple[int, int, int], Call] = {}
         """By client, its life and the call id."""
         self.executed: dict[bytes, int] = {}
@@ -111,7 +111,7 @@ class CallStory:
             network.at(second, self._look_at_journal)
         network.run(until_s=end_s)
         self._judge()
-        return self.complaints
+        return self.violations
 
     # What the nodes do
 
@@ -239,7 +239,7 @@ class CallStory:
         self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
 
     def _complain(self, what: str) -> None:
-        self.complaints.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
+        self.violations.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
 
 
 def _outage_s(rng: random.Random) -> float:

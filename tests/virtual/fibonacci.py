@@ -10,7 +10,7 @@ from typing import Any, Final
 from tests.virtual.fleet import line
 from zacoustic.config import config_from_mapping
 from zacoustic.core.engine.events import Event, GoalKey, GoalStatus
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     FeedbackReceived,
     GoalAnswered,
     GoalReceived,

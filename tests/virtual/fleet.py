@@ -271,7 +271,7 @@ class Trial:
     @property
     def wrong(self) -> list[str]:
         """What was misread, or ran twice."""
-        return self._telling.complaints()
+        return self._telling.violations()
 
     @property
     def delivered(self) -> list[tuple[int, int, int, int]]:
@@ -287,7 +287,7 @@ class Trial:
     def missing(self) -> list[str]:
         """Return what is wrong at the end: what agrees and is silent, what differs and is not."""
         lately = self.delivered_after(self.end_s - 700)
-        complaints: list[str] = []
+        violations: list[str] = []
         casts = self._telling.casts
         for node, source in itertools.permutations(casts, 2):
             for stream_id, lane in casts[source].lanes.items():
@@ -299,12 +299,12 @@ class Trial:
                 if self.agree(node, source, stream_id):
                     listens = here is not None and here.may_subscribe(node)
                     if listens and way not in lately:
-                        complaints.append(f"agreed stream is silent: {way}")
+                        violations.append(f"agreed stream is silent: {way}")
                 elif way in lately:
-                    complaints.append(f"differing stream is delivered: {way}")
+                    violations.append(f"differing stream is delivered: {way}")
                 elif way not in self._differences.reported:
-                    complaints.append(f"difference is not reported: {way}")
-        return complaints
+                    violations.append(f"difference is not reported: {way}")
+        return violations
 
     @staticmethod
     def _reaches(spec: TopicSpec, source: int, node: int) -> bool:

@@ -18,7 +18,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.streams.specs import ActionSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     CancelAnswered,
     CancelRequested,
     FeedbackReceived,
@@ -72,7 +72,7 @@ class GoalStory:
     def __init__(self, seed: int) -> None:
         self._rng = rng = random.Random(f"goals/{seed}")
         self.seed = seed
-        self.complaints: list[str] = []
+        self.violations: list[str] = []
         self.goals: list[Goal] = []
         self.by_key: dict[GoalKey, Goal] = {}
         """Of each name the last goal."""
@@ -141,7 +141,7 @@ class GoalStory:
             network.at(second, self._look_at_journal)
         network.run(until_s=end_s)
         self._judge()
-        return self.complaints
+        return self.violations
 
     # What the clients do
 
@@ -385,7 +385,7 @@ class GoalStory:
 
     def _is_kept(self, goal: Goal) -> bool:
         """Tell whether a goal was written down by its client; what was not, was not sent."""
-        return self.network.journal(goal.key.client).is_kept(goal.written)
+        return self.network.journal(goal.key.client).is_journalled(goal.written)
 
     def _judge_end(self, goal: Goal, at: int, event: End) -> None:
         ticket = goal.ticket
@@ -418,7 +418,7 @@ class GoalStory:
         self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
 
     def _complain(self, what: str) -> None:
-        self.complaints.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
+        self.violations.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
 
 
 def _outage_s(rng: random.Random) -> float:

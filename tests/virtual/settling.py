@@ -26,10 +26,10 @@ from zacoustic.core.engine.events import (
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import GoalFailed, GoalReceived, ResultReceived
+from zacoustic.core.transport.actions.events import GoalFailed, GoalReceived, ResultReceived
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 LIMIT_S: Final = 10_800.0
@@ -164,7 +164,10 @@ class Settling:
 
     def _ask(self, source: int, node: int) -> None:
         call_id = self.network.apply(
-            source, lambda engine, now: engine.orders.send(node, Order(kind=OrderKind.ASK), now)
+            source,
+            lambda engine, now: engine.commands.send(
+                node, RemoteCommand(kind=CommandKind.ASK), now
+            ),
         )
         self._waits["call", source, call_id] = f"{source}: what holds at {node}"
 

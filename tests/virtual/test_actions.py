@@ -19,7 +19,7 @@ from zacoustic.core.peers.peer import Peer
 from zacoustic.core.peers.states import Change
 from zacoustic.core.streams.specs import ActionSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     ActionEvent,
     CancelAnswered,
     CancelRequested,

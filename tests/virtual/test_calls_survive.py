@@ -16,8 +16,8 @@ BLOCKS = range(10)
 @pytest.mark.parametrize("number", BLOCKS)
 def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(2000), len(BLOCKS)):
-        complaints = CallStory(seed).run()
-        assert not complaints, f"{len(complaints)} complaints, {complaints[0]}"
+        violations = CallStory(seed).run()
+        assert not violations, f"{len(violations)} complaints, {violations[0]}"
 
 
 def test_stories_are_as_bad_as_they_promise() -> None:

@@ -190,10 +190,10 @@ def test_who_unsubscribes_is_told_no_more() -> None:
     watchers = Watchers(fleet(forward=Forward.ON_DEMAND))
     want = watchers.water.apply
     for node in (1, 3):
-        want(node, lambda engine, now: engine.demand.want(10, now, frozenset({2})))
+        want(node, lambda engine, now: engine.subscriptions.want(10, now, frozenset({2})))
     watchers.publish_every(20, 300)
     watchers.water.run(until_s=100)
-    want(1, lambda engine, now: engine.demand.want(10, now, frozenset()))
+    want(1, lambda engine, now: engine.subscriptions.want(10, now, frozenset()))
     watchers.water.run(until_s=500)
     assert watchers.told(1) == []
     assert len(watchers.told(3)) > 5

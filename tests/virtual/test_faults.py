@@ -53,13 +53,13 @@ def test_a_commit_is_there_all_or_none() -> None:
         journal.crash(draw)
         expected = {"a": b"2", "b": b"2", "c": b"2"} if there else {"a": b"1"}
         assert journal.entries == expected
-        kept = [journal.is_kept(number) for number in range(1, 7)]
+        kept = [journal.is_journalled(number) for number in range(1, 7)]
         assert kept == [True, there, there, there, False, False]
         journal.add(write("a", None))
         journal.begin()
         journal.finish()
         assert "a" not in journal.entries
-        assert journal.is_kept(6)
+        assert journal.is_journalled(6)
 
 
 def test_a_journal_that_keeps_nothing_knows_the_epoch_only() -> None:

@@ -14,7 +14,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, GoalReceived, GoalStatus, RequestReceived
 from zacoustic.core.linktypes import LinkMetrics, PeerMeasured
-from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
@@ -87,10 +87,10 @@ class Meetings:
             address,
             lambda engine, now: engine.actions.send_goal(fleet.GOTO, b"go", now, timeout_s=100),
         )
-        tune = Order(kind=OrderKind.TUNE, stream_id=fleet.RAW, on=True)
-        network.apply(address, lambda engine, now: engine.orders.send(SHORE, tune, now))
-        ask = Order(kind=OrderKind.ASK)
-        network.apply(SHORE, lambda engine, now: engine.orders.send(address, ask, now))
+        override = RemoteCommand(kind=CommandKind.OVERRIDE, stream_id=fleet.RAW, on=True)
+        network.apply(address, lambda engine, now: engine.commands.send(SHORE, override, now))
+        ask = RemoteCommand(kind=CommandKind.ASK)
+        network.apply(SHORE, lambda engine, now: engine.commands.send(address, ask, now))
         metrics = LinkMetrics(propagation_s=0.5, bearing_rad=1.0, elevation_rad=0.1)
         network.apply(
             SHORE,
@@ -123,7 +123,8 @@ def test_nodes_that_are_forgotten_leave_nothing_behind(count: Callable[[int], in
         meetings.meet(address)
         meetings.forget(address)
     assert meetings.said >= {"SampleReceived", "RequestReceived", "GoalReceived", "PeerSeen",
-                             "ObjectProgress", "StreamTuned", "SubscribersChanged"}  # fmt: skip
+                             "ObjectProgress", "StreamOverridden",
+                             "SubscribersChanged"}  # fmt: skip
     entries, objects = meetings.entries, reached(meetings.shore)
     known = []
     for address in range(4, 4 + count(LAST - 3)):
@@ -138,7 +139,7 @@ def test_nodes_that_are_forgotten_leave_nothing_behind(count: Callable[[int], in
 
 
 def _want(stream_id: int, engine: Engine, now: int) -> None:
-    engine.demand.want(stream_id, now)
+    engine.subscriptions.want(stream_id, now)
 
 
 def reached(root: object) -> int:

@@ -47,11 +47,11 @@ def mixed_story(seed: int) -> Story:
 
 @pytest.mark.parametrize("seed", [36, 237])
 def test_dense_texts_that_go_as_records_fit_the_frame(seed: int) -> None:
-    assert tell(mixed_story(seed)).complaints == ()
+    assert tell(mixed_story(seed)).violations == ()
 
 
 @pytest.mark.parametrize("number", range(4))
 def test_order_is_kept_in_any_story(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(400), 4):
-        complaints = tell(mixed_story(seed)).complaints
-        assert not complaints, f"seed {seed}: {len(complaints)} complaints, {complaints[0]}"
+        violations = tell(mixed_story(seed)).violations
+        assert not violations, f"seed {seed}: {len(violations)} complaints, {violations[0]}"

@@ -12,7 +12,7 @@ from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, ResponseReceived
 from zacoustic.core.peers.ranging import RangeMeasured
-from zacoustic.core.streams.commands import Order
+from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.testing.virtual import VirtualNetwork
 
 PINGS = 5
@@ -34,7 +34,7 @@ class Pinger:
 
     def ping(self) -> None:
         def ask(engine: Engine, now: int) -> None:
-            engine.orders.send(2, Order(), now, timeout_s=30)
+            engine.commands.send(2, RemoteCommand(), now, timeout_s=30)
 
         self.water.apply(1, ask)
 

@@ -53,15 +53,15 @@ class OneOutcome(Witness):
             return
         publication = self._published.get((node, event.delivery_id))
         if publication is None:
-            self.complaints.append(f"{at / NS_PER_S:.3f} s: {event} is about nothing")
+            self.violations.append(f"{at / NS_PER_S:.3f} s: {event} is about nothing")
             return
         number, told = publication.number, f"{at / NS_PER_S:.3f} s: {event} is about {publication}"
         if isinstance(event, DeliveryStored):
             if number in self._stored | self._ended:
-                self.complaints.append(f"stored too late or twice: {told}")
+                self.violations.append(f"stored too late or twice: {told}")
             self._stored.add(number)
         elif number in self._ended:
-            self.complaints.append(f"ended twice: {told}")
+            self.violations.append(f"ended twice: {told}")
         else:
             self._ended.add(number)
 
@@ -93,7 +93,7 @@ class LastArrives(Witness):
                 self._gone |= {
                     each.number
                     for each in publications
-                    if not (each.stream.spec.journal and journal.is_kept(each.written))
+                    if not (each.stream.spec.journal and journal.is_journalled(each.written))
                 }
 
     def ends(self, telling: "Run") -> None:
@@ -108,7 +108,7 @@ class LastArrives(Witness):
             for node in telling.casts:
                 lacks = (node, there[-1].number) not in self._got
                 if node != lane[0] and stream.may_subscribe(node) and lacks:
-                    self.complaints.append(f"node {node} never got the last: {there[-1]}")
+                    self.violations.append(f"node {node} never got the last: {there[-1]}")
 
 
 def reliable_story(seed: int) -> Story:
@@ -246,8 +246,8 @@ def test_nothing_is_lost_doubled_reordered_or_altered(
 ) -> None:
     for seed in range(number, count(SCENARIOS), len(BLOCKS)):
         told = tell(reliable_story(seed), (*INVARIANTS, OneOutcome, LastArrives))
-        complaints = told.complaints
-        assert not complaints, f"seed {seed}: {len(complaints)} complaints, {complaints[0]}"
+        violations = told.violations
+        assert not violations, f"seed {seed}: {len(violations)} complaints, {violations[0]}"
 
 
 def test_scenarios_are_as_bad_as_they_promise() -> None:
@@ -266,4 +266,4 @@ def test_scenarios_are_as_bad_as_they_promise() -> None:
 @pytest.mark.parametrize("seed", [169, 841])
 def test_answers_of_several_receivers_do_not_meet_for_ever(seed: int) -> None:
     # Their patience ended at the same instant, or they waited for the same pause.
-    assert not tell(reliable_story(seed), (*INVARIANTS, LastArrives)).complaints
+    assert not tell(reliable_story(seed), (*INVARIANTS, LastArrives)).violations

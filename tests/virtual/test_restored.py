@@ -70,7 +70,7 @@ class Run:
             faults={"journal": {"commit_s": 0.02}},
         )
         self.water = VirtualNetwork(scenario, table(), deliver=self._take)
-        self.complaints: list[str] = []
+        self.violations: list[str] = []
         self.doubts: list[tuple[int, str]] = []
         self.values: dict[tuple[int, int, int], bytes] = {}
         """Node, stream and delivery id, in the life that counts: what was published."""
@@ -88,26 +88,26 @@ class Run:
             case SampleReceived():
                 got = self.handed_on.setdefault(event.value, [])
                 if node in got and not event.again:
-                    self.complaints.append(f"{event.value!r} comes to node {node} twice")
+                    self.violations.append(f"{event.value!r} comes to node {node} twice")
                 got.append(node)
             case DeliveryEnded(outcome=DeliveryOutcome.DELIVERED):
                 value = self.values[node, event.stream_id, event.delivery_id]
                 owed = {2} if event.stream_id == PHOTO else {2, 3}
                 if not owed <= set(self.handed_on.get(value, [])):
-                    self.complaints.append(f"{value!r} is said to be delivered")
+                    self.violations.append(f"{value!r} is said to be delivered")
                 self.delivered.append(value)
             case JournalDoubted():
                 self.doubts.append((node, event.reason))
             case RequestReceived():
                 if event.value in self.ran:
-                    self.complaints.append(f"{event.value!r} runs twice")
+                    self.violations.append(f"{event.value!r} runs twice")
                 self.ran.append(event.value)
                 self.water.apply(
                     2, lambda engine, now: engine.reply(event.call, b"did " + event.value, now)
                 )
             case ResponseReceived():
                 if event.value != b"did " + self.calls[event.call_id]:
-                    self.complaints.append(f"{event.value!r} answers another call")
+                    self.violations.append(f"{event.value!r} answers another call")
                 self.answered.append((event.call_id, event.value))
 
     def publish(self, stream_id: int) -> bytes:
@@ -117,7 +117,7 @@ class Run:
         delivery_id = self.water.apply(1, lambda engine, now: engine.publish(stream_id, value, now))
         key = (1, stream_id, delivery_id)
         if key in self.values:
-            self.complaints.append(f"the id of {self.values[key]!r} comes again")
+            self.violations.append(f"the id of {self.values[key]!r} comes again")
         self.values[key] = value
         return value
 
@@ -165,7 +165,7 @@ class Run:
         self.wait(3 * HOUR_S)
         before = self.frames()
         self.wait(HOUR_S)
-        assert self.complaints == []
+        assert self.violations == []
         assert self.frames() == before, "it does not end"
         for stream_id in TOPICS:
             assert self.water.engine(1).delivering(stream_id) == 0
@@ -252,7 +252,7 @@ def test_one_forged_frame_of_another_lineage_is_overcome() -> None:
     run.hear(2, "b8beef0001000a00" + b"forged".hex(), source=1)
     new = [run.publish(LOG) for _ in range(3)]
     run.wait(HOUR_S)
-    run.complaints.clear()  # nobody knows what the forged count has been taken for
+    run.violations.clear()  # nobody knows what the forged count has been taken for
     run.ends()
     for value in new:
         assert value in run.delivered

@@ -20,10 +20,10 @@ from zacoustic.core.engine.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     GoalAnswered,
     GoalFailed,
     GoalReceived,
@@ -206,8 +206,8 @@ def test_of_commands_the_last_one_holds_at_a_node_on_an_old_copy(
 
         def command(run: Run = run, states: list[bool] = states) -> None:
             states.append(run.rng.random() < 0.5)
-            order = Order(kind=OrderKind.TUNE, stream_id=LOG, on=states[-1])
-            run.water.apply(1, lambda engine, now: engine.orders.send(2, order, now))
+            command = RemoteCommand(kind=CommandKind.OVERRIDE, stream_id=LOG, on=states[-1])
+            run.water.apply(1, lambda engine, now: engine.commands.send(2, command, now))
             run.wait(run.rng.uniform(5, 60))
 
         run.work(run.rng.uniform(1, 100), command)
@@ -218,7 +218,7 @@ def test_of_commands_the_last_one_holds_at_a_node_on_an_old_copy(
         command()
         run.wait(TIMEOUT_S)
         state = run.water.apply(
-            2, lambda engine, now: engine.orders.state(Order(stream_id=LOG), now)
+            2, lambda engine, now: engine.commands.state(RemoteCommand(stream_id=LOG), now)
         )
         assert state.on is states[-1], f"seed {seed}"
 
@@ -229,7 +229,7 @@ def test_subscriptions_are_there_again_at_a_publisher_on_an_old_copy(
     for seed in range(count(600)):
         run = Run(seed)
         run.copy()  # nobody has subscribed yet
-        run.water.apply(1, lambda engine, now: engine.demand.want(ASKED, now, {2}))
+        run.water.apply(1, lambda engine, now: engine.subscriptions.want(ASKED, now, {2}))
         run.wait(120)
         run.put_back(run.rng.choice(("", "it was put back from a backup")))
         for _ in range(3):

@@ -18,9 +18,9 @@ BLOCKS = range(10)
 @pytest.mark.parametrize("number", BLOCKS)
 def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(3_000), len(BLOCKS)):
-        complaints = tell(random_story(seed)).complaints
+        violations = tell(random_story(seed)).violations
         again = f"zacoustic sim --story {seed}"
-        assert not complaints, f"{again}: {len(complaints)} complaints, {complaints[0]}"
+        assert not violations, f"{again}: {len(violations)} complaints, {violations[0]}"
 
 
 def test_stories_are_repeatable_and_differ() -> None:
@@ -80,10 +80,10 @@ def test_invariants_complain(way: str, invariant: type[Witness], expected: str) 
     telling = Lying(reliable_story(), [invariant()])
     telling.way = way
     telling.run()
-    assert any(expected in complaint for complaint in telling.complaints()), telling.complaints()
+    assert any(expected in violation for violation in telling.violations()), telling.violations()
 
 
-def test_a_sample_that_nobody_published_is_a_complaint() -> None:
+def test_a_sample_that_nobody_published_is_a_violation() -> None:
     class Altering(Telling):
         def _take(self, node: int, event: object) -> None:
             if isinstance(event, SampleReceived) and isinstance(event.value, bytes):

@@ -28,12 +28,12 @@ from typing import Final, Literal, get_args
 import msgspec
 
 from zacoustic.channel.blackout import BlackoutSpec
-from zacoustic.channel.complaint import explain
 from zacoustic.channel.faults import FaultSpec
 from zacoustic.channel.limits import check_range
 from zacoustic.channel.loss import LossSpec
 from zacoustic.channel.nodefaults import ClockSpec, CrashSpec, JournalSpec, JumpSpec, SpanSpec
 from zacoustic.channel.position import Motion, Position, Waypoint, distance_m
+from zacoustic.channel.problem import explain
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.traffic import Pattern, TrafficSpec
 from zacoustic.errors import ConfigError
@@ -260,9 +260,9 @@ def scenario_from_mapping(mapping: object, *, source: str) -> Scenario:
     try:
         return msgspec.convert(mapping, Scenario)
     except (msgspec.ValidationError, OverflowError) as error:
-        complaint = explain(str(error), mapping, records=_RECORDS, choices=_CHOICES)
+        problem = explain(str(error), mapping, records=_RECORDS, choices=_CHOICES)
         hint = _CONFIG_HINT if isinstance(mapping, dict) and "plugins" in mapping else ""
-        raise ConfigError(f"{source}: {complaint}", hint=hint) from None
+        raise ConfigError(f"{source}: {problem}", hint=hint) from None
 
 
 _CONFIG_HINT: Final = (

@@ -6,7 +6,7 @@ the modem's locator) can be given beside it. Reading happens in four steps, one 
 
 - `sections`: the section as it is written, one record per table, unknown keys refused;
 - `later`: words of the format that this version does not have yet, refused by name;
-- `complaints`: errors as one line: file, key path, value, allowed values, what to do;
+- `problems`: errors as one line: file, key path, value, allowed values, what to do;
 - `reading`: from the records to a `Config`: addresses, names, types, the stream table.
 
 Nothing is ever ignored in silence: a key that is not understood is an error. Whatever the section

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any
 
-from zacoustic.config.complaints import Place, shown
+from zacoustic.config.problems import Place, shown
 from zacoustic.core.schedule.access.spec import (
     METHODS,
     AccessSpec,
@@ -39,13 +39,13 @@ def read_access(
         return None
     method = written.get("method")
     if method is None:
-        place.at("method").complain("is missing", allowed=_METHODS_SHOWN)
+        place.at("method").refuse("is missing", allowed=_METHODS_SHOWN)
     if not isinstance(method, str) or method not in METHODS:
         close = get_close_matches(str(method), METHODS, 1)
         hint = f'did you mean "{close[0]}"?' if close else ""
-        place.at("method").complain(shown(method), allowed=_METHODS_SHOWN, hint=hint)
+        place.at("method").refuse(shown(method), allowed=_METHODS_SHOWN, hint=hint)
     if method == "tdma" and written.get("clock_error_s") is None:
-        place.at("clock_error_s").complain(
+        place.at("clock_error_s").refuse(
             "is missing, and slots need clocks whose error is known",
             allowed="seconds, 0 or more",
             hint="how wrong may the clock of a node be? NTP at the surface: 0.01",
@@ -72,4 +72,4 @@ def _check_nodes(place: Place, addresses: tuple[int, ...], nodes: Mapping[int, s
 def _check_node(place: Place, address: int, nodes: Mapping[int, str]) -> None:
     if nodes and address not in nodes:
         known = ", ".join(f"{known} ({name})" for known, name in nodes.items())
-        place.complain(f"{address} is no node", allowed=known, hint="add it to nodes")
+        place.refuse(f"{address} is no node", allowed=known, hint="add it to nodes")

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.config.complaints import Place, shown
+from zacoustic.config.problems import Place, shown
 from zacoustic.config.sections import ALLOWED
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.core.profiles.rmw_desert.discovery import BEACON_TOPIC, REQUEST_TOPIC
@@ -55,31 +55,31 @@ def read_allowed_topics(place: Place, written: str, folder: Path) -> AllowedTopi
         ConfigError: There is no such file, or it is none of rmw_desert's.
     """
     if not written or "\0" in written:
-        place.complain(allowed=ALLOWED["allowed_topics"])
+        place.refuse(allowed=ALLOWED["allowed_topics"])
     try:
         content = (folder / written).read_bytes()
     except OSError as error:
-        place.complain(f"{written}: {error.strerror}", allowed=ALLOWED["allowed_topics"])
+        place.refuse(f"{written}: {error.strerror}", allowed=ALLOWED["allowed_topics"])
     allowed = '{ "topics": { "/name": id, … } }'
     if len(content) > _MOST_BYTES:
-        place.complain(f"{written}: {len(content)} bytes", allowed=f"{_MOST_BYTES}")
+        place.refuse(f"{written}: {len(content)} bytes", allowed=f"{_MOST_BYTES}")
     try:
         topics = msgspec.json.decode(content)["topics"]
         entries = dict(topics.items())
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        place.complain(f"{written}: {error}", allowed=allowed)
+        place.refuse(f"{written}: {error}", allowed=allowed)
     except (KeyError, TypeError, AttributeError):
-        place.complain(f"{written}: no table of topics", allowed=allowed)
+        place.refuse(f"{written}: no table of topics", allowed=allowed)
     ids: dict[str, int] = {}
     for name, stream_id in entries.items():
         known = {of: each for each, of in ids.items()}
         if type(stream_id) is not int or not 0 <= stream_id <= LAST_STREAM_ID:
-            place.complain(
+            place.refuse(
                 f"{written}: {name} has id {shown(stream_id)}",
                 allowed=f"1..{LAST_STREAM_ID}, 0 for a topic that is not sent",
             )
         if stream_id in known:
-            place.complain(
+            place.refuse(
                 f"{written}: {name} has id {stream_id}, which is that of {known[stream_id]}",
                 allowed="an id of its own for each",
             )
@@ -105,11 +105,11 @@ def _give_id(place: Place, entry: object, topics: AllowedTopics) -> object:
         return entry
     stream_id = topics.id_of(entry[kind])
     if stream_id is None:
-        place.at(kind).complain(
+        place.at(kind).refuse(
             f'"{entry[kind]}" is not in {topics.file}', allowed=", ".join(topics.ids) or "nothing"
         )
     if entry.get("id", stream_id) != stream_id:
-        place.at("id").complain(
+        place.at("id").refuse(
             allowed=f"{stream_id}, as {topics.file} has it", hint="id can be left out"
         )
     return {**entry, "id": stream_id}

@@ -1,6 +1,6 @@
 """The keys `heartbeat_s` and `lost_after_s`: of the section for all nodes, of a node for itself."""
 
-from zacoustic.config.complaints import Place
+from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED, NodeEntry, Section
 from zacoustic.core.base.clock import LONGEST_S, is_duration
 from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S, LEAST_MISSED, ContactRules
@@ -41,9 +41,9 @@ def read_contact(place: Place, written: Section, own: int) -> ContactRules:
 def _check(place: Place, entry: NodeEntry | Section) -> None:
     heartbeat_s, lost_after_s = entry.heartbeat_s, entry.lost_after_s
     if heartbeat_s is not None and not LEAST_HEARTBEAT_S <= heartbeat_s <= LONGEST_S:
-        place.at("heartbeat_s").complain(allowed=ALLOWED["heartbeat_s"])
+        place.at("heartbeat_s").refuse(allowed=ALLOWED["heartbeat_s"])
     if lost_after_s is not None and not is_duration(lost_after_s):
-        place.at("lost_after_s").complain(allowed=ALLOWED["lost_after_s"])
+        place.at("lost_after_s").refuse(allowed=ALLOWED["lost_after_s"])
 
 
 def _check_pair(
@@ -54,7 +54,7 @@ def _check_pair(
         return
     where = place if place.at("lost_after_s").written is not None else section
     whose = "" if place is section else f" of {place.at('name').written}"
-    where.at("lost_after_s").complain(
+    where.at("lost_after_s").refuse(
         f"{lost_after_s:g} with heartbeat_s {heartbeat_s:g}{whose}",
         allowed=f"{LEAST_MISSED * heartbeat_s:g} or more, twice heartbeat_s",
         hint="any one heartbeat may be lost: three or four times is better",

@@ -6,7 +6,7 @@ later version takes its word out of this table.
 
 from typing import Final
 
-from zacoustic.config.complaints import Place
+from zacoustic.config.problems import Place
 
 LATER_VALUES: Final = {
     "stamp": {"time": "none, age"},
@@ -32,5 +32,5 @@ def check_word(place: Place, word: str, words: tuple[str, ...]) -> None:
     key = place.path.rpartition(".")[2]
     instead = LATER_VALUES.get(key, {}).get(word)
     if instead is not None:
-        place.complain(f'"{word}" is not available yet', allowed=instead, hint=_HINT)
-    place.complain(allowed=", ".join(words))
+        place.refuse(f'"{word}" is not available yet', allowed=instead, hint=_HINT)
+    place.refuse(allowed=", ".join(words))

@@ -3,7 +3,7 @@
 import re
 from typing import Final
 
-from zacoustic.config.complaints import Place
+from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED
 from zacoustic.errors import ConfigError
 
@@ -46,5 +46,5 @@ def read_metrics(place: Place, written: str | None) -> tuple[str, int] | None:
         return None
     found = parse_metrics(written)
     if found is None:
-        place.complain(allowed=ALLOWED["metrics"])
+        place.refuse(allowed=ALLOWED["metrics"])
     return found

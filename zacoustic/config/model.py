@@ -4,7 +4,7 @@ from pathlib import Path
 
 import msgspec
 
-from zacoustic.config.complaints import Place
+from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.dense import DenseCodec, Model
@@ -38,17 +38,17 @@ def read_model(place: Place, written: str | None, folder: Path) -> ModelFile | N
     if written is None:
         return None
     if not written or "\0" in written:
-        place.complain(allowed=ALLOWED["model"])
+        place.refuse(allowed=ALLOWED["model"])
     try:
         content = (folder / written).read_bytes()
     except OSError as error:
-        place.complain(f"{written}: {error.strerror}", allowed=ALLOWED["model"], hint=_HINT)
+        place.refuse(f"{written}: {error.strerror}", allowed=ALLOWED["model"], hint=_HINT)
     if len(content) > _MOST_BYTES:
-        place.complain(f"{written}: {len(content)} bytes", allowed=f"{_MOST_BYTES}", hint=_HINT)
+        place.refuse(f"{written}: {len(content)} bytes", allowed=f"{_MOST_BYTES}", hint=_HINT)
     try:
         return msgspec.json.decode(content, type=ModelFile, strict=True)
     except (msgspec.DecodeError, RecursionError) as error:
-        place.complain(f"{written}: no model: {error}", allowed=ALLOWED["model"], hint=_HINT)
+        place.refuse(f"{written}: no model: {error}", allowed=ALLOWED["model"], hint=_HINT)
 
 
 def check_model(place: Place, table: StreamTable) -> None:
@@ -61,11 +61,11 @@ def check_model(place: Place, table: StreamTable) -> None:
     if table.model is None:
         return
     if not types:
-        place.complain("no stream is dense", allowed='streams with codec: "dense"')
+        place.refuse("no stream is dense", allowed='streams with codec: "dense"')
     strangers = [name for name in table.model.streams if name not in map(str, types)]
     if strangers:
-        place.complain(f"has streams that are not dense here: {', '.join(strangers)}", hint=_HINT)
+        place.refuse(f"has streams that are not dense here: {', '.join(strangers)}", hint=_HINT)
     try:
         DenseCodec(types, model=table.model)
     except ConfigError as error:
-        place.complain(str(error.args[0]), hint=error.hint or _HINT)
+        place.refuse(str(error.args[0]), hint=error.hint or _HINT)

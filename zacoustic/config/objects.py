@@ -1,6 +1,6 @@
 """The table `objects`: how much memory samples may take that are larger than a frame."""
 
-from zacoustic.config.complaints import Place
+from zacoustic.config.problems import Place
 from zacoustic.config.sections import ObjectsEntry
 from zacoustic.core.transport.objects.limits import MOST_BYTES, ObjectLimits
 from zacoustic.core.wire.objects import MOST_TRANSFERS
@@ -35,4 +35,4 @@ def read_objects(place: Place, entry: ObjectsEntry | None) -> ObjectLimits:
 def _check(place: Place, written: int | None, least: int, most: int) -> None:
     if written is not None and not least <= written <= most:
         why = "" if least == 1 else ", not less than max_bytes"
-        place.complain(allowed=f"{least}..{most}{why}")
+        place.refuse(allowed=f"{least}..{most}{why}")

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from zacoustic.config.complaints import Place, shown
+from zacoustic.config.problems import Place, shown
 from zacoustic.config.sections import Section
 from zacoustic.core.schedule.access.spec import AccessSpec, PollingSpec, TdmaSpec
 from zacoustic.core.streams.wireprofile import WireProfile
@@ -12,7 +12,7 @@ _REASONS: Final = {
     "heartbeat_s": "nothing on it says that a node is there",
     "lost_after_s": "nothing on it says who sends",
     "ranging": "nothing on it asks a modem for a range",
-    "orders_from": "no orders cross it",
+    "commands_from": "no commands cross it",
     "objects": "what is larger than a packet does not cross",
     "model": "no stream is dense on it",
 }
@@ -48,19 +48,19 @@ def check_access(place: Place, access: AccessSpec | None) -> None:
         ConfigError: Its words do not exist on this wire.
     """
     if isinstance(access, PollingSpec):
-        place.at("method").complain(
+        place.at("method").refuse(
             f'"polling" with {_WIRE}: its turns are told in frames of the native wire',
             allowed='"aloha", "carrier_sense", "tdma", "delegated"',
         )
     if isinstance(access, TdmaSpec) and access.clock is not None:
-        place.at("clock").complain(
+        place.at("clock").refuse(
             f"{access.clock} with {_WIRE}: the time is told in frames of the native wire",
             allowed="none, UTC then",
         )
 
 
 def _refuse(place: Place, reason: str) -> None:
-    place.complain(
+    place.refuse(
         f"{shown(place.written)} with {_WIRE}: {reason}",
         allowed="none",
         hint=f"leave {place.path.rpartition('.')[2]} out",

@@ -3,7 +3,7 @@
 import re
 from typing import Final
 
-from zacoustic.config.complaints import Place
+from zacoustic.config.problems import Place
 from zacoustic.config.sections import QuietEntry
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.schedule.silence import QuietWindow
@@ -28,7 +28,7 @@ def read_quiet(place: Place, entries: tuple[QuietEntry, ...]) -> tuple[QuietWind
         begins_ns = _since_midnight(here.at("from"), entry.begin)
         ends_ns = _since_midnight(here.at("to"), entry.end)
         if begins_ns == ends_ns:
-            here.at("to").complain(
+            here.at("to").refuse(
                 f'"{entry.end}", when it begins',
                 allowed="another time",
                 hint="for a silence without end: zacoustic silence",
@@ -40,5 +40,5 @@ def read_quiet(place: Place, entries: tuple[QuietEntry, ...]) -> tuple[QuietWind
 def _since_midnight(place: Place, written: str) -> int:
     found = _TIME.fullmatch(written)
     if found is None:
-        place.complain(allowed=_TIME_ALLOWED)
+        place.refuse(allowed=_TIME_ALLOWED)
     return (int(found[1]) * 60 + int(found[2])) * 60 * NS_PER_S

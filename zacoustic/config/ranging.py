@@ -2,7 +2,7 @@
 
 import math
 
-from zacoustic.config.complaints import Place
+from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED, RangingEntry
 from zacoustic.config.streams import Fleet, check_address
 from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
@@ -30,7 +30,7 @@ def check_ranging(
             check_address(here.at("by"), entry.by, fleet)
         by = own if entry.by is None else entry.by
         if entry.to == by:
-            here.at("to").complain(
+            here.at("to").refuse(
                 f"{entry.to} is the node that measures",
                 allowed="another node",
                 hint="say by whom, so that one file serves a fleet: by: ADDRESS"
@@ -40,8 +40,8 @@ def check_ranging(
         if not (
             math.isfinite(entry.every_s) and LEAST_PERIOD_S <= entry.every_s <= LONGEST_PERIOD_S
         ):
-            here.at("every_s").complain(allowed=ALLOWED["every_s"])
+            here.at("every_s").refuse(allowed=ALLOWED["every_s"])
         if (by, entry.to) in seen:
-            here.at("to").complain(f"{entry.to} a second time", allowed="each node once")
+            here.at("to").refuse(f"{entry.to} a second time", allowed="each node once")
         seen.add((by, entry.to))
     return entries

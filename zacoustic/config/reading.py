@@ -10,7 +10,6 @@ import msgspec
 
 from zacoustic.config.access import read_access
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
-from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
@@ -19,6 +18,7 @@ from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
 from zacoustic.config.onrmwdesert import check_access as check_access_on_desert
 from zacoustic.config.onrmwdesert import check_section
+from zacoustic.config.problems import Place, unknown_key
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.ros import RosConfig, RosReader
@@ -181,7 +181,7 @@ def config_from_mapping(
         section = {key: value for key, value in section.items() if key not in ZENOH_KEYS}
     place = Place(source, section)
     if not isinstance(section, dict):
-        place.complain(allowed="{ address, nodes, links, types, journal, streams, ranging }")
+        place.refuse(allowed="{ address, nodes, links, types, journal, streams, ranging }")
     for key in section:
         if not isinstance(key, str):
             unknown_key(place, str(key), Section.__struct_fields__)
@@ -256,7 +256,7 @@ def _read_allowed_topics(place: Place, folder: Path) -> tuple[Place, AllowedTopi
         if not isinstance(written, str):
             continue
         if here.at("wire").written != WireProfile.RMW_DESERT.value:
-            here.at("allowed_topics").complain(
+            here.at("allowed_topics").refuse(
                 f"{written} without {ALLOWED_TOPICS_WIRE}", allowed=f"with {ALLOWED_TOPICS_WIRE}"
             )
         topics = read_allowed_topics(here.at("allowed_topics"), written, folder)
@@ -278,16 +278,16 @@ def _read_nodes(place: Place, entries: tuple[NodeEntry, ...]) -> dict[int, str]:
     for index, entry in enumerate(entries):
         here = place.at(index)
         if not FIRST_ADDRESS <= entry.address <= LAST_ADDRESS:
-            here.at("address").complain(allowed=f"{FIRST_ADDRESS}..{LAST_ADDRESS}")
+            here.at("address").refuse(allowed=f"{FIRST_ADDRESS}..{LAST_ADDRESS}")
         if entry.address in nodes:
-            here.at("address").complain(
+            here.at("address").refuse(
                 f"{entry.address} is the address of {nodes[entry.address]}",
                 allowed="an address of its own",
             )
         if fault_of_name(entry.name) or set("/{}") & set(entry.name):
-            here.at("name").complain(allowed="one chunk of a key, without / * $ ? # { }")
+            here.at("name").refuse(allowed="one chunk of a key, without / * $ ? # { }")
         if entry.name in nodes.values():
-            here.at("name").complain(f'"{entry.name}" a second time', allowed="a name of its own")
+            here.at("name").refuse(f'"{entry.name}" a second time', allowed="a name of its own")
         nodes[entry.address] = entry.name
     return nodes
 
@@ -299,9 +299,9 @@ def _own_address(
     known = ", ".join(f"{address} ({name})" for address, name in nodes.items())
     allowed = known or f"{FIRST_ADDRESS}..{LAST_ADDRESS}"
     if own is None:
-        place.complain("is missing", allowed=allowed, hint="add it, or give --address")
+        place.refuse("is missing", allowed=allowed, hint="add it, or give --address")
     if not FIRST_ADDRESS <= own <= LAST_ADDRESS or (nodes and own not in nodes):
-        place.complain(
+        place.refuse(
             f"{own}" if given is None else f"{own}, given beside the file", allowed=allowed
         )
     return own
@@ -314,12 +314,12 @@ def _read_links(
         here = place.at(index)
         check_word(here.at("wire"), entry.wire, tuple(each.value for each in WireProfile))
         if "/" not in entry.locator.partition("#")[0].lstrip("/"):
-            here.at("locator").complain(allowed='NAME/ADDRESS, such as "sim/127.0.0.1:7000"')
+            here.at("locator").refuse(allowed='NAME/ADDRESS, such as "sim/127.0.0.1:7000"')
     if locator is not None:
         wire = entries[0].wire if entries else WireProfile.NATIVE.value
         return (LinkEntry(locator=locator, wire=wire),)
     if len(entries) > 1:
-        place.complain(
+        place.refuse(
             f"{len(entries)} links; more than one is not available yet",
             allowed="one",
             hint="a later version will have it",
@@ -331,11 +331,11 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
     if written is None:
         return None
     if not written or "\0" in written:
-        place.complain(allowed=FOLDER_ALLOWED)
+        place.refuse(allowed=FOLDER_ALLOWED)
     try:
         return Path(written).expanduser()
     except RuntimeError:  # "~somebody" that this computer does not know
-        place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
+        place.refuse(allowed=FOLDER_ALLOWED, hint="write the folder out")
 
 
 def _read_rules(
@@ -348,21 +348,21 @@ def _read_rules(
 ) -> TransmitRules:
     """Read the settings of transmission; the first link's access counts, also with `--link`."""
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
-        place.at("max_airtime").complain(allowed=ALLOWED["max_airtime"])
+        place.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
     accesses = [
         read_access(place.at("links").at(index).at("access"), entry.access, fleet.nodes)
         for index, entry in enumerate(written.links)
     ]
     if fleet.wire is WireProfile.RMW_DESERT and accesses:
         check_access_on_desert(place.at("links").at(0).at("access"), accesses[0])
-    for index, address in enumerate(written.orders_from or ()):
-        check_address(place.at("orders_from").at(index), address, fleet)
-    orders_from = None if written.orders_from is None else frozenset(written.orders_from)
+    for index, address in enumerate(written.commands_from or ()):
+        check_address(place.at("commands_from").at(index), address, fleet)
+    commands_from = None if written.commands_from is None else frozenset(written.commands_from)
     return TransmitRules(
         access=accesses[0] if accesses else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
         max_airtime=written.max_airtime,
-        orders_from=orders_from,
+        commands_from=commands_from,
         contact=read_contact(place, written, own),
         objects=objects,
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
@@ -373,7 +373,7 @@ def _read_permit_log(place: Place, written: str | None) -> Path | None:
     if written is None:
         return None
     if not written or "\0" in written:
-        place.complain(allowed=ALLOWED["permit_log"])
+        place.refuse(allowed=ALLOWED["permit_log"])
     return Path(written)
 
 
@@ -385,7 +385,7 @@ def _read_types(
     for index, entry in enumerate(entries):
         here = place.at(index)
         if entry.fields is None and entry.python is None:
-            here.at("fields").complain(
+            here.at("fields").refuse(
                 "is missing", allowed="a list of { name, type, … }, or python instead"
             )
         if entry.python is not None:
@@ -397,7 +397,7 @@ def _read_types(
                 specs.append(TypeSpec(name=entry.name, fields=entry.fields))
         except ConfigError as error:
             if entry.fields is None:
-                here.at("python").complain(f'"{entry.python}": {error.args[0]}', hint=error.hint)
+                here.at("python").refuse(f'"{entry.python}": {error.args[0]}', hint=error.hint)
             here.repeat(error)
     root = Place(place.source, {"types": place.written})
     try:
@@ -414,12 +414,12 @@ def _read_types(
 def _import_class(place: Place, reference: str) -> type[msgspec.Struct]:
     module_name, colon, attribute = reference.partition(":")
     if not (module_name and colon and attribute) or module_name.startswith("."):
-        place.complain(allowed='"module:Class"')
+        place.refuse(allowed='"module:Class"')
     try:
         found: object = importlib.import_module(module_name)
     except Exception as error:  # the user's module: the file named it, so its errors are the file's
         reason = " ".join(str(error).split())
-        place.complain(
+        place.refuse(
             f'"{reference}" cannot be imported: {type(error).__name__}: {reason}',
             allowed='"module:Class" of an installed module',
             hint="is its folder on PYTHONPATH?",
@@ -427,7 +427,7 @@ def _import_class(place: Place, reference: str) -> type[msgspec.Struct]:
     for name in attribute.split("."):
         found = getattr(found, name, None)
     if not (isinstance(found, type) and issubclass(found, msgspec.Struct)):
-        place.complain(
+        place.refuse(
             f'"{reference}" is no msgspec.Struct', allowed='"module:Class" of a msgspec.Struct'
         )
     return found

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeGuard
 
 import msgspec
 
-from zacoustic.config.complaints import Place, shown
+from zacoustic.config.problems import Place, shown
 from zacoustic.config.sections import ALLOWED, RosEntry, Section, StreamRosEntry
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.streams.wireprofile import WireProfile
@@ -95,7 +95,7 @@ class RosReader:
         try:
             check_namespace(self._entry.namespace)
         except ConfigError as error:
-            here.at("namespace").complain(str(error.args[0]))
+            here.at("namespace").refuse(str(error.args[0]))
         if written.ros is not None or written.overlays:
             self._load()
             self._check_overlays()
@@ -136,12 +136,12 @@ class RosReader:
         if self._is_interface(name):
             written |= self._typed(place, kind, name)
         elif is_ros:
-            place.at("type").complain(
+            place.at("type").refuse(
                 shown(name) if name is not None else "is missing",
                 allowed=f'a ROS type, such as "{_EXAMPLES[kind]}"',
             )
         elif kind != "topic" and name is not None:
-            place.at("type").complain(
+            place.at("type").refuse(
                 allowed=f'a ROS type, such as "{_EXAMPLES[kind]}"',
                 hint=f"other types: {', '.join(_PARTS[kind])}",
             )
@@ -164,18 +164,18 @@ class RosReader:
         packages = self._entry.packages
         folder = self._folder / packages if packages is not None else None
         if folder is not None and not folder.is_dir():
-            here.at("packages").complain(f"{shown(packages)} is no folder", allowed="a folder")
+            here.at("packages").refuse(f"{shown(packages)} is no folder", allowed="a folder")
         try:
             self._interfaces = Interfaces(self._entry.distro, folder)
             from zacoustic.ros.mapping import TypeMapper
 
             self._mapper = TypeMapper(self._interfaces, self._overlays, wire=self._wire)
         except ImportError as error:
-            here.complain(f"ROS 2 needs {error.name}", hint='pip install "zacoustic[ros]"')
+            here.refuse(f"ROS 2 needs {error.name}", hint='pip install "zacoustic[ros]"')
         except ConfigError as error:
             key = "distro" if str(error.args[0]).startswith('"') else "packages"
             is_package = "needs the package" in str(error.args[0])
-            (here if is_package else here.at(key)).complain(str(error.args[0]), hint=error.hint)
+            (here if is_package else here.at(key)).refuse(str(error.args[0]), hint=error.hint)
         return self._interfaces
 
     def _check_overlays(self) -> None:
@@ -187,10 +187,10 @@ class RosReader:
                 self._mapper.map(overlay.type)
             except ConfigError as error:
                 known = self._interfaces is not None and overlay.type in self._interfaces
-                (here if known else here.at("type")).complain(str(error.args[0]), hint=error.hint)
+                (here if known else here.at("type")).refuse(str(error.args[0]), hint=error.hint)
             for number, field in enumerate(overlay.fields):
                 if id(field) not in self._mapper.used:
-                    here.at("fields").at(number).at("field").complain(
+                    here.at("fields").at(number).at("field").refuse(
                         f'"{field.field}" names no member of {overlay.type}',
                         allowed="members, parted by dots; * stands for any one",
                     )
@@ -206,7 +206,7 @@ class RosReader:
         try:
             message = RosMessage(interfaces, self._mapper, name, HeaderStamp(stamp))
         except ConfigError as error:
-            place.complain(str(error.args[0]), hint=error.hint)
+            place.refuse(str(error.args[0]), hint=error.hint)
         self._messages[(name, stamp)] = message
         return message
 
@@ -230,10 +230,10 @@ class RosReader:
             return _EXACT
         stamp, words = here.convert(StreamRosEntry).stamp or _EXACT, (_EXACT, "drop", "age")
         if stamp not in words:
-            here.at("stamp").complain(allowed=", ".join(words))
+            here.at("stamp").refuse(allowed=", ".join(words))
         interfaces = self._load()
         if stamp != _EXACT and name in interfaces and not has_header(interfaces, name):
-            here.at("stamp").complain(allowed=f"{_EXACT}: {name} has no header")
+            here.at("stamp").refuse(allowed=f"{_EXACT}: {name} has no header")
         return stamp
 
     def _field_types(self) -> list[Place]:
@@ -249,12 +249,12 @@ class RosReader:
     def _typed(self, place: Place, kind: str, name: str) -> dict[str, Any]:
         """Return the types of the parts of a stream."""
         if name.split("/")[1] != _KINDS[kind]:
-            place.at("type").complain(
+            place.at("type").refuse(
                 f'"{name}" for {_ARTICLES[kind]}', allowed=f"PACKAGE/{_KINDS[kind]}/Name"
             )
         for key in _PARTS[kind]:
             if key != "type" and place.at(key).written is not None:
-                place.at(key).complain("beside type", allowed="one of them")
+                place.at(key).refuse("beside type", allowed="one of them")
         stamp = self._stamp(place, name) if kind == "topic" else _EXACT
         return {
             key: self._message(place.at("type"), name + suffix, stamp).spec.name
@@ -264,14 +264,14 @@ class RosReader:
     def _ros(self, place: Place, kind: str, name: str) -> dict[str, Any]:
         """Note a ROS stream; return the entry to read in its place."""
         if place.at("encoding").written is not None:
-            place.at("encoding").complain(
+            place.at("encoding").refuse(
                 f"{shown(place.at('encoding').written)} with ros", allowed="none: ROS has CDR"
             )
         interfaces, identity = self._load(), place.at("id").written
         try:
             called = stream_name(str(place.at(kind).written), self._entry.namespace)
         except ConfigError as error:
-            place.at(kind).complain(str(error.args[0]), hint=error.hint)
+            place.at(kind).refuse(str(error.args[0]), hint=error.hint)
         messages = {
             each: self._message(place.at("type"), each, _EXACT)
             for each in messages_of(name)
@@ -281,7 +281,7 @@ class RosReader:
         if kind == "topic":
             stamp = self._stamp(place, name)
             if place.at("wildcards").entries:
-                place.at("wildcards").complain("with ros", allowed="{node} alone")
+                place.at("wildcards").refuse("with ros", allowed="{node} alone")
             topic = RosTopic(
                 interface=name,
                 hash=interfaces.hash_of(name),
@@ -293,7 +293,7 @@ class RosReader:
                 changed["stamp"] = stamp
             return changed
         if place.at("ros").at("stamp").written is not None:
-            place.at("ros").at("stamp").complain(f"of {_ARTICLES[kind]}", allowed="of topics")
+            place.at("ros").at("stamp").refuse(f"of {_ARTICLES[kind]}", allowed="of topics")
         make = ros_service if kind == "service" else ros_action
         self.streams[identity] = make(interfaces, name, messages)
         return changed
@@ -322,12 +322,12 @@ def _qos(written: Mapping[str, Any]) -> RosQos:
 def _domain(place: Place, written: int | None) -> int:
     if written is not None:
         if not 0 <= written <= _LAST_DOMAIN:
-            place.complain(allowed=ALLOWED["domain"])
+            place.refuse(allowed=ALLOWED["domain"])
         return written
     text = os.environ.get(DOMAIN_VARIABLE, "") or "0"
     domain = whole_number(text)
     if domain is None or domain > _LAST_DOMAIN:
-        place.complain(
+        place.refuse(
             f"{shown(text)} in ${DOMAIN_VARIABLE}", allowed=ALLOWED["domain"], hint="or say it here"
         )
     return domain

@@ -56,7 +56,7 @@ ALLOWED: Final = {
     "memory_bytes": "a number of bytes, not less than max_bytes",
     "exclusive": "true, false",
     "max_airtime": "a share, above 0, at most 1",
-    "orders_from": "a list of addresses; [] for nobody",
+    "commands_from": "a list of addresses; [] for nobody",
     "permit_log": "a text, the file to append to",
     "metrics": 'a text, "PORT" or "HOST:PORT"',
     "request": "a text, the name of a type",
@@ -353,7 +353,7 @@ class Section(Entry, frozen=True, kw_only=True):
     """Bounds of the memory for samples that are larger than a frame."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air; default: no cap."""
-    orders_from: tuple[int, ...] | None = None
+    commands_from: tuple[int, ...] | None = None
     """Nodes whose remote commands this node executes; default: those of `nodes`."""
     heartbeat_s: float | None = None
     """Each node is heard at least this often, s; default: no heartbeats."""

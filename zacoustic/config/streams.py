@@ -6,8 +6,8 @@ from typing import Final, TypeVar
 
 import msgspec
 
-from zacoustic.config.complaints import Place, shown
 from zacoustic.config.later import check_word
+from zacoustic.config.problems import Place, shown
 from zacoustic.config.ros import RosReader
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.base.qos import PRIORITY_NAMES, Durability, Forward, Qos, Reliability, Stamp
@@ -70,7 +70,7 @@ def _read_stream(place: Place, fleet: Fleet, ros: RosReader) -> StreamSpec:
     kinds = [kind for kind in _KINDS if kind in place.written]
     if len(kinds) != 1:
         what = " and ".join(kinds) if kinds else f"none of {', '.join(_KINDS)}"
-        place.complain(what, allowed=f"one of {', '.join(_KINDS)}")
+        place.refuse(what, allowed=f"one of {', '.join(_KINDS)}")
     if kinds[0] == "topic":
         return _read_topic(place, _resolved(place, "topic", TopicEntry, ros), fleet)
     if kinds[0] == "service":
@@ -96,7 +96,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
     _check_addresses(place.at("publishers"), entry.publishers, fleet)
     _check_addresses(place.at("subscribers"), entry.subscribers, fleet)
     if f"{{{NODE_PLACEHOLDER}}}" in entry.topic and not fleet.nodes:
-        place.at("topic").complain(
+        place.at("topic").refuse(
             f'"{entry.topic}" has {{node}}, and nodes is empty', allowed="with nodes listed"
         )
     qos = _read_qos(
@@ -119,7 +119,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
     _check_large(place, entry, fleet)
     _check_reliability(place, entry, fleet)
     if qos.forward is Forward.ON_DEMAND and not (fleet.nodes or entry.publishers):
-        place.at("publishers").complain(
+        place.at("publishers").refuse(
             "is missing, and so is nodes: nobody is known who could be asked for the topic",
             allowed=ALLOWED["publishers"],
             hint="list the publishers here, or the fleet under nodes",
@@ -202,18 +202,18 @@ def _check_reliability(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
     """Check that some node acknowledges, and that a journal has something to keep."""
     if entry.reliability == Reliability.RELIABLE.value:
         if entry.subscribers is None and not fleet.nodes:
-            place.at("subscribers").complain(
+            place.at("subscribers").refuse(
                 "is missing, and so is nodes: nobody is known to acknowledge a reliable topic",
                 allowed=ALLOWED["subscribers"],
                 hint="list the subscribers here, or the fleet under nodes",
             )
         others = set(fleet.nodes if entry.subscribers is None else entry.subscribers)
         if entry.publishers is not None and others == set(entry.publishers) and len(others) == 1:
-            place.at("subscribers").complain(
+            place.at("subscribers").refuse(
                 "nobody but the publisher", allowed="at least one node that does not publish"
             )
     elif entry.journal:
-        place.at("journal").complain(
+        place.at("journal").refuse(
             "true for a best-effort topic, of which nothing is promised",
             allowed="with reliability: reliable",
             hint="say reliability, or leave journal out",
@@ -227,14 +227,14 @@ def _check_large(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
         ("exclusive", entry.exclusive),
     ):
         if is_written and entry.reliability != Reliability.RELIABLE.value:
-            place.at(key).complain(
+            place.at(key).refuse(
                 f"{shown(place.at(key).written)} for a best-effort topic, "
                 "whose samples fit a frame",
                 allowed="with reliability: reliable",
                 hint=f"say reliability, or leave {key} out",
             )
     if entry.max_bytes is not None and not 1 <= entry.max_bytes <= fleet.largest_bytes:
-        place.at("max_bytes").complain(
+        place.at("max_bytes").refuse(
             allowed=f"1..{fleet.largest_bytes}", hint="objects.max_bytes is the most"
         )
 
@@ -245,7 +245,7 @@ def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
     if entry.codec is not None:
         check_word(place.at("codec"), entry.codec, tuple(CODECS))
         if entry.codec == "cbor" and not is_typed:
-            place.at("codec").complain(
+            place.at("codec").refuse(
                 f'"{entry.codec}" for opaque bytes',
                 allowed="typed streams; here packed, for topics dense, or none",
                 hint="add a type",
@@ -253,9 +253,9 @@ def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
     if entry.encoding is None:
         return
     if is_typed and entry.encoding.split(";", 1)[0] not in TYPED_ENCODINGS:
-        place.at("encoding").complain(allowed=f"for a typed stream {', '.join(TYPED_ENCODINGS)}")
+        place.at("encoding").refuse(allowed=f"for a typed stream {', '.join(TYPED_ENCODINGS)}")
     if not 1 <= len(entry.encoding.encode(errors="replace")) <= LONGEST_ENCODING_BYTES:
-        place.at("encoding").complain(allowed=f"1..{LONGEST_ENCODING_BYTES} bytes of text")
+        place.at("encoding").refuse(allowed=f"1..{LONGEST_ENCODING_BYTES} bytes of text")
 
 
 def _check_type(place: Place, name: str | None, fleet: Fleet) -> None:
@@ -265,18 +265,18 @@ def _check_type(place: Place, name: str | None, fleet: Fleet) -> None:
         fleet.types.by_name(name)
     except ConfigError as error:
         _, _, allowed = str(error.args[0]).partition("allowed: ")
-        place.complain(f'"{name}" is not known', allowed=allowed, hint=error.hint)
+        place.refuse(f'"{name}" is not known', allowed=allowed, hint=error.hint)
 
 
 def _check_addresses(place: Place, addresses: tuple[int, ...] | None, fleet: Fleet) -> None:
     if addresses is None:
         return
     if not addresses:
-        place.complain(allowed="at least one address", hint="leave it out for all nodes")
+        place.refuse(allowed="at least one address", hint="leave it out for all nodes")
     for index, address in enumerate(addresses):
         check_address(place.at(index), address, fleet)
         if address in addresses[:index]:
-            place.at(index).complain(f"{address} a second time", allowed="each address once")
+            place.at(index).refuse(f"{address} a second time", allowed="each address once")
 
 
 def check_address(place: Place, address: int, fleet: Fleet) -> None:
@@ -287,9 +287,9 @@ def check_address(place: Place, address: int, fleet: Fleet) -> None:
     """
     if fleet.nodes and address not in fleet.nodes:
         known = ", ".join(f"{known} ({name})" for known, name in fleet.nodes.items())
-        place.complain(f"{address} is no node", allowed=known, hint="add it to nodes")
+        place.refuse(f"{address} is no node", allowed=known, hint="add it to nodes")
     if not 1 <= address <= 254:
-        place.complain(allowed=ALLOWED["address"])
+        place.refuse(allowed=ALLOWED["address"])
 
 
 def _read_qos(place: Place, make: Callable[[], Qos]) -> Qos:
@@ -298,8 +298,8 @@ def _read_qos(place: Place, make: Callable[[], Qos]) -> Qos:
     except ValueError as error:
         refusal = _QOS_REFUSAL.fullmatch(str(error))
         if refusal is None:
-            place.complain(str(error))
-        place.at(refusal[1]).complain(allowed=refusal[2])
+            place.refuse(str(error))
+        place.at(refusal[1]).refuse(allowed=refusal[2])
 
 
 def _in_written_keys(error: ConfigError, spec: StreamSpec) -> ConfigError:

@@ -329,10 +329,10 @@ class LinkRunner:
         if self._is_closing:
             return
         # Served once for all of them: they may share a frame.
-        self._guarded(*(lambda command=command: self._obey(command) for command in commands))
+        self._guarded(*(lambda command=command: self._execute(command) for command in commands))
         self._guarded(self._service)
 
-    def _obey(self, command: Command) -> None:
+    def _execute(self, command: Command) -> None:
         try:
             command(self.engine, self._instant())
         except ZacousticError as error:
@@ -341,7 +341,7 @@ class LinkRunner:
     def _keep(self, write: JournalWrite) -> None:
         """Bring a write to the journal."""
         if self._journal is None:
-            self._note_kept(write)
+            self._note_journalled(write)
             self.engine.handle_journal_committed(write.write_id, self._clocks.now)
         else:
             self._journal.put(write)
@@ -349,7 +349,7 @@ class LinkRunner:
     def _committed(self, group: Sequence[JournalWrite]) -> None:
         now = self._instant()
         for each in group:
-            self._note_kept(each)
+            self._note_journalled(each)
             self._guarded(partial(self.engine.handle_journal_committed, each.write_id, now))
         self._guarded(self._service)
 
@@ -362,7 +362,7 @@ class LinkRunner:
             lambda: self.engine.handle_journal_state(failure, self._instant()), self._service
         )
 
-    def _note_kept(self, write: JournalWrite) -> None:
+    def _note_journalled(self, write: JournalWrite) -> None:
         if self._replacement is not None:
             self._replacement.committed(write)
 

@@ -55,7 +55,7 @@ class VirtualJournal:
         """No commit is under way."""
         return not self._group
 
-    def is_kept(self, number: int) -> bool:
+    def is_journalled(self, number: int) -> bool:
         """Tell whether the write of that number, counted by `handed_out`, has been committed."""
         lost = any(first <= number <= last for first, last in self._lost)
         return number <= self.committed and not lost

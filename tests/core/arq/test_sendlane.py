@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.reliable.sending.sendlane import KeptSample, Outgoing, SendLane, Stage
+from zacoustic.core.transport.reliable.sending.sendlane import (
+    JournalledSample,
+    Outgoing,
+    SendLane,
+    Stage,
+)
 from zacoustic.core.transport.reliable.spans import Span, Spans
 from zacoustic.core.values.types import TypeTable
 from zacoustic.core.wire.frame import Sync
@@ -18,12 +23,14 @@ STREAM = Stream(TopicSpec(stream_id=7, name="a"), TypeTable(), {})
 SETTLING_NS = 1000
 
 
-def lane(*receivers: int, is_kept: bool = False, next_number: int = 0) -> SendLane:
-    return SendLane((7, 3), receivers or (2,), Spans([Span(0, 5)]), next_number, is_kept=is_kept)
+def lane(*receivers: int, is_journalled: bool = False, next_number: int = 0) -> SendLane:
+    return SendLane(
+        (7, 3), receivers or (2,), Spans([Span(0, 5)]), next_number, is_journalled=is_journalled
+    )
 
 
 def add(to: SendLane, count: int = 1) -> list[Outgoing]:
-    kept = KeptSample(1, b"", b"x", False)
+    kept = JournalledSample(1, b"", b"x", False)
     return [to.add(STREAM, kept, queued_at=0, expires_at=None) for _ in range(count)]
 
 
@@ -84,10 +91,10 @@ def test_unsent_sample_leaves_its_number_to_the_next() -> None:
 
 
 def test_number_that_was_sent_or_kept_is_not_given_away() -> None:
-    for is_kept in (False, True):
-        sent = lane(is_kept=is_kept)
+    for is_journalled in (False, True):
+        sent = lane(is_journalled=is_journalled)
         first, second, third = add(sent, 3)
-        if not is_kept:
+        if not is_journalled:
             third.stage = Stage.ON_AIR
         assert sent.remove(first) is True
         assert [second.number, third.number, sent.next_number] == [1, 2, 3]

@@ -57,16 +57,16 @@ def test_every_symbol_is_read_as_it_was_written(
     writer = Writer()
     for symbol in written:
         code(writer, symbol)
-    string = writer.finish(ways, check)
-    assert string[0] & 0xC0 == MARKER
-    reader = Reader(string)
+    block = writer.finish(ways, check)
+    assert block[0] & 0xC0 == MARKER
+    reader = Reader(block)
     for symbol in written:
         assert code(reader, (symbol[0], 0, *symbol[2:])) == symbol[1]
     reader.check(ways, check)
     assert reader.bits == writer.bits
 
 
-def test_a_string_is_as_long_as_its_symbols_are_improbable() -> None:
+def test_a_block_is_as_long_as_its_symbols_are_improbable() -> None:
     writer = Writer()
     for _ in range(1000):
         writer.flag(536, False)
@@ -93,8 +93,8 @@ def test_another_check_is_refused_as_often_as_there_are_ways() -> None:
     for _ in range(2000):
         writer = Writer()
         writer.raw(20, rng.getrandbits(20))
-        string = writer.finish(8, rng.getrandbits(32))
-        reader = Reader(string)
+        block = writer.finish(8, rng.getrandbits(32))
+        reader = Reader(block)
         reader.raw(20)
         try:
             reader.check(8, rng.getrandbits(32))
@@ -104,17 +104,17 @@ def test_another_check_is_refused_as_often_as_there_are_ways() -> None:
     assert accepted < 2000 / 8
 
 
-def test_a_longer_string_for_the_same_symbols_is_refused() -> None:
+def test_a_longer_block_for_the_same_symbols_is_refused() -> None:
     writer = Writer()
     writer.raw(30, 123456)
-    string = writer.finish(1, 0) + b"\0"
-    reader = Reader(string)
+    block = writer.finish(1, 0) + b"\0"
+    reader = Reader(block)
     reader.raw(30)
     with pytest.raises(PayloadError):
         reader.check(1, 0)
 
 
-def test_a_short_string_does_not_make_its_reader_work_for_long() -> None:
+def test_a_short_block_does_not_make_its_reader_work_for_long() -> None:
     reader, read = Reader(b"\xc0"), 0
     with suppress(PayloadError):
         for _ in range(1000):
@@ -123,7 +123,7 @@ def test_a_short_string_does_not_make_its_reader_work_for_long() -> None:
     assert 6 < read <= 6 + 64 + 2
 
 
-def test_random_strings_are_read_or_refused(count: Callable[[int], int]) -> None:
+def test_random_blocks_are_read_or_refused(count: Callable[[int], int]) -> None:
     rng = random.Random(2)
     for _ in range(count(100_000)):
         reader = Reader(rng.randbytes(rng.randint(1, 9)))

@@ -58,9 +58,9 @@ def test_a_value_is_read_as_it_was_written(case: tuple[Curve, int]) -> None:
 
 
 @given(curves(), st.binary(min_size=1, max_size=12))
-def test_whatever_is_read_is_a_value_or_an_error(case: tuple[Curve, int], string: bytes) -> None:
+def test_whatever_is_read_is_a_value_or_an_error(case: tuple[Curve, int], block: bytes) -> None:
     curve, _ = case
-    reader = Reader(string)
+    reader = Reader(block)
     try:
         while reader.bits_left > 0:
             assert 0 <= reader.number(curve) < curve.size

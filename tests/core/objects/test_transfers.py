@@ -10,15 +10,15 @@ import pytest
 from tests.core.objects.water import S2C, STREAM, Water, confirmation_s
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.transport.objects.gate import Admission
+from zacoustic.core.transport.objects.admission import Admission
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.progress import ObjectState
 from zacoustic.core.wire.objects import (
     FEEDBACK_CODE,
     FRAGMENT_CODE,
     NO_FRAGMENT,
-    Call,
     Fragment,
+    ListenHint,
     Reason,
 )
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
@@ -524,7 +524,7 @@ def test_a_turn_of_another_object_hands_nothing_on() -> None:
     water.nodes[1].awaited.add(object_id)
     water.run(until=lambda: False, limit_s=100)
     node = water.nodes[2]
-    turn = Fragment(0, Call.ANSWER, NO_FRAGMENT, b"else")
+    turn = Fragment(0, ListenHint.ANSWER, NO_FRAGMENT, b"else")
     received = ReceivedFrame(frame_bytes=b"", received_at=water.now, source=1, destination=2)
     assert node.objects.fragment(1, turn, received, water.now) is None
     assert node.delivered == []

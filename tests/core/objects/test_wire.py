@@ -19,12 +19,12 @@ from zacoustic.core.wire.objects import (
     MOST_BLOCKS,
     NO_FRAGMENT,
     WITHDRAWN,
-    Call,
     Complete,
     Feedback,
     Fragment,
     Headless,
     Lacks,
+    ListenHint,
     Refused,
     decode_feedback,
     decode_fragment,
@@ -46,11 +46,11 @@ FEEDBACKS: st.SearchStrategy[Feedback] = st.one_of(
 
 @given(
     TRANSFERS,
-    st.sampled_from(Call),
+    st.sampled_from(ListenHint),
     st.integers(0, NO_FRAGMENT - 1),
     st.binary(min_size=1, max_size=600),
 )
-def test_fragment_survives(transfer: int, call: Call, index: int, data: bytes) -> None:
+def test_fragment_survives(transfer: int, call: ListenHint, index: int, data: bytes) -> None:
     fragment = Fragment(transfer, call, index, data)
     record = fragment.encode()
     assert len(record) == FRAGMENT_HEADER_BYTES + len(data)
@@ -60,10 +60,10 @@ def test_fragment_survives(transfer: int, call: Call, index: int, data: bytes) -
 
 @pytest.mark.parametrize("about", [WITHDRAWN, b"1234"])
 def test_what_is_no_fragment(about: bytes) -> None:
-    fragment = Fragment(5, Call.ANSWER, NO_FRAGMENT, about)
+    fragment = Fragment(5, ListenHint.ANSWER, NO_FRAGMENT, about)
     assert decode_fragment(fragment.encode()) == fragment
     assert decode_fragment(fragment.encode() + b"x") is None
-    assert decode_fragment(Fragment(5, Call.ANSWER, 3, b"").encode()) is None
+    assert decode_fragment(Fragment(5, ListenHint.ANSWER, 3, b"").encode()) is None
 
 
 @given(FEEDBACKS, st.binary(max_size=20), st.binary(max_size=20))

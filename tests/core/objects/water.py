@@ -21,7 +21,7 @@ from zacoustic.core.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.schedule.access.listening import Listening
-from zacoustic.core.transport.objects.gate import Admission, ObjectReceived
+from zacoustic.core.transport.objects.admission import Admission, ObjectReceived
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest
 from zacoustic.core.transport.objects.objects import Objects
@@ -30,8 +30,8 @@ from zacoustic.core.transport.objects.sending.sending import Sending
 from zacoustic.core.transport.reliable.receiving.receiving import Claim
 from zacoustic.core.wire.objects import (
     FRAGMENT_CODE,
-    Call,
     Fragment,
+    ListenHint,
     decode_feedback,
     decode_fragment,
 )
@@ -75,7 +75,7 @@ class Node:
             limits=water.limits,
             timers=self.timers,
             generators=Generators(random.Random(f"{water.seed}/{address}/{epoch}")),
-            gate=self,
+            admission=self,
             owner=self,
             emit=self.progress.append,
             journal=self.journal,
@@ -94,7 +94,7 @@ class Node:
         others = sorted(set(self.water.nodes) - {source})
         admission = self.admission if stream_id else Admission()
         return msgspec.structs.replace(
-            admission, place=others.index(self.address), others=len(others) - 1
+            admission, rank=others.index(self.address), others=len(others) - 1
         )
 
     def claim(self, source: int, manifest: Manifest, *, is_turn: bool) -> Claim:
@@ -346,10 +346,10 @@ class Water:
         """Tell medium access when the source listens, as the engine does."""
         airtime_ns = self.capabilities.airtime_ns(self.capabilities.mtu_bytes)
         started_at = self.now - self.delay_ns - airtime_ns
-        if fragment.call is Call.WINDOW:
+        if fragment.call is ListenHint.WINDOW:
             node.listening.heard_pause(source, airtime_ns, started_at, self.delay_ns, self.now)
         else:
-            listens = fragment.call is not Call.NONE
+            listens = fragment.call is not ListenHint.NONE
             node.listening.heard_listening(source, listens=listens, now=self.now)
 
 

@@ -35,7 +35,7 @@ from zacoustic.core.engine.events import (
     SampleReceived,
 )
 from zacoustic.core.linktypes import LinkState
-from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.errors import (
     LocalError,
     PayloadInvalidError,
@@ -263,9 +263,9 @@ def test_a_delete_and_another_encoding_are_refused() -> None:
 
 def test_orders_do_not_cross() -> None:
     shore = node(SHORE)
-    order = Order(kind=OrderKind.SILENCE, for_s=60.0)
-    with pytest.raises(LocalError, match="no orders cross a link with wire: rmw_desert"):
-        shore.engine.orders.send(VEHICLE, order, 0)
+    order = RemoteCommand(kind=CommandKind.SILENCE, for_s=60.0)
+    with pytest.raises(LocalError, match="no commands cross a link with wire: rmw_desert"):
+        shore.engine.commands.send(VEHICLE, order, 0)
 
 
 def test_no_range_is_measured() -> None:

@@ -92,9 +92,9 @@ def test_what_is_wrong_with_a_log_is_one_line(
         (["--log", "evologics"], 2, "--log; allowed: with a file"),
     ):
         assert main(["decode", *arguments]) == code
-        complaint = capsys.readouterr().err
-        assert words in complaint
-        assert complaint.count("\n") == 1
+        problem = capsys.readouterr().err
+        assert words in problem
+        assert problem.count("\n") == 1
 
 
 def test_other_links_find_nothing_in_a_log() -> None:

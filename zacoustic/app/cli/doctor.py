@@ -48,12 +48,12 @@ class DoctorCommand(Command):
             ConfigError: The file or an argument is wrong.
         """
         from zacoustic.app.tools.design.plan.fleet import Water
-        from zacoustic.app.tools.field.doctor.doctor import DEFAULT_PATIENCE_S, Wishes, diagnose
+        from zacoustic.app.tools.field.doctor.doctor import DEFAULT_PATIENCE_S, Options, diagnose
         from zacoustic.app.tools.field.doctor.text import as_text
         from zacoustic.channel.profiles import DEFAULT_PROFILE
 
         check_positive(arguments, "patience")
-        wishes = Wishes(
+        options = Options(
             address=arguments.address,
             locator=arguments.link,
             connect=tuple(arguments.connect),
@@ -62,6 +62,6 @@ class DoctorCommand(Command):
             water=Water(profile=arguments.profile or DEFAULT_PROFILE),
             patience_s=arguments.patience or DEFAULT_PATIENCE_S,
         )
-        report = asyncio.run(diagnose(arguments.file, wishes))
+        report = asyncio.run(diagnose(arguments.file, options))
         print_result(report, as_text, as_json=arguments.json)
         return EXIT_FAILED if report.findings else EXIT_OK

@@ -3,7 +3,7 @@
 import argparse
 from typing import Final
 
-from zacoustic.app.cli.silence import add_order_arguments, give, make_order, silence_text
+from zacoustic.app.cli.silence import add_command_arguments, give, make_command, silence_text
 from zacoustic.link.command import Command
 
 _EXAMPLE: Final = """the same as `zacoustic silence resume`; quiet windows of the configuration stay
@@ -18,13 +18,13 @@ class ResumeCommand(Command):
     """Ends a silence."""
 
     name = "resume"
-    summary = "transmit again, before a silence that was ordered ends by itself"
+    summary = "transmit again, before a commanded silence ends by itself"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare which node, and where to ask."""
         parser.epilog = _EXAMPLE
-        add_order_arguments(parser)
+        add_command_arguments(parser)
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Command it, and print the new state; exit code 3 without an answer in time.
@@ -33,6 +33,6 @@ class ResumeCommand(Command):
             ConfigError: An argument is wrong.
             DeliveryError, ServiceError: There is no such node, or it refuses.
         """
-        from zacoustic.core.streams.commands import OrderKind
+        from zacoustic.core.streams.commands import CommandKind
 
-        return give(arguments, make_order(kind=OrderKind.RESUME), silence_text)
+        return give(arguments, make_command(kind=CommandKind.RESUME), silence_text)

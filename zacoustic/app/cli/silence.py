@@ -15,7 +15,7 @@ from zacoustic.link.command import EXIT_OK, Command
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from zacoustic.core.streams.commands import Order
+    from zacoustic.core.streams.commands import RemoteCommand
 
 _EXAMPLE: Final = """what waits goes on waiting; a frame that the modem has begun is not cut off
 
@@ -46,13 +46,13 @@ class SilenceCommand(Command):
         """Declare command, duration, node, and where to ask."""
         parser.epilog = _EXAMPLE
         parser.add_argument(
-            "order", nargs="?", choices=("resume", "until-resumed"),
+            "command", nargs="?", choices=("resume", "until-resumed"),
             help="end the silence, or begin one without end",
         )  # fmt: skip
         parser.add_argument(
             "--for", dest="duration", metavar="TIME", help="be silent so long: 90s, 30m, 2h, 1d"
         )
-        add_order_arguments(parser)
+        add_command_arguments(parser)
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Command it, and print the new state; exit code 3 without an answer in time.
@@ -61,18 +61,20 @@ class SilenceCommand(Command):
             ConfigError: The arguments contradict each other.
             DeliveryError, ServiceError: There is no such node, or it refuses.
         """
-        from zacoustic.core.streams.commands import OrderKind
+        from zacoustic.core.streams.commands import CommandKind
 
         for_s = None if arguments.duration is None else _seconds(arguments.duration)
-        if arguments.order is not None and for_s is not None:
-            raise ConfigError(f"--for {arguments.duration}; allowed: not with {arguments.order}")
-        kind = {"resume": OrderKind.RESUME, "until-resumed": OrderKind.SILENCE}.get(
-            arguments.order, OrderKind.ASK if for_s is None else OrderKind.SILENCE
+        if arguments.command is not None and for_s is not None:
+            raise ConfigError(f"--for {arguments.duration}; allowed: not with {arguments.command}")
+        kind = {"resume": CommandKind.RESUME, "until-resumed": CommandKind.SILENCE}.get(
+            arguments.command, CommandKind.ASK if for_s is None else CommandKind.SILENCE
         )
-        return give(arguments, make_order(kind=kind, for_s=for_s), silence_text)
+        return give(arguments, make_command(kind=kind, for_s=for_s), silence_text)
 
 
-def add_order_arguments(parser: argparse.ArgumentParser, *, is_node_required: bool = False) -> None:
+def add_command_arguments(
+    parser: argparse.ArgumentParser, *, is_node_required: bool = False
+) -> None:
     """Declare the node that a command is for, and where to ask."""
     default = "" if is_node_required else " (default: those of all gateways here)"
     parser.add_argument(
@@ -87,35 +89,37 @@ def add_order_arguments(parser: argparse.ArgumentParser, *, is_node_required: bo
     )  # fmt: skip
 
 
-def make_order(**fields: Any) -> "Order":  # noqa: ANN401 (of an order)
+def make_command(**fields: Any) -> "RemoteCommand":  # noqa: ANN401 (of a command)
     """Make a command.
 
     Raises:
         ConfigError: Its fields do not fit.
     """
-    from zacoustic.core.streams.commands import Order
+    from zacoustic.core.streams.commands import RemoteCommand
 
     try:
-        return Order(**fields)
+        return RemoteCommand(**fields)
     except ValueError as error:
         raise ConfigError(str(error)) from None
 
 
-def give(arguments: argparse.Namespace, order: "Order", text: "Callable[[Any], str]") -> int:
+def give(
+    arguments: argparse.Namespace, command: "RemoteCommand", text: "Callable[[Any], str]"
+) -> int:
     """Give a command, and print the new state.
 
     Args:
-        arguments: Those of `add_order_arguments`.
-        order: The command.
+        arguments: Those of `add_command_arguments`.
+        command: The command.
         text: Puts an answer into words.
 
     Raises:
         ConfigError: An argument is wrong.
         DeliveryError, ServiceError: There is no such node, or it refuses.
     """
-    from zacoustic.app.tools.field.orders import give_order
+    from zacoustic.app.tools.field.commands import give_command
     from zacoustic.app.tools.fleetfile import read_fleet
-    from zacoustic.core.streams.commands import ORDERS_TIMEOUT_S
+    from zacoustic.core.streams.commands import COMMANDS_TIMEOUT_S
 
     check_positive(arguments, "timeout")
     if arguments.node is not None and not 1 <= arguments.node <= 254:
@@ -123,11 +127,11 @@ def give(arguments: argparse.Namespace, order: "Order", text: "Callable[[Any], s
     timeout_s = arguments.timeout
     if timeout_s is None:
         timeout_s = _HERE_S if arguments.node is None else _BEYOND_S
-    if timeout_s > ORDERS_TIMEOUT_S:
-        raise ConfigError(f"--timeout {timeout_s:g}; allowed: at most {ORDERS_TIMEOUT_S:g}")
+    if timeout_s > COMMANDS_TIMEOUT_S:
+        raise ConfigError(f"--timeout {timeout_s:g}; allowed: at most {COMMANDS_TIMEOUT_S:g}")
     config = None if arguments.config is None else read_fleet(arguments.config)
     answers = asyncio.run(
-        give_order(config, arguments.connect, order, node=arguments.node, timeout_s=timeout_s)
+        give_command(config, arguments.connect, command, node=arguments.node, timeout_s=timeout_s)
     )
     for state in answers:
         print_line(msgspec.to_builtins(state), text(state), as_json=arguments.json)
@@ -151,8 +155,8 @@ def silence_text(state: Any) -> str:  # noqa: ANN401 (a `SilenceState`, which is
     """Put a `SilenceState` into words."""
     if not state.silent:
         return f"node {state.address}: transmits"
-    why = "ordered" if state.ordered else "a quiet window"
-    if state.why and not state.ordered:
+    why = "commanded" if state.commanded else "a quiet window"
+    if state.why and not state.commanded:
         return f"node {state.address}: silent: {state.why}"
     until = f"until {state.until_utc}" if state.until_utc else "until it is resumed"
     doubt = f" ({state.why})" if state.why else ""

@@ -99,7 +99,7 @@ def _tell(arguments: argparse.Namespace) -> int:
     with new_file("--trace", arguments.trace) as file, recorded_to(arguments.record) as record:
         result = tell_story(arguments.story, trace=_writer(file), record=record)
     print_result(result, story_as_text, as_json=arguments.json)
-    return EXIT_FAILED if result.complaints else EXIT_OK
+    return EXIT_FAILED if result.violations else EXIT_OK
 
 
 def _writer(file: IO[bytes] | None) -> "Callable[[TraceRecord], None] | None":

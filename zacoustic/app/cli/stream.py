@@ -4,7 +4,7 @@ import argparse
 from typing import Any, Final
 
 from zacoustic.app.cli.arguments import check_positive
-from zacoustic.app.cli.silence import add_order_arguments, give, make_order
+from zacoustic.app.cli.silence import add_command_arguments, give, make_command
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import Command
 
@@ -43,7 +43,7 @@ class StreamCommand(Command):
             "--rate", type=float, metavar="HZ", help="at most so many samples of a key a second"
         )
         parser.add_argument("--priority", metavar="NAME", help="Zenoh's, such as background")
-        add_order_arguments(parser, is_node_required=True)
+        add_command_arguments(parser, is_node_required=True)
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Command it, and print the new state; exit code 3 without an answer in time.
@@ -53,7 +53,7 @@ class StreamCommand(Command):
             DeliveryError, ServiceError: There is no such node, or it refuses.
         """
         from zacoustic.core.base.qos import PRIORITY_NAMES
-        from zacoustic.core.streams.commands import OrderKind
+        from zacoustic.core.streams.commands import CommandKind
 
         check_positive(arguments, "rate")
         fields: dict[str, Any] = {
@@ -65,14 +65,14 @@ class StreamCommand(Command):
                 allowed = ", ".join(PRIORITY_NAMES)
                 raise ConfigError(f"--priority {arguments.priority}; allowed: {allowed}")
             fields["priority"] = PRIORITY_NAMES[arguments.priority]
-        is_tuned = any(value is not None for value in fields.values())
-        if arguments.reset and is_tuned:
+        is_overridden = any(value is not None for value in fields.values())
+        if arguments.reset and is_overridden:
             raise ConfigError("--reset; allowed: not with --rate and --priority")
-        kind = OrderKind.TUNE if is_tuned else OrderKind.ASK
+        kind = CommandKind.OVERRIDE if is_overridden else CommandKind.ASK
         if arguments.reset:
-            kind = OrderKind.RESET
-        order = make_order(kind=kind, stream_id=arguments.id, **fields)
-        return give(arguments, order, _text)
+            kind = CommandKind.RESET
+        command = make_command(kind=kind, stream_id=arguments.id, **fields)
+        return give(arguments, command, _text)
 
 
 def _text(state: Any) -> str:  # noqa: ANN401 (a `StreamState`, which is imported late)

@@ -6,7 +6,7 @@
                configuration from a live network, `telemetry`: models of recorded telemetry,
                `reference`: every key of the configuration
 `field`        at the modems. `doctor`: what will go wrong at sea, and its cure; `pinging`,
-               `following` and `orders` ask gateways, `links` lists the installed ones
+               `following`, `commands` ask gateways, `links` lists the installed ones
 `watch`        the health reports of gateways
 `inspect`      afterwards. `decode`: frames in words; `recordings`: contents, replay, what-if
 `demo`         two local networks and a channel, in separate processes

@@ -155,7 +155,7 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
         return 0 if self.priority is Priority.REAL_TIME else seconds_to_ns(self.linger_s)
 
 
-class Tuning(msgspec.Struct, frozen=True, kw_only=True):
+class Override(msgspec.Struct, frozen=True, kw_only=True):
     """The override of a topic by a remote command, over its QoS; None: as the QoS says."""
 
     on: bool = True
@@ -175,5 +175,5 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-UNTUNED: Final = Tuning()
+NO_OVERRIDE: Final = Override()
 """Everything as the QoS says."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Set
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
-from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.deadlines import Awaited
 from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
 
@@ -66,8 +66,8 @@ class GoalCommands:
         return self._stack_of(stream_id).protocols.actions
 
 
-class Subscriptions:
-    """Commands and getters about on-demand topics; each is described at `Demand`."""
+class SubscriptionCommands:
+    """Commands and getters about on-demand topics; each is described at `Subscriptions`."""
 
     def __init__(self, stack_of: StackOf) -> None:
         self._stack_of = stack_of
@@ -84,12 +84,12 @@ class Subscriptions:
         """Return the publishers at which this node subscribes to an on-demand topic."""
         return self._of(stream_id).wanted(stream_id)
 
-    def audience(self, stream: Stream) -> Set[int] | None:
+    def subscribers(self, stream: Stream) -> Set[int] | None:
         """Return the nodes that have subscribed to an on-demand topic; None for any other."""
-        return self._of(stream.stream_id).audience(stream)
+        return self._of(stream.stream_id).subscribers(stream)
 
-    def _of(self, stream_id: int) -> Demand:
-        return self._stack_of(stream_id).protocols.demand
+    def _of(self, stream_id: int) -> Subscriptions:
+        return self._stack_of(stream_id).protocols.subscriptions
 
 
 class AwaitedSamples:

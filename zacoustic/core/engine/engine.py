@@ -47,9 +47,9 @@ from zacoustic.core.base.linktypes import (
     Transmission,
     TransmitReport,
 )
-from zacoustic.core.base.qos import Tuning
+from zacoustic.core.base.qos import Override
 from zacoustic.core.base.trace import Tracer, TraceSink
-from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, Subscriptions
+from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, SubscriptionCommands
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
@@ -61,9 +61,9 @@ from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.core.transport.commands.ledger import Ledger
-from zacoustic.core.transport.commands.orders import Orders
-from zacoustic.core.transport.commands.tunings import Tunings
+from zacoustic.core.transport.commands.commands import Commands
+from zacoustic.core.transport.commands.deduplication import DeduplicationTable
+from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import Transport
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
@@ -125,7 +125,7 @@ class Engine:
         self.silence = Silence(
             rules.quiet, stored, host=self.clock, journal=journal, timers=timers, emit=emit
         )
-        """Orders to be silent: `begin` and `resume`."""
+        """Commands to be silent: `begin` and `resume`."""
         self._routes = rules.routes
         self._stacks: dict[str, LinkStack] = {}
         for index, own in enumerate(rules.of_links):
@@ -138,24 +138,24 @@ class Engine:
         """Commands about ranges: `request`, `cancel` and `repeat`."""
         self.actions = GoalCommands(self._stack_of)
         """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
-        self.demand = Subscriptions(self._stack_of)
+        self.subscriptions = SubscriptionCommands(self._stack_of)
         """Commands about on-demand topics: `want`; and who wants them of this node."""
         self.deadlines = AwaitedSamples(self._stacks.values())
         """Of what a sample is awaited; to be read only."""
-        ledger = Ledger(stored, journal)
+        ledger = DeduplicationTable(stored, journal)
         self._peers.forgotten.connect(ledger.peer_forgotten)
-        self.orders = Orders(
+        self.commands = Commands(
             address,
             table,
             self._first.protocols.services,
             self._handshake,
-            Tunings(address, table, tune=self._tune, stored=stored, journal=journal),
+            Overrides(address, table, override=self._override, stored=stored, journal=journal),
             ledger,
             self.silence,
-            rules.orders_from,
+            rules.commands_from,
             emit,
         )
-        """Orders to other nodes, and to this one: `send`, `obey`."""
+        """Commands to other nodes, and to this one: `send`, `execute`."""
         for stack in self._stacks.values():
             stack.protocols.recover()
 
@@ -527,8 +527,8 @@ class Engine:
         found = ((stack, stack.ids.inner(outer)) for stack in self._stacks.values())
         return next(((stack, inner) for stack, inner in found if inner is not None), None)
 
-    def _tune(self, stream: Stream, tuning: Tuning) -> None:
-        self._stack_of(stream.stream_id).protocols.tune(stream, tuning)
+    def _override(self, stream: Stream, override: Override) -> None:
+        self._stack_of(stream.stream_id).protocols.override(stream, override)
 
     def _trace_news(self, news: PeerSeen | StreamsDiffer, now: int) -> None:
         if isinstance(news, PeerSeen):

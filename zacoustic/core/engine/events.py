@@ -16,7 +16,7 @@ from zacoustic.core.profiles.native.protocols import ProtocolEvent
 from zacoustic.core.schedule.hosttime import ClockStateChanged
 from zacoustic.core.schedule.silence import SilenceChanged
 from zacoustic.core.schedule.transmitter import NothingHeard
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     ActionEvent,
     CancelAnswered,
     CancelRequested,
@@ -28,7 +28,7 @@ from zacoustic.core.transport.actions.news import (
     ResultReceived,
 )
 from zacoustic.core.transport.calls.calls import CallFailed, RequestReceived, ResponseReceived
-from zacoustic.core.transport.commands.orders import StreamTuned
+from zacoustic.core.transport.commands.commands import StreamOverridden
 from zacoustic.core.transport.contract import TransportEvent
 from zacoustic.core.transport.deliveries import (
     DeliveryEnded,
@@ -37,7 +37,7 @@ from zacoustic.core.transport.deliveries import (
     SampleReceived,
 )
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
-from zacoustic.core.transport.subscriptions.demand import SubscribersChanged
+from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, DeadlineSide
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
@@ -85,7 +85,7 @@ __all__ = [
     "RosEntitySeen",
     "SampleReceived",
     "SilenceChanged",
-    "StreamTuned",
+    "StreamOverridden",
     "StreamsDiffer",
     "SubscribersChanged",
     "TransportEvent",
@@ -134,7 +134,7 @@ Event = (
     | PeerMeasured
     | ModemRead
     | SilenceChanged
-    | StreamTuned
+    | StreamOverridden
     | ClockStateChanged
     | NothingHeard
     | LinkStateChanged

@@ -19,8 +19,8 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.transport.actions.actions import Actions
-from zacoustic.core.transport.commands.orders import Orders
-from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.transport.commands.commands import Commands
+from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 
 CALLS: Final = (
     "handle_frame", "handle_transmit_report", "handle_link_state", "handle_carrier",
@@ -32,7 +32,7 @@ CALLS: Final = (
     "actions.send_goal", "actions.cancel_goal", "actions.accept", "actions.reject",
     "actions.publish_feedback", "actions.finish", "actions.answer_cancel",
     "ranging.request", "ranging.cancel", "ranging.repeat",
-    "demand.want", "silence.begin", "silence.resume", "orders.send", "orders.obey",
+    "subscriptions.want", "silence.begin", "silence.resume", "commands.send", "commands.execute",
 )  # fmt: skip
 """Inputs, outputs and commands of an engine; getters are not among them."""
 
@@ -56,8 +56,8 @@ class EngineCall:
 _PARTS: Final[dict[str, type]] = {
     "": Engine,
     "actions": Actions,
-    "demand": Demand,
-    "orders": Orders,
+    "subscriptions": Subscriptions,
+    "commands": Commands,
     "ranging": Ranging,
     "silence": Silence,
 }

@@ -4,8 +4,8 @@ A journal may be damaged, or an old copy of it was put back. The node lives on a
 new epoch, with what is right in it; but of what it has done lately it knows nothing, and must not
 do it a second time because it comes again. So a served call or goal that may be older than this
 life, since its client repeats it for no longer than its time-out, is answered as *unknown*, which
-it is, and not begun. What this node orders, or is ordered to do at once, is not held up: orders
-carry their age, and do no harm twice.
+it is, and not begun. What this node commands, or is commanded to do at once, is not held up:
+commands carry their age, and do no harm twice.
 
 The store finds most of this out by itself, and says so by an entry; subscribers find out the rest
 (`zacoustic.core.transport.reliable.sending.contradictions`), and it is told in the same way. What

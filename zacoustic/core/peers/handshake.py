@@ -425,7 +425,7 @@ class Handshake:
         return row is not None and row != self._row(stream_id)
 
     def verdict_dense(self, source: int, epoch: int | None, now: int) -> str | None:
-        """Decide whether a dense string may be decoded: that takes the whole table.
+        """Decide whether a dense block may be decoded: that takes the whole table.
 
         Args and returns as `verdict`.
         """

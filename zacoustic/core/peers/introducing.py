@@ -87,11 +87,11 @@ class Introductions:
             now: The instant.
             urgent: The record must be in this frame: never displace it by a HELLO.
         """
-        audience = self._audience(destination, now)
-        silent = [peer for peer in audience if not peer.confirmed_us]
+        receivers = self._receivers(destination, now)
+        silent = [peer for peer in receivers if not peer.confirmed_us]
         asked = self.introduces(link, destination)
         # Without a list nobody knows who hears a broadcast, whoever has confirmed.
-        is_known = bool(audience) and (destination != BROADCAST or bool(self._table.nodes))
+        is_known = bool(receivers) and (destination != BROADCAST or bool(self._table.nodes))
         if is_known and not silent and not asked:
             return b""
         tag = Tag(self.epoch).encode()
@@ -111,9 +111,9 @@ class Introductions:
             return tag
         self._since_hello[destination][link] = 1
         self.is_told = True
-        if destination != BROADCAST and not asked and audience[0].shares(self.digest):
-            return tag + self._early_confirm(destination, audience[0], now)
-        for peer in self._peers.values() if destination == BROADCAST else audience:
+        if destination != BROADCAST and not asked and receivers[0].shares(self.digest):
+            return tag + self._early_confirm(destination, receivers[0], now)
+        for peer in self._peers.values() if destination == BROADCAST else receivers:
             if peer.owes_hello and (destination != BROADCAST or peer.link == link):
                 peer.owes_hello = False
                 peer.answer_pause.use(now, self.unit_ns)
@@ -127,10 +127,10 @@ class Introductions:
 
     def is_unconfirmed(self, destination: int, now: int) -> bool:
         """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
-        audience = self._audience(destination, now)
-        return not audience or any(
+        receivers = self._receivers(destination, now)
+        return not receivers or any(
             peer.agreement is Agreement.UNCONFIRMED and not peer.differs_from(self.digest)
-            for peer in audience
+            for peer in receivers
         )
 
     def concerns_others(self, destination: int) -> bool:
@@ -151,17 +151,17 @@ class Introductions:
             peer.said(Cause.CONFIRM, now, self.unit_ns)
         return Confirm(named, peer.present_epoch).encode()
 
-    def _audience(self, destination: int, now: int) -> list[Peer]:
+    def _receivers(self, destination: int, now: int) -> list[Peer]:
         if destination != BROADCAST:
-            audience = [self._peers[destination]]
+            receivers = [self._peers[destination]]
         else:
-            audience = [self._peers[each] for each in self._table.nodes if each != self._address]
+            receivers = [self._peers[each] for each in self._table.nodes if each != self._address]
             # Whoever has introduced itself is in the water, listed or not.
-            audience += [
+            receivers += [
                 peer
                 for address, peer in self._peers.items()
                 if address not in self._table.nodes and peer.epoch is not None
             ]
-        for peer in audience:
+        for peer in receivers:
             peer.ripen(now)
-        return audience
+        return receivers

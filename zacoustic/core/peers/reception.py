@@ -17,7 +17,7 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.wire.access import AccessControl
 from zacoustic.core.wire.controls import FIRST_EXTENSION, LAST_EXTENSION, Extension, Item
 from zacoustic.core.wire.frame import Record
-from zacoustic.core.wire.objects import Call
+from zacoustic.core.wire.objects import ListenHint
 
 
 class HearingPort(Protocol):
@@ -28,7 +28,7 @@ class HearingPort(Protocol):
     ) -> None:
         """Take a control of medium access."""
 
-    def handle_call(self, source: int, call: Call, frame: ReceivedFrame, now: int) -> None:
+    def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:
         """Take from a fragment when its sender will listen."""
 
 

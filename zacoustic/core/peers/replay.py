@@ -2,8 +2,8 @@
 
 A window belongs to one `Way`: a source, a destination, a port, a strength. It keeps the *start* of
 the source (`start_of`: the generation of its key, and its life), the highest counter that was
-opened in it, and which of the 63 before that were. A frame of a former start, a counter that was opened,
-or one further behind is refused.
+opened in it, and which of the 63 before that were. A frame of a former start, a counter that was
+opened, or one further behind is refused.
 
 A short head tells six bits of the counter. The window guesses the rest: of the 64 counters from 15
 before its highest one on, the one with these bits; if that fails, the one 64 later. Whoever has

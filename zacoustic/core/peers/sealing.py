@@ -2,9 +2,9 @@
 
 Outgoing, a frame has a *long head* where a short one might not be understood: it is the first of a
 life or key to its destination, it is strong, whoever composes it asks for one (a repetition, or
-what is `real_time`), it is one of `LONG_EVERY`, or the last long head to that destination is older than
-`LONG_EVERY_S`. So nothing has to be asked for: after any outage a receiver is in step again within
-16 frames or five minutes.
+what is `real_time`), it is one of `LONG_EVERY`, or the last long head to that destination is older
+than `LONG_EVERY_S`. So nothing has to be asked for: after any outage a receiver is in step again
+within 16 frames or five minutes.
 
 Incoming, a frame is opened, or refused with a word for the statistics. **Nothing is ever
 transmitted because of a frame that was refused**: else a stranger could drain a battery.

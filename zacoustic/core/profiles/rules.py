@@ -1,4 +1,4 @@
-"""What the config says of transmitting: access, silence, airtime, orders, heartbeats, objects."""
+"""What the config says of transmitting: access, silence, airtime, commands, heartbeats, objects."""
 
 import msgspec
 
@@ -36,8 +36,9 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
     None: all of it."""
 
-    orders_from: frozenset[int] | None = None
-    """Addresses of the nodes whose orders over the water this one obeys; None: those listed."""
+    commands_from: frozenset[int] | None = None
+    """Addresses of the nodes whose commands over the water this one executes; None: those
+    listed."""
     contact: ContactRules = ContactRules()
     """How often the node is to be heard, and when it misses others."""
     discovery: DiscoverySpec | None = None

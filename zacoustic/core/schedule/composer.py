@@ -10,7 +10,7 @@ Order of decisions:
 3. What is owed to the hearers: confirmations, answers, questions.
 4. Further payloads by value, as long as they fit and concern the hearers: in a broadcast frame
    all that is not meant for one node alone, in a unicast frame what that node needs.
-5. What is to be acknowledged of dense strings, where there is room left for it.
+5. What is to be acknowledged of dense blocks, where there is room left for it.
 
 How records share a frame is the affair of `zacoustic.core.schedule.filling`.
 """
@@ -82,7 +82,7 @@ class Ingredients(msgspec.Struct, frozen=True, kw_only=True):
     queue: TransmitQueue
     """What waits."""
     dense: DenseSource
-    """Writes dense strings."""
+    """Writes dense blocks."""
     ranging: Ranging
     """The ranges that are wanted."""
     objects: ObjectSource

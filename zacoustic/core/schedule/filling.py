@@ -3,11 +3,11 @@
 Where a record ends is shown by its payload or by LEN, but the last record needs neither. So one
 record whose payload does not delimit itself is moved to the end, and each other one costs two bytes
 more. Behind a HELLO or TAG the receiver may hold another table and cannot measure anything: there
-every record but the last is delimited by LEN. A dense string reaches to the end of the frame, so
+every record but the last is delimited by LEN. A dense block reaches to the end of the frame, so
 where there is one it is the last.
 
-Samples of dense streams are taken as long as their packed records fit, or the string of all of
-them does; the string is written at the end, where it is not larger than the records.
+Samples of dense streams are taken as long as their packed records fit, or the block of all of
+them does; the block is written at the end, where it is not larger than the records.
 """
 
 from zacoustic.core.base.linktypes import BROADCAST
@@ -26,7 +26,7 @@ class Filling:
         destination: Address, or `BROADCAST`.
         room_bytes: What there is for them.
         now: The instant.
-        dense: Writes dense strings.
+        dense: Writes dense blocks.
         introduced: They stand behind a HELLO or TAG.
     """
 
@@ -49,7 +49,7 @@ class Filling:
         self._ends = 0
         self._last: Waiting | None = None
         self._samples: list[Waiting] = []
-        self._string: Encoded | None = None
+        self._block: Encoded | None = None
 
     @property
     def items(self) -> tuple[Waiting, ...]:
@@ -85,11 +85,11 @@ class Filling:
             if not self._samples:
                 return False
             # What is written always has room beside all that is taken: where the item does not fit
-            # beside a shorter string, that of before stays.
-            string = self._write(self._samples, self._room_bytes - needed_bytes)
-            if string is None:
+            # beside a shorter block, that of before stays.
+            block = self._write(self._samples, self._room_bytes - needed_bytes)
+            if block is None:
                 return False
-            self._string = string
+            self._block = block
         self._records.append(item)
         self._used_bytes += item.size_bytes
         self._ends += needs_end
@@ -99,15 +99,15 @@ class Filling:
 
     def encode(self, stats: EngineStats) -> bytes:
         """Return the records, and enter their bytes into the ledger."""
-        string = self._finished()
-        if string is None:
+        block = self._finished()
+        if block is None:
             records, self._samples = [*self._records, *self._samples], []
             self._records = records = _open_end_last(records, introduced=self._introduced)
             return b"".join(self._record(item, item is records[-1], stats) for item in records)
-        self._dense.sent(string, self._now)
-        self._attribute_string(len(string.frame), stats)
+        self._dense.sent(block, self._now)
+        self._attribute_block(len(block.frame), stats)
         records_bytes = b"".join(self._record(item, False, stats) for item in self._records)
-        return records_bytes + string.frame
+        return records_bytes + block.frame
 
     # Below the methods above
 
@@ -118,23 +118,23 @@ class Filling:
         samples = [*self._samples, item]
         others_bytes = self._used_bytes + DELIMITER_BYTES * self._ends
         room_bytes = self._room_bytes - others_bytes
-        string = None
+        block = None
         if self._packed_bytes(samples) > room_bytes:
-            string = self._write(samples, room_bytes)
-            if string is None:
+            block = self._write(samples, room_bytes)
+            if block is None:
                 return False
-        self._samples, self._string = samples, string
+        self._samples, self._block = samples, block
         return True
 
     def _samples_bytes(self) -> int:
-        if self._string is not None:
-            return len(self._string.frame)
+        if self._block is not None:
+            return len(self._block.frame)
         return self._packed_bytes(self._samples)
 
     def _packed_bytes(self, samples: list[Waiting]) -> int:
         """Size of the records that say the same, beside other records that all have an end.
 
-        The last record of a frame needs no end, but every record before a string does.
+        The last record of a frame needs no end, but every record before a block does.
         """
         if not samples:
             return 0
@@ -149,18 +149,18 @@ class Filling:
         return self._dense.encode(samples, self._destination, room_bytes, self._now)
 
     def _finished(self) -> Encoded | None:
-        """Return the dense string; None: records are no dearer, or there are no samples."""
+        """Return the dense block; None: records are no dearer, or there are no samples."""
         if not self._samples:
             return None
         others_bytes = self._used_bytes + DELIMITER_BYTES * self._ends
         room_bytes = self._room_bytes - others_bytes
-        string = self._string or self._write(self._samples, room_bytes)
+        block = self._block or self._write(self._samples, room_bytes)
         packed_bytes = self._packed_bytes(self._samples)
-        if string is not None and packed_bytes <= room_bytes:
-            if not self._dense.savings.is_worth(len(string.frame), packed_bytes):
+        if block is not None and packed_bytes <= room_bytes:
+            if not self._dense.savings.is_worth(len(block.frame), packed_bytes):
                 return None
-            self._dense.savings.book(packed_bytes - len(string.frame))
-        return string
+            self._dense.savings.book(packed_bytes - len(block.frame))
+        return block
 
     def _record(self, item: Waiting, is_last: bool, stats: EngineStats) -> bytes:
         record = bytearray(item.sync + item.prefix)
@@ -183,13 +183,13 @@ class Filling:
             count(stats.transmitted, item.stream_id)
         return bytes(record)
 
-    def _attribute_string(self, string_bytes: int, stats: EngineStats) -> None:
-        """Share a string among its streams as their packed forms would have it."""
+    def _attribute_block(self, block_bytes: int, stats: EngineStats) -> None:
+        """Share a block among its streams as their packed forms would have it."""
         whole_bytes = sum(item.size_bytes for item in self._samples)
         before_bytes = shared_bytes = 0
         for item in self._samples:
             before_bytes += item.size_bytes
-            share_bytes = string_bytes * before_bytes // whole_bytes - shared_bytes
+            share_bytes = block_bytes * before_bytes // whole_bytes - shared_bytes
             shared_bytes += share_bytes
             stats.attribute(item.stream_id, Cause.PAYLOAD, share_bytes)
             count(stats.transmitted, item.stream_id)

@@ -41,7 +41,7 @@ class ClockStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of the change, ns."""
 
 
-class _Kept(msgspec.Struct, frozen=True, array_like=True):
+class _Journalled(msgspec.Struct, frozen=True, array_like=True):
     """A statement in the journal."""
 
     boot: bytes
@@ -87,7 +87,7 @@ class HostTime:
         self._boot = stored.get(BOOT_KEY, b"")
         self._refusal = "no clock has been told"
         self._ask_at: int | None = None
-        self._written: _Kept | None = None
+        self._written: _Journalled | None = None
         self._recover(stored.get(_KEY))
 
     @property
@@ -109,7 +109,7 @@ class HostTime:
         elif error_ns is None:
             self._refusal = "nothing keeps the clock of this computer right"
         if self.time.tell(offset_ns, error_ns, now) and error_ns is not None and self._is_needed:
-            self._keep(_Kept(self._boot, offset_ns, error_ns, now))
+            self._keep(_Journalled(self._boot, offset_ns, error_ns, now))
         return error_ns
 
     def review(self, doubt: str, now: int) -> None:
@@ -139,7 +139,7 @@ class HostTime:
         else:
             self._timers.cancel((Due.CLOCK,))
 
-    def _keep(self, statement: _Kept) -> None:
+    def _keep(self, statement: _Journalled) -> None:
         """Write a statement down, if it tells the next life more than what is written."""
         if not self._boot:
             return
@@ -157,7 +157,7 @@ class HostTime:
         if entry is None or not self._boot:
             return
         try:
-            kept = msgspec.msgpack.decode(entry, type=_Kept)
+            kept = msgspec.msgpack.decode(entry, type=_Journalled)
         except msgspec.MsgspecError:
             return
         if kept.boot == self._boot:

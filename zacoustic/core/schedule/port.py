@@ -35,7 +35,7 @@ from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choo
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.wire.access import ANYBODY, AccessControl, Turn
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
-from zacoustic.core.wire.objects import Call
+from zacoustic.core.wire.objects import ListenHint
 
 # What a modem's own time stamps may be wrong.
 _STAMP_ERROR_NS = NS_PER_S // 1000
@@ -202,15 +202,15 @@ class LinkPort:
         """The frame that is being made says that a listen window follows."""
         self.listening.end_run()
 
-    def handle_call(self, source: int, call: Call, frame: ReceivedFrame, now: int) -> None:
+    def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:
         """Take from a fragment of `source` when it will listen."""
-        if call is Call.WINDOW:
+        if call is ListenHint.WINDOW:
             airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
             way_ns, _ = self._way(source, frame, now)
             started_at = frame.received_at - way_ns - airtime_ns
             self.listening.heard_pause(source, airtime_ns, started_at, way_ns, now)
         else:
-            self.listening.heard_listening(source, listens=call is not Call.NONE, now=now)
+            self.listening.heard_listening(source, listens=call is not ListenHint.NONE, now=now)
 
     def handle_carrier(self, busy: bool, now: int) -> None:
         """Somebody else's transmission began or ended."""

@@ -8,8 +8,8 @@ instant of queueing and the patience of its priority.
 
 A payload is *due* when it alone is a reason to send a frame: its linger is over and its lane's
 minimum interval has passed. A payload that only lingers may ride in a frame that goes anyway; one
-whose minimum interval has not passed may not. What was ordered of a topic (`Tuning`) is laid over
-the QoS of its lanes; a lane that is off waits, and is no reason for anything.
+whose minimum interval has not passed may not. What was commanded of a topic (`Override`) is laid
+over the QoS of its lanes; a lane that is off waits, and is no reason for anything.
 
 Memory is bounded by the table: lanes by keys, nodes and streams, each lane by its depth.
 """
@@ -22,7 +22,7 @@ from typing import Any, Final
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import Offer, Part
-from zacoustic.core.base.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
+from zacoustic.core.base.qos import NO_OVERRIDE, PATIENCE_NS, Override, Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.errors import PayloadTooLargeError
 
@@ -54,7 +54,7 @@ class Waiting:
         for_one_node: Other nodes would misunderstand it, so it may not ride in a broadcast frame.
         address: What stands behind the prefix in a broadcast frame, where the destination of the
             frame does not say whom it concerns.
-        dense_value: What a dense string says instead of the record, in full precision; None: it
+        dense_value: What a dense block says instead of the record, in full precision; None: it
             may be in none.
         tick: Which sample of its stream it is, of a dense one.
         cause: Why its bytes are on the water; None: header and payload.
@@ -154,7 +154,7 @@ class Lane:
 
     __slots__ = (
         "_min_interval_ns",
-        "_untuned",
+        "_unchanged",
         "destination",
         "held_until",
         "is_on",
@@ -166,7 +166,7 @@ class Lane:
         "taken_at",
     )
 
-    def __init__(self, key: LaneKey, qos: Qos, tuning: Tuning) -> None:
+    def __init__(self, key: LaneKey, qos: Qos, override: Override) -> None:
         self.key = key
         self.items: deque[Waiting] = deque()
         self.destination = BROADCAST
@@ -175,14 +175,14 @@ class Lane:
         """Nothing goes before, ns."""
         self.taken_at: int | None = None
         """When a payload went last, ns."""
-        self._untuned = qos
-        self.tune(tuning)
+        self._unchanged = qos
+        self.override(override)
 
-    def tune(self, tuning: Tuning) -> None:
-        """Lay what was ordered over the QoS."""
-        qos = tuning.over(self._untuned)
+    def override(self, override: Override) -> None:
+        """Lay what was commanded over the QoS."""
+        qos = override.over(self._unchanged)
         self.qos = qos
-        self.is_on = tuning.on
+        self.is_on = override.on
         self._min_interval_ns = seconds_to_ns(qos.min_interval_s)
         self.linger_ns = qos.linger_ns
         self.patience_ns: int = (
@@ -216,7 +216,7 @@ class TransmitQueue:
         self.largest_bytes: int | None = None
         """Largest record that fits a frame of the link; None before a link is up."""
         self._held: dict[int, int] = {}
-        self._tunings: dict[LaneKey, Tuning] = {}
+        self._overrides: dict[LaneKey, Override] = {}
         self.superseded: dict[int, int] = {}
         """Payloads pushed out by newer ones, by stream."""
         self.expired: dict[int, int] = {}
@@ -280,7 +280,7 @@ class TransmitQueue:
         """
         lane = self._lanes.get(key)
         if lane is None:
-            lane = self._lanes[key] = Lane(key, qos, self._tunings.get(key[:2], UNTUNED))
+            lane = self._lanes[key] = Lane(key, qos, self._overrides.get(key[:2], NO_OVERRIDE))
             lane.held_until = self._held.get(key[0], 0)
         self._busy[key] = lane
         lane.items.append(item)
@@ -296,17 +296,17 @@ class TransmitQueue:
             if lane.key[0] == stream_id:
                 lane.held_until = max(lane.held_until, until)
 
-    def tune(self, kind: LaneKey, tuning: Tuning) -> None:
-        """Lay what was ordered over the QoS of lanes.
+    def override(self, kind: LaneKey, override: Override) -> None:
+        """Lay what was commanded over the QoS of lanes.
 
         Args:
             kind: How their keys begin: stream id, and which of its lanes.
-            tuning: What was ordered.
+            override: What was commanded.
         """
-        self._tunings[kind] = tuning
+        self._overrides[kind] = override
         for lane in self._lanes.values():
             if lane.key[:2] == kind:
-                lane.tune(tuning)
+                lane.override(override)
 
     def remove(self, key: LaneKey, head: bytes) -> bool:
         """Take back the payload of a lane that has this head; False when it is not waiting."""

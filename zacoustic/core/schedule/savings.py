@@ -1,8 +1,8 @@
-"""What dense strings save, against records, and what their acknowledgements cost."""
+"""What dense blocks save, against records, and what their acknowledgements cost."""
 
 from typing import Final
 
-# A string may be so much larger than the records: what refers to it later gains.
+# A block may be so much larger than the records: what refers to it later gains.
 _INVESTED_BYTES: Final = 1
 # It goes in any case where it saves so much: an acknowledgement, which is the most it can cost.
 _CERTAIN_BYTES: Final = 4
@@ -20,14 +20,14 @@ class Savings:
     def __init__(self) -> None:
         self._balance = _CREDIT
 
-    def is_worth(self, string_bytes: int, records_bytes: int) -> bool:
-        """Tell whether a string is to go where records would say the same."""
-        saved_bytes = records_bytes - string_bytes
+    def is_worth(self, block_bytes: int, records_bytes: int) -> bool:
+        """Tell whether a block is to go where records would say the same."""
+        saved_bytes = records_bytes - block_bytes
         if self._balance <= 0:
             self._balance += _RECOVERED
             return saved_bytes >= _CERTAIN_BYTES
         return saved_bytes >= -_INVESTED_BYTES
 
     def book(self, saved_bytes: int) -> None:
-        """Book what a string saves, or costs; or what an acknowledgement costs."""
+        """Book what a block saves, or costs; or what an acknowledgement costs."""
         self._balance = min(self._balance + saved_bytes * _UNITS, _MOST)

@@ -1,21 +1,22 @@
 """Transmit silence: when this node must not make a sound.
 
 Divers in the water, somebody else's sonar, a measurement: for a while nothing may be transmitted.
-Silence is *ordered* (for a time, or until it is resumed), or it is a *quiet window* of the config,
-at the same hours of each day in UTC. It is a gate in front of every transmission, urgent ones and
-retransmissions included: from the instant of the order on nothing new goes to the link, and what
-waits goes on waiting, expires or is superseded as always. A frame that the modem has begun is not
-cut off.
+Silence is *commanded* (for a time, or until it is resumed), or it is a *quiet window* of the
+config, at the same hours of each day in UTC. It is a gate in front of every transmission, urgent
+ones and retransmissions included: from the instant of the command on nothing new goes to the link,
+and what waits goes on waiting, expires or is superseded as always. A frame that the modem has begun
+is not cut off.
 
-People rely on an order, so its end is never sooner than it says. While the node lives the end is an
-instant of the monotonic clock, which no step of the wall clock moves. The journal has how much was
-left at an instant, and the UTC of the end with its error, or nothing in its place when UTC was not
-sure (`hosttime`); it is written again every minute or so, and when the wall clock is set. The next
-life takes the earliest end of these three, each of which is late enough: on the same run of the
-monotonic clock the same instant; what was left, counted from now; and the UTC of the end, once that
-is sure. So a life that knows nothing begins with what was left, and says that it may be too long.
+People rely on a command, so its end is never sooner than it says. While the node lives the end is
+an instant of the monotonic clock, which no step of the wall clock moves. The journal has how much
+was left at an instant, and the UTC of the end with its error, or nothing in its place when UTC was
+not sure (`hosttime`); it is written again every minute or so, and when the wall clock is set. The
+next life takes the earliest end of these three, each of which is late enough: on the same run of
+the monotonic clock the same instant; what was left, counted from now; and the UTC of the end, once
+that is sure. So a life that knows nothing begins with what was left, and says that it may be too
+long.
 
-An order that came over the water is answered over the water, and its answer is the one frame that
+A command that came over the water is answered over the water, and its answer is the one frame that
 may still go: it alone, once, within the time that is *granted* to it.
 
 With quiet windows and no UTC that is sure the node keeps silent: whoever wrote them would rather
@@ -34,7 +35,7 @@ from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.queue import LaneKey
 
 SILENCE_KEY: Final = "silence"
-"""Key of the order in the journal."""
+"""Key of the command in the journal."""
 _DAY_NS: Final = 24 * 3600 * NS_PER_S
 _LONGEST_NS: Final = (1 << 62) - 1
 
@@ -47,18 +48,18 @@ _MOVED_NS: Final = NS_PER_S
 
 
 class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """Silence was ordered or has ended, and the journal has it; or a former life has left one."""
+    """Silence was commanded or has ended, and the journal has it; or a former life has left one."""
 
     is_silent: bool
     """Nothing is transmitted now."""
-    is_ordered: bool
-    """By an order; otherwise, if silent, by a quiet window."""
+    is_commanded: bool
+    """By a command; otherwise, if silent, by a quiet window."""
     ends_at: int | None
     """End as far as it is known, ns; None: there is none, or until it is resumed."""
     changed_at: int
     """Instant of this state, ns."""
     doubt: str = ""
-    """Why it may last longer than it was ordered, one line; empty: it does not."""
+    """Why it may last longer than it was commanded, one line; empty: it does not."""
 
 
 class QuietWindow(msgspec.Struct, frozen=True):
@@ -82,7 +83,7 @@ class QuietWindow(msgspec.Struct, frozen=True):
 
 
 class _Entry(msgspec.Struct, frozen=True, array_like=True):
-    """An order in the journal."""
+    """A command in the journal."""
 
     left_ns: int
     """How long it lasts from `written_at` on; 0: until it is resumed."""
@@ -100,9 +101,9 @@ class Silence:
         quiet: The quiet windows.
         stored: What the journal has kept.
         host: What is known of UTC.
-        journal: Keeps the order.
+        journal: Keeps the command.
         timers: End it.
-        emit: Takes `SilenceChanged` when an order, or its end, is kept.
+        emit: Takes `SilenceChanged` when a command, or its end, is kept.
     """
 
     def __init__(
@@ -122,7 +123,7 @@ class Silence:
         self.host = host
         """What is known of UTC; to be read only."""
         self._boot = stored.get(BOOT_KEY, b"")
-        self._ordered = False
+        self._commanded = False
         self._ends_at: int | None = None
         self._ends_utc_ns: int | None = None
         self._written_at = 0
@@ -141,7 +142,7 @@ class Silence:
         duration_s: float | None = None,
         then: Callable[[int], None] | None = None,
     ) -> None:
-        """Be silent from now on, for a time or until `resume`; replaces an earlier order.
+        """Be silent from now on, for a time or until `resume`; replaces an earlier command.
 
         Args:
             now: The instant.
@@ -153,7 +154,7 @@ class Silence:
         """
         if duration_s is not None and not 0 < duration_s < float("inf"):
             raise ValueError(f"duration_s is {duration_s}; allowed: above 0")
-        self._ordered, self._kept, self._granted, self._doubt = True, None, None, ""
+        self._commanded, self._kept, self._granted, self._doubt = True, None, None, ""
         self._ends_at = None
         if duration_s is not None:
             self._ends_at = now + min(_LONGEST_NS, max(1, seconds_to_ns(duration_s)))
@@ -162,8 +163,8 @@ class Silence:
         self._arm()
 
     def resume(self, now: int, *, then: Callable[[int], None] | None = None) -> None:
-        """End the order; quiet windows stay. `then` is called when that is written down."""
-        self._ordered, self._kept, self._granted, self._doubt = False, None, None, ""
+        """End the command; quiet windows stay. `then` is called when that is written down."""
+        self._commanded, self._kept, self._granted, self._doubt = False, None, None, ""
         self._journal.write(SILENCE_KEY, None, lambda at: self._tell(at, then))
         self._arm()
 
@@ -181,13 +182,13 @@ class Silence:
         """The link is up: this is the first instant at which anything could be sent."""
         self._begin_life(now)
         self._go_on(now)
-        if self._ordered and self._is_former:
+        if self._commanded and self._is_former:
             self._emit(self.state(now))
         self._is_former = False
 
     def keep(self, now: int) -> None:
-        """Write down again what is left of an order, if that was long ago: the node is awake."""
-        if not self._ordered or self._ends_at is None or self._ends_at <= now:
+        """Write down again what is left of a command, if that was long ago: the node is awake."""
+        if not self._commanded or self._ends_at is None or self._ends_at <= now:
             return
         left_ns = self._ends_at - now
         if now - self._written_at >= max(_WRITE_EVERY_NS, left_ns // _WRITE_PARTS):
@@ -195,7 +196,7 @@ class Silence:
 
     def handle_clock(self, now: int) -> None:
         """The host has told the time."""
-        if not self._ordered:
+        if not self._commanded:
             return
         self._begin_life(now)
         if self._ends_at is None:
@@ -215,10 +216,10 @@ class Silence:
 
         At or before `now`: there is no silence.
         """
-        ordered_until = self._ends_at if self._ordered else 0
-        if ordered_until is None:
+        commanded_until = self._ends_at if self._commanded else 0
+        if commanded_until is None:
             return None
-        return self._quiet_until(max(now, ordered_until)) if self._quiet else ordered_until
+        return self._quiet_until(max(now, commanded_until)) if self._quiet else commanded_until
 
     def is_silent(self, now: int) -> bool:
         """Tell whether nothing may be transmitted now."""
@@ -236,7 +237,7 @@ class Silence:
         until = self.until(now)
         return SilenceChanged(
             is_silent=self.is_silent(now),
-            is_ordered=self._ordered,
+            is_commanded=self._commanded,
             ends_at=None if until is None or until <= now else until,
             changed_at=now,
             doubt=self._doubt,
@@ -253,14 +254,14 @@ class Silence:
     # Below the methods above
 
     def _go_on(self, now: int) -> None:
-        """Forget an order that has come to its end; keep what is left of one that has not."""
-        if self._ordered and self._ends_at is not None and self._ends_at <= now:
+        """Forget a command that has come to its end; keep what is left of one that has not."""
+        if self._commanded and self._ends_at is not None and self._ends_at <= now:
             self.resume(now)
         self.keep(now)
         self._arm()
 
     def _arm(self) -> None:
-        if self._ordered and self._ends_at is not None:
+        if self._commanded and self._ends_at is not None:
             self._timers.at((Due.SILENCE,), self._ends_at, self._go_on)
         else:
             self._timers.cancel((Due.SILENCE,))
@@ -279,7 +280,7 @@ class Silence:
         return at
 
     def _begin_life(self, now: int) -> None:
-        """Set the end of an order of a former life, once."""
+        """Set the end of a command of a former life, once."""
         kept = self._kept
         if kept is None or self._ends_at is not None or not kept.left_ns:
             return
@@ -293,7 +294,7 @@ class Silence:
                 self._shorten(kept, now)
 
     def _shorten(self, kept: _Entry, now: int) -> None:
-        """End an order of a former life when it was to end, now that UTC is sure."""
+        """End a command of a former life when it was to end, now that UTC is sure."""
         self._kept = None
         offset_ns, error_ns = self.host.time.offset_ns, self.host.time.error_at(now)
         assert self._ends_at is not None
@@ -327,7 +328,7 @@ class Silence:
             self._kept = msgspec.msgpack.decode(entry, type=_Entry)
         except msgspec.MsgspecError:
             return
-        self._ordered = self._is_former = True
+        self._commanded = self._is_former = True
         self._ends_utc_ns = self._kept.ends_utc_ns
 
 

@@ -1,6 +1,6 @@
 """What a frame is composed from, beside the queue: as the composer sees it, whoever has it.
 
-Objects and dense strings are mechanisms between two ends, above the schedule; here stands what the
+Objects and dense blocks are mechanisms between two ends, above the schedule; here stands what the
 schedule needs of them.
 """
 
@@ -85,22 +85,22 @@ class ObjectSource(Source, Protocol):
 
 
 class DenseSource(Protocol):
-    """Writes samples of dense streams into one string, and says which strings have arrived."""
+    """Writes samples of dense streams into one block, and says which blocks have arrived."""
 
     @property
     def savings(self) -> Savings:
-        """What the strings of this node have saved."""
+        """What the blocks of this node have saved."""
 
     def admits(self, item: Waiting, destination: int) -> bool:
-        """Tell whether a payload that waits can be part of a dense string to `destination`."""
+        """Tell whether a payload that waits can be part of a dense block to `destination`."""
 
     def encode(
         self, items: Sequence[Waiting], destination: int, room_bytes: int, now: int
     ) -> Encoded | None:
-        """Write a string of all these payloads; None where they do not fit."""
+        """Write a block of all these payloads; None where they do not fit."""
 
     def sent(self, encoded: Encoded, now: int) -> None:
-        """Note that a string is sent; until then it is a draft."""
+        """Note that a block is sent; until then it is a draft."""
 
     def acks(self, destination: int, room_bytes: int) -> bytes:
         """Return the acknowledgements that a frame to `destination` has room for."""

@@ -9,9 +9,9 @@ from zacoustic.core.base.qos import PRIORITY_NAMES, Priority
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import LocalError
 
-ORDERS_STREAM_ID: Final = 175
+COMMANDS_STREAM_ID: Final = 175
 """Stream id of remote commands, in every table that does not give it to another stream."""
-ORDERS_TIMEOUT_S: Final = 600.0
+COMMANDS_TIMEOUT_S: Final = 600.0
 """A command is repeated, and remembered as a call, for this long at most, s."""
 LONGEST_SILENCE_S: Final = 366 * 86400.0
 """Longest time of a silence that is to end by itself, s."""
@@ -30,14 +30,14 @@ def check_timeout(timeout_s: float) -> None:
     Raises:
         LocalError: It cannot.
     """
-    if not timeout_s <= ORDERS_TIMEOUT_S:
+    if not timeout_s <= COMMANDS_TIMEOUT_S:
         raise LocalError(
-            f"timeout_s is {timeout_s:g}; allowed: at most {ORDERS_TIMEOUT_S:g}",
+            f"timeout_s is {timeout_s:g}; allowed: at most {COMMANDS_TIMEOUT_S:g}",
             hint="a command is repeated for that long at most: give it again when it has failed",
         )
 
 
-class OrderKind(enum.Enum):
+class CommandKind(enum.Enum):
     """What is wanted."""
 
     ASK = "ask"
@@ -46,20 +46,20 @@ class OrderKind(enum.Enum):
     """Transmit nothing."""
     RESUME = "resume"
     """The end of the commanded silence."""
-    TUNE = "tune"
+    OVERRIDE = "tune"
     """Switch a topic off or on, set its least interval, its priority."""
     RESET = "reset"
     """A topic's settings of the node's own configuration."""
 
 
-class Order(msgspec.Struct, frozen=True, kw_only=True):
+class RemoteCommand(msgspec.Struct, frozen=True, kw_only=True):
     """One command, for a node that is named beside it.
 
     Raises:
         ValueError: Names field, value and what is allowed.
     """
 
-    kind: OrderKind = OrderKind.ASK
+    kind: CommandKind = CommandKind.ASK
     """What is wanted."""
     for_s: float | None = None
     """Of SILENCE: how long, s, 0.1…31 622 400; None: until it is resumed."""
@@ -80,25 +80,25 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
         """
         if self.for_s is not None:
             _check("for_s", self.for_s, _SHORTEST_SILENCE_S, LONGEST_SILENCE_S)
-            if self.kind is not OrderKind.SILENCE:
+            if self.kind is not CommandKind.SILENCE:
                 raise ValueError(f"for_s is {self.for_s:g}; allowed: with silence only")
         if self.stream_id is not None:
-            _check("stream_id", self.stream_id, 1, ORDERS_STREAM_ID)
-        elif self.kind in (OrderKind.TUNE, OrderKind.RESET):
+            _check("stream_id", self.stream_id, 1, COMMANDS_STREAM_ID)
+        elif self.kind in (CommandKind.OVERRIDE, CommandKind.RESET):
             raise ValueError(f"stream_id is missing; allowed: a topic to {self.kind.value}")
-        if self.kind in (OrderKind.SILENCE, OrderKind.RESUME) and self.stream_id is not None:
+        if self.kind in (CommandKind.SILENCE, CommandKind.RESUME) and self.stream_id is not None:
             raise ValueError(f"stream_id is {self.stream_id}; allowed: not with {self.kind.value}")
         if self.min_interval_s is not None:
             _check("min_interval_s", self.min_interval_s, 0, LONGEST_INTERVAL_S)
-        tuned = [self.on, self.min_interval_s, self.priority]
-        if (self.kind is OrderKind.TUNE) == (tuned == [None, None, None]):
-            what = "at least one" if self.kind is OrderKind.TUNE else "with tune only"
+        overridden = [self.on, self.min_interval_s, self.priority]
+        if (self.kind is CommandKind.OVERRIDE) == (overridden == [None, None, None]):
+            what = "at least one" if self.kind is CommandKind.OVERRIDE else "with tune only"
             raise ValueError(f"on, min_interval_s, priority; allowed: {what}")
 
     @property
     def changes(self) -> bool:
         """It is more than a question."""
-        return self.kind is not OrderKind.ASK
+        return self.kind is not CommandKind.ASK
 
     @property
     def subject(self) -> int:
@@ -125,7 +125,7 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
             ValueError: Its fields do not fit.
         """
         return request["serial"], cls(
-            kind=OrderKind(request["order"]),
+            kind=CommandKind(request["order"]),
             for_s=request["for_s"],
             stream_id=request["stream"],
             on=request["on"],
@@ -134,12 +134,12 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-class OrderState(msgspec.Struct, frozen=True, kw_only=True):
+class CommandState(msgspec.Struct, frozen=True, kw_only=True):
     """The state of a node after a command."""
 
     silent: bool = False
     """It transmits nothing."""
-    ordered: bool = False
+    commanded: bool = False
     """By a command; otherwise, if silent, by a quiet window."""
     left_s: float | None = None
     """How long the silence lasts, as far as that is known, s; None: no end is known, or none."""
@@ -153,6 +153,7 @@ class OrderState(msgspec.Struct, frozen=True, kw_only=True):
     def to_wire(self) -> dict[str, Any]:
         """Return the response."""
         fields = msgspec.structs.asdict(self)
+        fields["ordered"] = fields.pop("commanded")  # its name on the wire
         for name, longest in (
             ("left_s", LONGEST_SILENCE_S),
             ("min_interval_s", LONGEST_INTERVAL_S),
@@ -169,15 +170,16 @@ class OrderState(msgspec.Struct, frozen=True, kw_only=True):
             response: The response.
             age_s: How old it is, s.
         """
-        state = cls(**response | {"priority": _priority(response["priority"])})
+        fields = response | {"priority": _priority(response["priority"])}
+        state = cls(commanded=fields.pop("ordered"), **fields)
         if state.left_s is None:
             return state
         if state.left_s > age_s:
             return msgspec.structs.replace(state, left_s=state.left_s - age_s)
-        return msgspec.structs.replace(state, silent=False, ordered=False, left_s=None)
+        return msgspec.structs.replace(state, silent=False, commanded=False, left_s=None)
 
 
-def order_types() -> TypeTable:
+def command_types() -> TypeTable:
     """Return the types of `REQUEST_TYPE` and `RESPONSE_TYPE`."""
     priorities = tuple(PRIORITY_NAMES)
     of_topic = (
@@ -199,7 +201,7 @@ def order_types() -> TypeTable:
                 fields=(
                     FieldSpec(name="serial", type="uint16"),
                     FieldSpec(
-                        name="order", type="enum", values=tuple(each.value for each in OrderKind)
+                        name="order", type="enum", values=tuple(each.value for each in CommandKind)
                     ),
                     FieldSpec(
                         name="for_s",
@@ -233,7 +235,7 @@ def order_types() -> TypeTable:
 
 REQUEST_TYPE: Final = "Order"
 """Name of the type of a request."""
-RESPONSE_TYPE: Final = "OrderState"
+RESPONSE_TYPE: Final = "CommandState"
 """Name of the type of a response."""
 
 

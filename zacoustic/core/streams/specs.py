@@ -21,7 +21,7 @@ CODECS: Final[dict[str, type[TypedCodec]]] = {
     "dense": PackedCodec,
 }
 """How the values of a type can be written in a record, by the word of the configuration. Those of a
-dense stream are in records only where they are in no dense string
+dense stream are in records only where they are in no dense block
 (`zacoustic.core.transport.topics.densestreams`).
 """
 
@@ -36,7 +36,7 @@ DENSE: Final = "dense"
 """The codec of dense streams."""
 
 DENSE_CODING: Final = 3
-"""How dense strings are coded, in the digests of dense streams: what was coded in another way might
+"""How dense blocks are coded, in the digests of dense streams: what was coded in another way might
 be read, and look right."""
 
 
@@ -136,7 +136,7 @@ StreamSpec = TopicSpec | ServiceSpec | ActionSpec
 
 
 def _check_dense(spec: StreamSpec) -> None:
-    """A dense string names a sample by its stream alone, and is not repeated."""
+    """A dense block names a sample by its stream alone, and is not repeated."""
     if not isinstance(spec, TopicSpec):
         raise ConfigError(f'codec: "{DENSE}"; allowed: packed, cbor', hint="topics can be dense")
     if spec.qos.reliability is Reliability.RELIABLE:

@@ -22,11 +22,11 @@ import msgspec
 from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
 from zacoustic.core.streams import rmwdesert as rmw_desert
 from zacoustic.core.streams.commands import (
-    ORDERS_STREAM_ID,
-    ORDERS_TIMEOUT_S,
+    COMMANDS_STREAM_ID,
+    COMMANDS_TIMEOUT_S,
     REQUEST_TYPE,
     RESPONSE_TYPE,
-    order_types,
+    command_types,
 )
 from zacoustic.core.streams.keys import Instance, KeyPattern
 from zacoustic.core.streams.specs import (
@@ -52,13 +52,13 @@ EVERY_NODE: Final = 0
 """In place of the address of a server: each node serves, and the records name it."""
 
 AGE_FIELD: Final = "zacoustic_age"
-"""What stands for the age of a sample in a dense string, as its code."""
+"""What stands for the age of a sample in a dense block, as its code."""
 
 _OCTETS_FIELD: Final = "octets"
 _OCTETS: Final = TypeSpec(
     name="zacoustic/Octets", fields=(FieldSpec(name=_OCTETS_FIELD, type="bytes"),)
 )
-"""What a dense string has of a sample without a type."""
+"""What a dense block has of a sample without a type."""
 
 DIGEST_BYTES: Final = 4
 """Size of the digests of a stream and of a table."""
@@ -119,7 +119,7 @@ class Stream:
         self.feedback_codec = codecs[len(codecs) // 2]
         """Codec of an action's feedback. Of no use for others."""
         self.dense_type = _dense_type(spec, used[0])
-        """What a dense string has of each sample; None: the stream is not dense."""
+        """What a dense block has of each sample; None: the stream is not dense."""
         self.encoding = spec.encoding or (CBOR if any(used) else OPAQUE)
         """Zenoh encoding on the application side."""
         description = msgspec.json.encode(self._description())
@@ -180,10 +180,10 @@ class Stream:
             return ["service", *head, spec.server, _seconds(spec.timeout_s)]
         wildcards = [[wildcard.name, *wildcard.values] for wildcard in self.keys.wildcards]
         nodes = sorted(self.keys.node_names.items()) if self.keys.is_named_by_node else []
-        audience = [
+        subscribers = [
             None if part is None else sorted(part) for part in (spec.publishers, spec.subscribers)
         ]
-        description = ["topic", *head, audience, wildcards, nodes, spec.qos.stamp.value]
+        description = ["topic", *head, subscribers, wildcards, nodes, spec.qos.stamp.value]
         if spec.qos.reliability is Reliability.RELIABLE:
             # The depth tells a receiver what is over; see zacoustic.core.transport.reliable.
             description += [spec.qos.reliability.value, spec.qos.depth]
@@ -225,7 +225,7 @@ class StreamTable:
         """The fitted model of the dense streams; part of the digest."""
         self._by_id: dict[int, Stream] = {}
         self._by_name: dict[str, Stream] = {}
-        self._built_in = {ORDERS_STREAM_ID: _orders()} if wire is WireProfile.NATIVE else {}
+        self._built_in = {COMMANDS_STREAM_ID: _commands()} if wire is WireProfile.NATIVE else {}
         self._digest: bytes | None = None
         for spec in specs:
             self.declare(spec)
@@ -350,19 +350,19 @@ class StreamTable:
         return None
 
 
-def _orders() -> Stream:
+def _commands() -> Stream:
     """Return the stream of remote commands."""
     spec = ServiceSpec(
-        stream_id=ORDERS_STREAM_ID,
+        stream_id=COMMANDS_STREAM_ID,
         name="orders",
         server=EVERY_NODE,
         request_type=REQUEST_TYPE,
         response_type=RESPONSE_TYPE,
-        timeout_s=ORDERS_TIMEOUT_S,
+        timeout_s=COMMANDS_TIMEOUT_S,
         qos=Qos(priority=Priority.REAL_TIME, stamp=Stamp.AGE),
         journal=False,  # executed commands have their own deduplication table
     )
-    return Stream(spec, order_types(), {}, is_built_in=True)
+    return Stream(spec, command_types(), {}, is_built_in=True)
 
 
 def _type_names(spec: StreamSpec) -> dict[str, str | None]:

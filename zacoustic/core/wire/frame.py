@@ -29,7 +29,7 @@ from zacoustic.core.wire.controls import FIRST_EXTENSION, Controls, Extension, I
 
 LAST_STREAM_ID: Final = 0xAF
 DENSE_FROM: Final = 0xC0
-"""A dense string begins with a byte from here on."""
+"""A dense block begins with a byte from here on."""
 LONGEST_DELIMITED_BYTES: Final = 255
 """Longest record that LEN can delimit."""
 
@@ -70,15 +70,15 @@ class Sync(msgspec.Struct, frozen=True):
         return bytes((Control.SYNC,)) + self.lineage.to_bytes(2, "big") + floor.to_bytes(3, "big")
 
 
-class DenseString(msgspec.Struct, frozen=True):
+class DenseBlock(msgspec.Struct, frozen=True):
     """Samples of dense streams; always the last item of a frame."""
 
-    string: bytes
+    block: bytes
     """From its marker on."""
 
 
 class DenseAck(msgspec.Struct, frozen=True):
-    """The newest dense string of a node that the sender holds."""
+    """The newest dense block of a node that the sender holds."""
 
     address: int
     """Address of the publisher; 0: the frame's destination."""
@@ -181,7 +181,7 @@ def parse_frame(
             item, offset = read
             yield item
         elif code >= DENSE_FROM:
-            yield DenseString(frame[offset:])
+            yield DenseBlock(frame[offset:])
             return
         elif (ack := _parse_dense_ack(frame, offset, unicast=unicast)) is not None:
             yield ack[0]
@@ -193,7 +193,7 @@ def parse_frame(
 
 
 def _parse_dense_ack(frame: bytes, offset: int, *, unicast: bool) -> tuple[DenseAck, int] | None:
-    """Read an acknowledgement of dense strings; None: it is something else, or cut off."""
+    """Read an acknowledgement of dense blocks; None: it is something else, or cut off."""
     said_at = offset + 1 + (not unicast)
     if frame[offset] != Control.ACK or said_at + 1 >= len(frame) or frame[said_at] < DENSE_FROM:
         return None

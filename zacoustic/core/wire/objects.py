@@ -6,7 +6,7 @@
     0xBB  transfer (1)  …                            feedback, at most eight bytes
 
 The low six bits of the transfer byte are the *transfer number*, which the source counts. Of a
-fragment, the high two bits are the *listen hint*: when the sender will listen (`Call`). Of a
+fragment, the high two bits are the *listen hint*: when the sender will listen (`ListenHint`). Of a
 feedback, they tell its body:
 
 ====  =========  ===================================================================================
@@ -49,7 +49,7 @@ CHECK_BYTES: Final = 4
 _NUMBER: Final = 0x3F
 
 
-class Call(enum.IntEnum):
+class ListenHint(enum.IntEnum):
     """When the sender of a fragment will listen."""
 
     ANSWER = 0
@@ -77,7 +77,7 @@ class Fragment(msgspec.Struct, frozen=True):
     """A fragment of an object; with index `NO_FRAGMENT` its end, or its turn."""
 
     transfer: int
-    call: Call
+    call: ListenHint
     index: int
     data: bytes
 
@@ -155,7 +155,7 @@ def decode_fragment(record: bytes) -> Fragment | None:
     data = record[FRAGMENT_HEADER_BYTES:]
     if len(data) not in (0, CHECK_BYTES) if index == NO_FRAGMENT else not data:
         return None
-    return Fragment(record[1] & _NUMBER, Call(record[1] >> 6), index, data)
+    return Fragment(record[1] & _NUMBER, ListenHint(record[1] >> 6), index, data)
 
 
 def decode_feedback(buffer: bytes, offset: int) -> tuple[Feedback, int] | None:

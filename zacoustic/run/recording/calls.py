@@ -164,7 +164,7 @@ class CallReader:
                 found[each] = msgspec.convert(written, _kind(expected, written))
             if name == "declare" and each == "spec":
                 found[each] = exact_spec(found[each], written)
-        if _LATER in parameters and name == "orders.obey":
+        if _LATER in parameters and name == "commands.execute":
             found[_LATER] = _heed
         return found
 

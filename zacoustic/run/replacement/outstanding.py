@@ -28,9 +28,9 @@ from zacoustic.core.engine.events import (
 )
 from zacoustic.core.engine.tap import EngineCall, Tap, call_engine
 from zacoustic.core.peers.ranging import RangeFailed, RangeFailure, RangeMeasured
-from zacoustic.core.streams.commands import ORDERS_STREAM_ID
+from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     CancelAnswered,
     FeedbackReceived,
     GoalAnswered,
@@ -42,8 +42,8 @@ from zacoustic.core.transport.actions.news import (
 MOST_ENDED: Final = 1024
 """Ends that are remembered, of samples and of goals: the journal may still have them then."""
 _CALLS: Final = (
-    "publish", "call", "cancel", "orders.send", "actions.send_goal",
-    "ranging.request", "ranging.cancel", "ranging.repeat", "demand.want",
+    "publish", "call", "cancel", "commands.send", "actions.send_goal",
+    "ranging.request", "ranging.cancel", "ranging.repeat", "subscriptions.want",
 )  # fmt: skip
 _TEXT: Final = "an internal error has ended the engine of this node"
 _UNKNOWN_TEXT: Final = f"{_TEXT}: whether it was executed is unknown"
@@ -113,7 +113,10 @@ class Outstanding:
             events.append(event)
         recovered = {event.goal for event in events if isinstance(event, GoalRecovered)}
         lost = [*self._lost(engine, recovered, now)]
-        for name, kept in (("demand.want", self._wishes), ("ranging.repeat", self._schedules)):
+        for name, kept in (
+            ("subscriptions.want", self._wishes),
+            ("ranging.repeat", self._schedules),
+        ):
             for arguments in kept.values():
                 call_engine(engine, name, arguments | {"now": now})
         self.watch(engine)
@@ -164,8 +167,8 @@ class Outstanding:
                 self._ended_samples.pop(result, None)
             case "call":
                 self._calls[result] = arguments["stream_id"]
-            case "orders.send":
-                self._calls[result] = ORDERS_STREAM_ID
+            case "commands.send":
+                self._calls[result] = COMMANDS_STREAM_ID
             case "cancel":
                 self._calls.pop(arguments["call_id"], None)
             case "actions.send_goal":
@@ -177,7 +180,7 @@ class Outstanding:
                 self._ranges.pop(arguments["range_id"], None)
             case "ranging.repeat":
                 self._schedules[arguments["address"]] = arguments
-            case "demand.want":
+            case "subscriptions.want":
                 self._wishes[arguments["stream_id"]] = arguments
             case _:
                 pass

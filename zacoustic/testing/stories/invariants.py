@@ -46,13 +46,13 @@ class NothingTwice(Witness):
             return
         if is_reliable(publication.stream):
             if first.life == arrived.life or _keeps(publication.stream):
-                self.complaints.append(f"{_told(arrived)} a second time, after {_at(first.at)}")
+                self.violations.append(f"{_told(arrived)} a second time, after {_at(first.at)}")
         elif arrived.at - first.at > self._within_ns and not (
             first.life < arrived.life
             and publication.stream.qos.priority is Priority.REAL_TIME
             and arrived.at - publication.at <= self._pressed_ns
         ):
-            self.complaints.append(f"{_told(arrived)} again, long after {_at(first.at)}")
+            self.violations.append(f"{_told(arrived)} again, long after {_at(first.at)}")
 
 
 class InOrder(Witness):
@@ -74,7 +74,7 @@ class InOrder(Witness):
         if last is None or last.publication.number <= publication.number:
             return
         if last.life == arrived.life or _keeps(publication.stream):
-            self.complaints.append(
+            self.violations.append(
                 f"{_told(arrived)} after #{last.publication.number}, which is younger"
             )
 
@@ -127,7 +127,7 @@ class NothingLost(Witness):
         for publication in list(self._open.values()):
             if publication.node != node:
                 continue
-            if not (_keeps(publication.stream) and journal.is_kept(publication.written)):
+            if not (_keeps(publication.stream) and journal.is_journalled(publication.written)):
                 self._close(publication)
 
     def happened(self, node: int, event: Event, at: int) -> None:
@@ -139,7 +139,7 @@ class NothingLost(Witness):
             return
         owed = self._owed[publication.number]
         if event.outcome is DeliveryOutcome.DELIVERED and owed:
-            self.complaints.append(
+            self.violations.append(
                 f"{_at(at)}: node {node} is told that {_named(publication)} is delivered; "
                 f"{sorted(owed)} never got it"
             )
@@ -149,7 +149,7 @@ class NothingLost(Witness):
         """Complain about what never ended."""
         for publication in self._open.values():
             owed = sorted(self._owed[publication.number])
-            self.complaints.append(
+            self.violations.append(
                 f"{_named(publication)} has no outcome at the end; missing at {owed or 'nobody'}"
             )
 
@@ -175,7 +175,7 @@ class OncePerCall(Witness):
         forgets = self._forgets or not _keeps(arrived.publication.stream)
         call = (arrived.publication.number, arrived.life if forgets else 0)
         if call in self._served:
-            self.complaints.append(f"{_told(arrived)} runs a second time")
+            self.violations.append(f"{_told(arrived)} runs a second time")
         self._served.add(call)
 
 

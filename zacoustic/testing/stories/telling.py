@@ -36,7 +36,7 @@ _MISUNDERSTOOD = (CallFailure.BAD_REQUEST, CallFailure.BAD_RESPONSE)
 class Told(msgspec.Struct, frozen=True):
     """The result of a random scenario."""
 
-    complaints: tuple[str, ...]
+    violations: tuple[str, ...]
     """What must not have happened."""
     digest: str
     """SHA-256 of the trace, if it was asked for."""
@@ -59,7 +59,7 @@ def tell(
     """
     telling = Telling(story, [make() for make in witnesses], digest=digest, build=build)
     telling.run()
-    return Told(tuple(telling.complaints()), telling.network.digest)
+    return Told(tuple(telling.violations()), telling.network.digest)
 
 
 class Telling:
@@ -132,9 +132,9 @@ class Telling:
         for witness in self.witnesses:
             witness.ends(self)
 
-    def complaints(self) -> list[str]:
+    def violations(self) -> list[str]:
         """Return the complaints of all checkers."""
-        return self.misread + [line for each in self.witnesses for line in each.complaints]
+        return self.misread + [line for each in self.witnesses for line in each.violations]
 
     @property
     def settling_ns(self) -> int:

@@ -36,7 +36,8 @@ class Publication(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     result: int
     """What `Engine.publish` or `Engine.call` returned: delivery id or call id."""
     written: int
-    """Number of its first journal write: `VirtualJournal.is_kept` tells whether it is safe."""
+    """Number of its first journal write: `VirtualJournal.is_journalled` tells whether it is
+    safe."""
 
     @property
     def key(self) -> str:
@@ -80,10 +81,10 @@ class Run(Protocol):
 
 
 class Witness:
-    """Watches; a subclass overrides what it wants to see, and appends to `complaints`."""
+    """Watches; a subclass overrides what it wants to see, and appends to `violations`."""
 
     def __init__(self) -> None:
-        self.complaints: list[str] = []
+        self.violations: list[str] = []
         """What must not have happened, one line each."""
 
     def begins(self, telling: Run) -> None:

@@ -11,7 +11,7 @@ module for each noun:
 - `streams`: topics, services and actions, both ways, and samples for late joiners;
 - `dialect`: the forms of streams for Zenoh programs, and for nodes of ROS 2 (`ros`);
 - `commands`: requests to the gateway itself;
-- `status`, `complaints`, `notices`: its health, input errors and notices.
+- `status`, `input_errors`, `notices`: its health, input errors and notices.
 """
 
 from zacoustic.zenoh.gateway.gateway import Gateway

@@ -12,14 +12,14 @@ from typing import Final
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
-from zacoustic.zenoh.gateway.commands.desks import Desks
-from zacoustic.zenoh.gateway.commands.objects import ObjectDesk
-from zacoustic.zenoh.gateway.commands.orders import OrderDesk
-from zacoustic.zenoh.gateway.commands.pings import PingDesk
-from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.commands.desks import Handlers
+from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
+from zacoustic.zenoh.gateway.commands.pings import PingHandler
+from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.network.routes import Routes
 from zacoustic.zenoh.gateway.notices import Notify
@@ -44,7 +44,7 @@ from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
 from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
-from zacoustic.zenoh.session.asking.queries import QueryDesk
+from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import Island
 from zacoustic.zenoh.session.wake_up import WakeUp
 
@@ -55,7 +55,7 @@ QUERIES_LIMIT: Final = 256
 STOPPING_TEXT: Final = "the gateway is stopping"
 """What a caller reads whose query is held then."""
 
-MakeDialects = Callable[[Island, Complaints, Callable[[], None]], Dialects]
+MakeDialects = Callable[[Island, InputErrors, Callable[[], None]], Dialects]
 """Makes the dialects of a session; the last argument wakes the loop."""
 
 
@@ -91,12 +91,12 @@ class Composition:
         self._dates = Dates(self._clock, self._wall_clock)
         self._recent_events = RecentEvents(self._dates.unix_s)
         self._announcer = Announcer(self._recent_events, notify)
-        self._complaints = Complaints(self._clock, tell=self._recent_events.complain)
+        self._input_errors = InputErrors(self._clock, tell=self._recent_events.input_error)
         self._traffic = Traffic(self._dates.unix_s)
         self._frames = FrameLog(parts.table, parts.link, unix_s=self._dates.unix_s)
         self._runner = node.make_runner(self._trace)
-        self._dialects = make_dialects(island, self._complaints, self._wake_up.ring)
-        self._queries = QueryDesk(
+        self._dialects = make_dialects(island, self._input_errors, self._wake_up.ring)
+        self._queries = QueryHandler(
             island.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT
         )
 
@@ -121,18 +121,18 @@ class Composition:
             queries=self._queries,
             tell=self._announcer.tell,
         )
-        objects = ObjectDesk(self._table, self._runner)
+        objects = ObjectHandler(self._table, self._runner)
         status = self._status(streams, routes, objects)
-        desks = self._desks(objects, status.health)
-        notices = EventNotices(self._table, self._runner, desks.orders)
+        handlers = self._handlers(objects, status.health)
+        notices = EventNotices(self._table, self._runner, handlers.commands)
         return GatewaySession(
             self._node,
             self._runner,
             network,
             streams=streams,
-            desks=desks,
+            handlers=handlers,
             status=status,
-            dispatcher=EventDispatcher(streams, desks, network, status, notices),
+            dispatcher=EventDispatcher(streams, handlers, network, status, notices),
         )
 
     def _streams(self) -> StreamHandlers:
@@ -140,20 +140,20 @@ class Composition:
         topics = Topics(
             table,
             self._redundant,
-            self._complaints,
+            self._input_errors,
             self._dialects,
             KeptSamples(self._runner.keep, clock=self._clock, wall_clock=self._wall_clock),
             clock=self._clock,
             ring=ring,
         )
         services = Services(
-            table, island, self._complaints, self._dialects, clock=self._clock, ring=ring
+            table, island, self._input_errors, self._dialects, clock=self._clock, ring=ring
         )
         actions = Actions(
             self._redundant.address,
             table,
             island,
-            self._complaints,
+            self._input_errors,
             self._dialects,
             runner=self._runner,
             clock=self._clock,
@@ -163,25 +163,25 @@ class Composition:
         )
         return StreamHandlers(topics, services, actions, matching)
 
-    def _desks(self, objects: ObjectDesk, health: Health) -> Desks:
-        orders = OrderDesk(
+    def _handlers(self, objects: ObjectHandler, health: Health) -> Handlers:
+        commands = CommandHandler(
             self._table,
             self._runner,
             self._redundant,
             clock=self._clock,
             wall_clock=self._wall_clock,
         )
-        pings = PingDesk(self._runner, self._redundant, clock=self._clock)
-        return Desks(objects, orders, pings, health)
+        pings = PingHandler(self._runner, self._redundant, clock=self._clock)
+        return Handlers(objects, commands, pings, health)
 
-    def _status(self, streams: StreamHandlers, routes: Routes, objects: ObjectDesk) -> Status:
+    def _status(self, streams: StreamHandlers, routes: Routes, objects: ObjectHandler) -> Status:
         runner, dates = self._runner, self._dates
         started = {"started_at_unix_s": round(dates.unix_s(), 3)}
         journal = self._node.parts.journal
         link = LinkStatus(
             runner,
             {**self._about, **started},
-            is_journal_kept=not (journal is None or isinstance(journal, MemoryJournal)),
+            has_journal=not (journal is None or isinstance(journal, MemoryJournal)),
             clock=self._clock,
         )
         peers = PeerTable(runner, self._traffic)
@@ -192,7 +192,7 @@ class Composition:
             stream_status,
             objects,
             self._frames,
-            Dropped(runner, self._complaints, streams.topics, self._queries, self._island),
+            Dropped(runner, self._input_errors, streams.topics, self._queries, self._island),
             self._recent_events,
             PeerStatus(runner, clock=self._clock, unix_s=dates.unix_s),
         )

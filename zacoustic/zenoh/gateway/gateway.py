@@ -4,7 +4,7 @@
 
     Zenoh's threads                       the loop                                      the link
     subscriber ──► Mailbox ──┐                             ┌────────────┐
-    queryable ──► QueryDesk ─┼─► WakeUp ──► Session ────►│ LinkRunner │──► transmit
+    queryable ──► QueryHandler ─┼─► WakeUp ──► Session ────►│ LinkRunner │──► transmit
     token ──────► Presence ──┘                             │   Engine   │
     put, reply ◄── Island, Worker ◄── Topics, Services ◄───│            │◄── frames
                                                            └────────────┘
@@ -36,9 +36,9 @@ from zacoustic.run.journal import Journal, MemoryJournal, SqliteJournal, journal
 from zacoustic.run.journal.forgotten import forgotten
 from zacoustic.run.node import LinkNode, OpenRecording, PreparedNode
 from zacoustic.text.safetext import one_line, without_secrets
-from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.compose import Composition
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
 from zacoustic.zenoh.gateway.session import GatewaySession
 from zacoustic.zenoh.session.latching import stamp_samples
@@ -287,14 +287,14 @@ class Gateway:
             raise
 
     def _dialects(
-        self, island: Island, complaints: Complaints, ring: Callable[[], None]
+        self, island: Island, input_errors: InputErrors, ring: Callable[[], None]
     ) -> Dialects:
         ros, table = self.config.ros, self.config.table
         if ros is None:
             return Dialects(island)
         from zacoustic.zenoh.gateway.dialect.ros import RosDialects
 
-        return RosDialects(self.config.address, table, ros, island, complaints, ring)
+        return RosDialects(self.config.address, table, ros, island, input_errors, ring)
 
     def _forgotten(self) -> str:
         journal = self._parts.journal

@@ -95,7 +95,7 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
         return [f"link      {self.state} {self.detail}".rstrip()]
 
 
-class SilenceKept(Notice, frozen=True, kw_only=True, tag="silence"):
+class SilenceJournalled(Notice, frozen=True, kw_only=True, tag="silence"):
     """Transmit silence has begun by command, or has ended."""
 
     silent: bool
@@ -113,7 +113,7 @@ class SilenceKept(Notice, frozen=True, kw_only=True, tag="silence"):
         return [f"silence   until {self.until_utc or 'it is resumed'}{doubt}"]
 
 
-class TopicTuned(Notice, frozen=True, kw_only=True, tag="tuned"):
+class TopicOverridden(Notice, frozen=True, kw_only=True, tag="overridden"):
     """A command has changed how a topic is sent."""
 
     stream_id: int
@@ -126,14 +126,14 @@ class TopicTuned(Notice, frozen=True, kw_only=True, tag="tuned"):
     """Least time between two samples of a key, s."""
     priority: str
     """Zenoh's priority."""
-    ordered_by: int
+    commanded_by: int
     """Address of the commanding node; 0: the local network."""
 
     def lines(self) -> list[str]:
         """One line."""
         state = "on" if self.on else "off"
         state += f", every {self.min_interval_s:g} s at most" if self.min_interval_s else ""
-        by = f"node {self.ordered_by}" if self.ordered_by else "this island"
+        by = f"node {self.commanded_by}" if self.commanded_by else "this island"
         return [f"tuned     {self.stream_id} ({self.stream}): {state}, {self.priority}, by {by}"]
 
 

@@ -11,7 +11,7 @@ import logging
 from zacoustic.errors import LinkClosedError
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.desks import Desks
+from zacoustic.zenoh.gateway.commands.desks import Handlers
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.status import Status
@@ -28,7 +28,7 @@ class GatewaySession:
         runner: Runs the engine on its link; closed with the session.
         network: The local network; left with the session.
         streams: Take what the local network gives.
-        desks: What is asked of the gateway itself.
+        handlers: What is asked of the gateway itself.
         status: What it shows of itself.
         dispatcher: Takes the events of the engine.
     """
@@ -40,7 +40,7 @@ class GatewaySession:
         network: LocalNetwork,
         *,
         streams: StreamHandlers,
-        desks: Desks,
+        handlers: Handlers,
         status: Status,
         dispatcher: EventDispatcher,
     ) -> None:
@@ -49,7 +49,7 @@ class GatewaySession:
         self.failure: Exception | None = None
         self._node = node
         self._streams = streams
-        self._desks = desks
+        self._handlers = handlers
         self._status = status
         self._dispatcher = dispatcher
         self._is_closing = False
@@ -124,8 +124,8 @@ class GatewaySession:
     def _declare(self) -> None:
         self._status.feed.declare()
         self._streams.services.watch(self.network.redundant.address)
-        self._desks.declare(self.network.island, self.network.queries)
+        self._handlers.declare(self.network.island, self.network.queries)
 
     def _undeclare(self) -> None:
         self._status.feed.undeclare()
-        self._desks.undeclare()
+        self._handlers.undeclare()

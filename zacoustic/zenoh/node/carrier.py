@@ -26,14 +26,14 @@ from zacoustic.core.engine.events import (
     PeerLost,
     PeerSeen,
     SilenceChanged,
+    StreamOverridden,
     StreamsDiffer,
-    StreamTuned,
     SubscribersChanged,
 )
 from zacoustic.core.peers.measurements import Range
 from zacoustic.core.peers.ranging import RangeFailed, RangeFailure
 from zacoustic.core.profiles.entities import RosEntitySeen
-from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.objects.progress import ObjectProgress
@@ -66,7 +66,7 @@ NodeEvent = (
     | ModemRead
     | DeliveryEnded
     | SilenceChanged
-    | StreamTuned
+    | StreamOverridden
     | ObjectProgress
     | RosEntitySeen
 )
@@ -201,7 +201,7 @@ class Carrier(Protocol):
         """
         ...
 
-    async def order(self, node: int, order: Order, timeout_s: float) -> OrderState:
+    async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Give a command to a node; cancelling gives it up.
 
         Raises:

@@ -97,7 +97,7 @@ class TakenGoal(Protocol):
         ...
 
 
-class GoalDesk(Protocol):
+class GoalHandler(Protocol):
     """Who serves an action."""
 
     def take(self, goal: TakenGoal) -> None:
@@ -134,7 +134,7 @@ class GoalCarrier(Protocol):
         """Return the goals that a former boot epoch has sent, each once."""
         ...
 
-    def serve(self, route: ActionRoute[Any, Any, Any], desk: GoalDesk) -> Callable[[], None]:
+    def serve(self, route: ActionRoute[Any, Any, Any], handler: GoalHandler) -> Callable[[], None]:
         """Hand over the goals of an action; returns what ends it.
 
         Raises:

@@ -31,7 +31,7 @@ class Worker:
     """A thread that takes steps one after the other; it starts when it is made.
 
     It ends by `end` or `close`, or with the main thread. What is handed over is bounded by who
-    hands it over: queries by `QueryDesk`, calls by the call numbers, declarations by the stream
+    hands it over: queries by `QueryHandler`, calls by the call numbers, declarations by the stream
     table.
 
     Args:

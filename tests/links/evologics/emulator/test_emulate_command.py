@@ -118,7 +118,7 @@ def test_verb_ends_when_its_reader_has_gone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "problem"),
     [
         (["--modems", "0"], "0 modems"),
         (["--modems", "255"], "255 modems"),
@@ -129,8 +129,8 @@ def test_verb_ends_when_its_reader_has_gone() -> None:
         (["--time-scale", "0"], "time scale"),
     ],
 )
-def test_wrong_arguments_are_named(arguments: list[str], complaint: str) -> None:
-    with pytest.raises(ConfigError, match=complaint):
+def test_wrong_arguments_are_named(arguments: list[str], problem: str) -> None:
+    with pytest.raises(ConfigError, match=problem):
         EvologicsEmulation().run(parse(*arguments))
 
 

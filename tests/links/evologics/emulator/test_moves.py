@@ -43,10 +43,10 @@ def test_each_line_moves_a_modem_and_others_are_complained_about(
     )
     asyncio.run(follow(moves, b"".join(lines)))
     assert moves.made == [(2, (1.0, 2.5, 3.0)), (1, (0.0, 0.0, 7.0))]
-    complaints = capsys.readouterr().err.splitlines()
-    assert len(complaints) == 4
-    assert all(each.startswith("--moves: ") and len(each) < 6000 for each in complaints)
-    assert "nodes: [1, 2]" in complaints[1]
+    problems = capsys.readouterr().err.splitlines()
+    assert len(problems) == 4
+    assert all(each.startswith("--moves: ") and len(each) < 6000 for each in problems)
+    assert "nodes: [1, 2]" in problems[1]
 
 
 def test_sound_goes_where_a_modem_was_told_to_be() -> None:

@@ -59,7 +59,7 @@ class Child:
         self._reads_input = reads_input
         self._process: asyncio.subprocess.Process | None = None
         self._readers: list[asyncio.Task[None]] = []
-        self._complaints: deque[str] = deque(maxlen=STDERR_LINES)
+        self._problems: deque[str] = deque(maxlen=STDERR_LINES)
 
     @property
     def exit_code(self) -> int | None:
@@ -86,7 +86,7 @@ class Child:
             raise ChildDiedError(f"{self.name} cannot be started: {error.strerror}") from error
         self._readers = [
             asyncio.create_task(self._read_output(), name=f"{self.name} output"),
-            asyncio.create_task(self._read_complaints(), name=f"{self.name} stderr"),
+            asyncio.create_task(self._read_problems(), name=f"{self.name} stderr"),
         ]
 
     async def watch(self) -> None:
@@ -98,7 +98,7 @@ class Child:
         """
         assert self._process is not None
         code, *_ = await asyncio.gather(self._process.wait(), *self._readers)
-        said = " | ".join(self._complaints) or "it said nothing on standard error"
+        said = " | ".join(self._problems) or "it said nothing on standard error"
         raise ChildDiedError(f"{self.name} ended with code {code}: {said}")
 
     def tell(self, line: str) -> None:
@@ -148,10 +148,10 @@ class Child:
                 if isinstance(told, dict):
                     self._told(self.name, told)
 
-    async def _read_complaints(self) -> None:
+    async def _read_problems(self) -> None:
         assert self._process is not None
         assert self._process.stderr is not None
         async for line in self._process.stderr:
             text = line.decode(errors="replace").strip()
             if text:
-                self._complaints.append(text)
+                self._problems.append(text)

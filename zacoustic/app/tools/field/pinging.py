@@ -19,7 +19,7 @@ import zenoh
 from zacoustic.config import Config
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.engine.events import CallFailure
-from zacoustic.core.streams.commands import Order
+from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.errors import (
     CallTimeoutError,
     DeliveryError,
@@ -125,7 +125,7 @@ class LinkPinger(Pinger):
         left_s = timeout_s
         try:
             with contextlib.suppress(ServiceError):  # a refusal is an answer
-                await self._node.order(node, Order(), timeout_s=timeout_s)
+                await self._node.command(node, RemoteCommand(), timeout_s=timeout_s)
             round_trip_s = time.monotonic() - began_s
             answer = msgspec.structs.replace(answer, round_trip_s=round_trip_s)
             left_s = max(min(timeout_s - round_trip_s, RANGE_LIMIT_S), 0.001)

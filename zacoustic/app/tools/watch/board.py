@@ -44,7 +44,7 @@ from zacoustic.app.tools.watch.views import (
     TransferView,
 )
 from zacoustic.core.engine.events import DeliveryOutcome
-from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.asking.commands import PREFIX
 
 WINDOW_S: Final = 60.0
 """The utilisation covers the last so many seconds, once they were observed."""

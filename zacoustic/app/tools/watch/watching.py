@@ -13,7 +13,7 @@ import zenoh
 from zacoustic.app.tools.watch.board import Board, addresses_in
 from zacoustic.config import Config
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.session import Island
 from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence, Set
 from functools import partial
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.base.qos import Tuning
+from zacoustic.core.base.qos import Override
 from zacoustic.core.base.stats import count
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
@@ -31,7 +31,7 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
-from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
 from zacoustic.core.transport.contract import Transport
@@ -42,7 +42,7 @@ from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.core.transport.reliable.receiving.receiving import ReliableReceiving
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.repeating import Repeater
-from zacoustic.core.transport.subscriptions.demand import Demand, SubscribersChanged
+from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged, Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
@@ -50,7 +50,7 @@ from zacoustic.core.transport.topics.topics import Topics
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
-from zacoustic.core.wire.frame import DenseAck, DenseString
+from zacoustic.core.wire.frame import DenseAck, DenseBlock
 from zacoustic.core.wire.objects import Complete, Fragment, Headless, Lacks, Refused
 from zacoustic.core.wire.subscriptions import Subscribe
 from zacoustic.errors import ConfigError
@@ -111,26 +111,26 @@ class Protocols:
             generators.of("repeater"),
             partial(handshake.introduce, context.link),
         )
-        self.demand = Demand(
+        self.subscriptions = Subscriptions(
             address,
             table,
             queue=queue,
             repeater=self.repeater,
             handshake=handshake,
             journal=journal,
-            changed=self._audience_changed,
+            changed=self._subscribers_changed,
             unsubscribed=self._unsubscribed,
             emit=emit,
         )
-        self.deadlines = Deadlines(address, table, self.demand, timers, stats, emit)
-        self.dense = DenseStreams(address, table, handshake, self.demand)
+        self.deadlines = Deadlines(address, table, self.subscriptions, timers, stats, emit)
+        self.dense = DenseStreams(address, table, handshake, self.subscriptions)
         self.sending = ReliableSending(
             address,
             table,
             queue=queue,
             peers=peers,
             handshake=handshake,
-            demand=self.demand,
+            subscriptions=self.subscriptions,
             journal=journal,
             doubt=doubt,
             timers=timers,
@@ -153,7 +153,7 @@ class Protocols:
             table,
             rules.objects,
             handshake=handshake,
-            demand=self.demand,
+            subscriptions=self.subscriptions,
             sending=self.sending,
             receiving=self.receiving,
             journal=journal,
@@ -172,7 +172,7 @@ class Protocols:
             sending=self.sending,
             receiving=self.receiving,
             large=self.large,
-            demand=self.demand,
+            subscriptions=self.subscriptions,
             dense=self.dense,
             emit=self._hand_on,
         )
@@ -214,7 +214,7 @@ class Protocols:
             extensions=tuple(self.transports.values()),
         )
         self.composer = Composer(context.link, handshake, made_of, stats)
-        for each in (self.services, self.actions, self.sending, self.demand, self.dense):
+        for each in (self.services, self.actions, self.sending, self.subscriptions, self.dense):
             peers.restarted.connect(each.peer_restarted)
         for told in (self.sending.peer_asked, self.dense.peer_asked):
             peers.asked.connect(told)
@@ -223,7 +223,8 @@ class Protocols:
         context.reception.read.connect(self.sending.heard)
         context.reception.read.connect(lambda address, now: self.repeater.heard(address))
         for one in (
-            self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
+            self.services, self.actions, self.sending, self.receiving, self.subscriptions,
+            self.dense,
             self.objects, self.copied, self.deadlines, self.ranging,
         ):  # fmt: skip
             peers.forgotten.connect(one.peer_forgotten)
@@ -295,11 +296,11 @@ class Protocols:
         """Answer a request with an error; see `Engine.reply_error`."""
         return self.services.reply_error(call, failure, text, now)
 
-    def tune(self, stream: Stream, tuning: Tuning) -> None:
+    def override(self, stream: Stream, override: Override) -> None:
         """Lay an override over the QoS of what waits of a topic."""
         for lane in SAMPLE_LANES:
-            self.queue.tune((stream.stream_id, lane), tuning)
-        self.objects.tune(stream.stream_id, tuning.over(stream.qos).priority, on=tuning.on)
+            self.queue.override((stream.stream_id, lane), override)
+        self.objects.override(stream.stream_id, override.over(stream.qos).priority, on=override.on)
 
     # What is said and heard
 
@@ -344,7 +345,7 @@ class Protocols:
     def recover(self) -> None:
         """Go on with what a former life has left of this link."""
         stored = self._context.stored
-        self.demand.recover(stored)
+        self.subscriptions.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
         self.large.recover(stored)
@@ -409,20 +410,20 @@ class Protocols:
         reception.on_records(TopicSpec, self.topics.receive, self.topics.receive_ack)
         reception.on_records(ServiceSpec, self.services.receive)
         reception.on_records(ActionSpec, self.actions.receive)
-        reception.on(DenseString, self.topics.receive_block)
+        reception.on(DenseBlock, self.topics.receive_block)
         reception.on(DenseAck, self.dense.acknowledged)
         reception.on(Fragment, self.large.fragment)
         for kind in (Lacks, Complete, Refused, Headless):
             reception.on(kind, self.large.feedback)
-        reception.on(Subscribe, self.demand.receive)
+        reception.on(Subscribe, self.subscriptions.receive)
 
     def _epoch_changed(self, now: int) -> None:
         self.dense.epoch_changed()
         self.services.epoch_changed()
         self.actions.epoch_changed(now)
 
-    def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
-        self.topics.audience_changed(stream, newcomers, now)
+    def _subscribers_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        self.topics.subscribers_changed(stream, newcomers, now)
 
     def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
         self.large.unsubscribed(stream_id, sources, now)

@@ -14,11 +14,11 @@ unknown_stream``
 ``not_publisher         the table does not allow this record between these nodes
 not_subscriber``
 ``payload``             the content does not decode, or is out of the bounds of its type
-``dense``               a dense string that is damaged, or refers to what is not known here
+``dense``               a dense block that is damaged, or refers to what is not known here
 ``unexpected_answer     an answer to no call, or too late; a request that came before
 repeated_request
 repeated_goal``
-``stale_letter``        subscriptions of a node as they were before
+``stale_subscribe``        subscriptions of a node as they were before
 ``repeated_sample       a reliable sample that came before; one whose count is not known here
 out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or of a former life

@@ -176,7 +176,7 @@ class RmwDesertProtocols(Protocols):
         return None
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Return None: what silences grant are answers to orders, and there are no orders."""
+        """Return None: what silences grant are answers to commands, and there are no commands."""
         return None
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:

@@ -28,7 +28,7 @@ goals survive it.
 
 - `news`: the events; `zacoustic.core.wire.goals` has the records, and the words in both.
 - `numbers`: which of the 32 numbers are free.
-- `post`: gets records about goals onto the queue.
+- `outbox`: gets records about goals onto the queue.
 - `client`, `clientgoal`, `clientletters`, `clientjournal`: the goals that this node has sent.
 - `server`, `servedgoal`: the goals that this node pursues.
 - `actions`: both, and what the application and the water say to them.

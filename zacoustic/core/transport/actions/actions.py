@@ -1,7 +1,7 @@
 """What the application and the water say to the actions of one node.
 
 Commands are given here (`Engine.actions`); the events are those of
-`zacoustic.core.transport.actions.news`.
+`zacoustic.core.transport.actions.events`.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,8 +17,8 @@ from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.actions.client import GoalClient
-from zacoustic.core.transport.actions.news import ActionEvent
-from zacoustic.core.transport.actions.post import GoalPost
+from zacoustic.core.transport.actions.events import ActionEvent
+from zacoustic.core.transport.actions.outbox import GoalOutbox
 from zacoustic.core.transport.actions.server import GoalServer
 from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.wire.frame import Record
@@ -60,11 +60,11 @@ class Actions:
     ) -> None:
         self._address = address
         self._table = table
-        self._post = post = GoalPost(address, queue, repeater, handshake)
+        self._outbox = outbox = GoalOutbox(address, queue, repeater, handshake)
         self._client = GoalClient(
             address,
             table,
-            post=post,
+            outbox=outbox,
             journal=journal,
             handshake=handshake,
             begin_epoch=begin_epoch,
@@ -74,7 +74,7 @@ class Actions:
         )
         self._server = GoalServer(
             table,
-            post=post,
+            outbox=outbox,
             journal=journal,
             handshake=handshake,
             doubt=doubt,
@@ -182,7 +182,7 @@ class Actions:
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
-        self._post.use_link(times)
+        self._outbox.use_link(times)
         self._client.settling_ns = self._server.settling_ns = settling_ns
 
     def recover(self, stored: Mapping[str, bytes]) -> None:

@@ -13,8 +13,8 @@ from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.actions.clientgoal import ClientGoal, ClientStage
 from zacoustic.core.transport.actions.clientjournal import ClientJournal
-from zacoustic.core.transport.actions.clientletters import ClientLetters
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.clientrequests import ClientRequests
+from zacoustic.core.transport.actions.events import (
     ActionEvent,
     CancelAnswered,
     FeedbackReceived,
@@ -24,7 +24,7 @@ from zacoustic.core.transport.actions.news import (
     ResultReceived,
 )
 from zacoustic.core.transport.actions.numbers import WINDOW, GoalNumbers
-from zacoustic.core.transport.actions.post import GoalLane, GoalPost
+from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.goals import (
     GOAL_NUMBERS,
@@ -51,7 +51,7 @@ class GoalClient:
     Args:
         address: Address of the node.
         table: Its streams.
-        post: Takes what is to be said.
+        outbox: Takes what is to be said.
         journal: Keeps which goals have been sent.
         handshake: Knows this node's epoch, and which streams a peer defines in another way.
         begin_epoch: Begins a new boot epoch of this node; False: that would break something.
@@ -65,7 +65,7 @@ class GoalClient:
         address: int,
         table: StreamTable,
         *,
-        post: GoalPost,
+        outbox: GoalOutbox,
         journal: JournalPort,
         handshake: Handshake,
         begin_epoch: Callable[[int], bool],
@@ -75,8 +75,8 @@ class GoalClient:
     ) -> None:
         self._address = address
         self._table = table
-        self._post = post
-        self._letters = ClientLetters(table, post)
+        self._outbox = outbox
+        self._requests = ClientRequests(table, outbox)
         self._journal = ClientJournal(address, table, journal)
         self._handshake = handshake
         self._begin_epoch = begin_epoch
@@ -114,7 +114,7 @@ class GoalClient:
     ) -> GoalKey:
         """Send a goal; see `Actions.send_goal`."""
         payload = stream.codec.encode(value)
-        self._post.check_size(stream, payload)
+        self._outbox.check_size(stream, payload)
         if spec.journal and self._journal.failure:
             raise JournalUnavailableError(
                 f"{stream.name}: not accepted: the journal cannot be written: "
@@ -131,7 +131,7 @@ class GoalClient:
         self._goals[key] = goal
         self._arm(goal)
         # What is left to be said of the last goal of this number is of no use any more.
-        self._post.withdraw(key, spec.server, GoalLane.ANSWER)
+        self._outbox.withdraw(key, spec.server, GoalLane.ANSWER)
         count(self._stats.published, stream.stream_id)
         if self._handshake.differs(spec.server, stream.stream_id):
             self._mismatch(goal, now)
@@ -140,7 +140,7 @@ class GoalClient:
         def kept(at: int) -> None:
             if goal.stage is not ClientStage.OFFERED:
                 return
-            self._letters.offer(goal, payload, at)
+            self._requests.offer(goal, payload, at)
 
         self._journal.keep(goal, kept, now)
         return key
@@ -159,7 +159,7 @@ class GoalClient:
         elif not goal.cancel_wanted:
             goal.cancel_wanted = True
             # Whatever of it is in the water: it shall not begin any more.
-            self._letters.stop_offer(goal, now)
+            self._requests.stop_offer(goal, now)
             self._attempt_cancel(goal, now)
         return True
 
@@ -190,14 +190,14 @@ class GoalClient:
                 return self._receive_refusal(goal, message.payload, now)
             case Operation.RESULT if message.payload == REMINDER:
                 self._prove(goal, now)
-                self._letters.stop_offer(goal, now, answered=True)
-                self._letters.insist(goal, now)
+                self._requests.stop_offer(goal, now, answered=True)
+                self._requests.insist(goal, now)
                 self._arm(goal)
             case Operation.RESULT:
                 return self._receive_result(goal, stream, message.payload, now)
             case Operation.CONFIRM:
                 self._prove(goal, now)
-                self._letters.stop_offer(goal, now, answered=True)
+                self._requests.stop_offer(goal, now, answered=True)
                 if goal.stage is ClientStage.OFFERED and goal.claim is None:
                     self._claim(goal, now)
             case Operation.ACCEPTED:
@@ -232,14 +232,14 @@ class GoalClient:
                 continue
             if goal.offer is not None:
                 payload = goal.offer.record.payload
-                self._post.stop(goal.offer, now)
-                self._letters.offer(goal, payload, now)
+                self._outbox.stop(goal.offer, now)
+                self._requests.offer(goal, payload, now)
             elif goal.stage is ClientStage.RUNS or goal.claim is not None:
-                self._post.stop(goal.claim, now)
+                self._outbox.stop(goal.claim, now)
                 self._claim(goal, now)
             if goal.cancel is not None:
-                self._post.stop(goal.cancel, now)
-                self._letters.cancel(goal, now)
+                self._outbox.stop(goal.cancel, now)
+                self._requests.cancel(goal, now)
 
     # Below the methods above
 
@@ -260,7 +260,7 @@ class GoalClient:
             self._claim(goal, now)
 
     def _claim(self, goal: ClientGoal, now: int) -> None:
-        self._letters.claim(goal, now)
+        self._requests.claim(goal, now)
         self._arm(goal)
 
     def _numbers_for(self, stream: Stream, spec: ActionSpec, now: int) -> GoalNumbers:
@@ -307,9 +307,9 @@ class GoalClient:
     def _runs(self, goal: ClientGoal, now: int) -> None:
         """The server has shown that it has accepted a goal."""
         self._prove(goal, now)
-        self._letters.stop_offer(goal, now, answered=True)
+        self._requests.stop_offer(goal, now, answered=True)
         if goal.claim is not None:
-            self._post.stop(goal.claim, now, answered=True)
+            self._outbox.stop(goal.claim, now, answered=True)
             goal.claim = None
         patience_ns = self._patience_ns(goal)
         goal.claim_at, goal.deadline_at = now + patience_ns // 2, now + patience_ns
@@ -338,9 +338,9 @@ class GoalClient:
         def kept(at: int) -> None:
             is_open = goal.stage is not ClientStage.ENDED and goal.cancel_wanted
             if is_open and goal.attempt == attempt and goal.cancel is None:
-                self._letters.cancel(goal, at)
+                self._requests.cancel(goal, at)
 
-        if attempt < goal.attempts_kept:
+        if attempt < goal.attempts_journalled:
             kept(now)
             return
         self._journal.keep(goal, kept, now)
@@ -350,7 +350,7 @@ class GoalClient:
 
     def _cancel_answered(self, goal: ClientGoal, accepted: bool, text: str, now: int) -> None:
         if goal.cancel is not None:
-            self._post.stop(goal.cancel, now, answered=True)
+            self._outbox.stop(goal.cancel, now, answered=True)
             goal.cancel = None
         if goal.cancel_wanted:
             goal.cancel_wanted = False
@@ -437,8 +437,8 @@ class GoalClient:
         goal.stage = ClientStage.ENDED
         self._arm(goal)
         for repetition in (goal.offer, goal.claim):
-            self._post.stop(repetition, now, answered=answered)
-        self._post.stop(goal.cancel, now)
+            self._outbox.stop(repetition, now, answered=answered)
+        self._outbox.stop(goal.cancel, now)
         for event in events:
             self._emit(event)
 
@@ -456,4 +456,4 @@ class GoalClient:
         numbers = self._numbers.get(key.stream_id)
         if numbers is not None and key.epoch == self._handshake.epoch:
             numbers.rest(key.number, now + self.settling_ns)
-        self._post.say(key, stream, server, Operation.CONFIRM, GoalLane.ANSWER, now)
+        self._outbox.say(key, stream, server, Operation.CONFIRM, GoalLane.ANSWER, now)

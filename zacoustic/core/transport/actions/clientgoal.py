@@ -32,7 +32,8 @@ class ClientGoal:
     """
 
     __slots__ = (
-        "attempt", "attempts_kept", "cancel", "cancel_stands", "cancel_wanted", "claim", "claim_at",
+        "attempt", "attempts_journalled", "cancel", "cancel_stands", "cancel_wanted", "claim",
+        "claim_at",
         "deadline_at", "index", "key", "numbers", "offer", "repetitions", "server", "stage", "tag",
     )  # fmt: skip
 
@@ -63,7 +64,7 @@ class ClientGoal:
         """The server has said that the goal will end."""
         self.attempt = -1
         """The last attempt to cancel it, counted from 0; -1: there was none."""
-        self.attempts_kept = 0
+        self.attempts_journalled = 0
         """How many attempts may be sent, for what is written down."""
         self.repetitions: list[Repetition] = []
         """All that was ever to be sent of it."""

@@ -19,7 +19,7 @@ _JOURNAL: Final = "goal/sent"
 _NEVER: Final = 1 << 62
 
 
-class _Kept(msgspec.Struct, frozen=True, array_like=True):
+class _Journalled(msgspec.Struct, frozen=True, array_like=True):
     """A goal in the journal of its client."""
 
     digest: bytes
@@ -53,7 +53,7 @@ class ClientJournal:
             if not name.startswith(f"{_JOURNAL}/"):
                 continue
             epoch, stream_id, number = map(int, name.split("/")[2:])
-            kept = msgspec.msgpack.decode(value, type=_Kept)
+            kept = msgspec.msgpack.decode(value, type=_Journalled)
             stream = self._table.get(stream_id)
             if stream is None or stream.digest != kept.digest:
                 self._journal.write(name, None)
@@ -62,14 +62,14 @@ class ClientJournal:
             key = GoalKey(self._address, epoch, stream_id, number)
             goal = ClientGoal(key, stream.spec.server, ClientStage.FOUND, _NEVER, kept.tag)
             goal.attempt = kept.attempts - 1
-            goal.attempts_kept = kept.attempts
+            goal.attempts_journalled = kept.attempts
             yield goal
 
     def keep(self, goal: ClientGoal, then: Callable[[int], None], now: int) -> None:
         """Write down that a goal is sent, and its cancels up to `goal.attempt`; then go on."""
         stream = self._table.by_id(goal.key.stream_id)
-        goal.attempts_kept = max(goal.attempt, 0) + 1
-        kept = _Kept(stream.digest, goal.tag, goal.attempts_kept)
+        goal.attempts_journalled = max(goal.attempt, 0) + 1
+        kept = _Journalled(stream.digest, goal.tag, goal.attempts_journalled)
         self._write(goal.key, msgspec.msgpack.encode(kept), then, now)
 
     def forget(self, key: GoalKey, then: Callable[[int], None], now: int) -> None:

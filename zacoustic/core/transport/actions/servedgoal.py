@@ -48,7 +48,7 @@ class ServedGoal:
 
     __slots__ = (
         "answer", "cancel", "cancel_attempt", "cancel_text", "claimed_in", "deadline_at",
-        "forget_at", "is_confirmed", "is_kept", "key", "repetition", "stage",
+        "forget_at", "is_confirmed", "is_journalled", "key", "repetition", "stage",
     )  # fmt: skip
 
     def __init__(
@@ -60,7 +60,7 @@ class ServedGoal:
         self.forget_at = forget_at
         self.answer = b""
         """Payload of REFUSED or RESULT."""
-        self.is_kept = False
+        self.is_journalled = False
         """The answer is written down and may be sent."""
         self.is_confirmed = False
         """The client has the result."""

@@ -14,9 +14,9 @@ from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.core.transport.actions.news import ActionEvent, CancelRequested, GoalReceived
+from zacoustic.core.transport.actions.events import ActionEvent, CancelRequested, GoalReceived
 from zacoustic.core.transport.actions.numbers import closes
-from zacoustic.core.transport.actions.post import GoalLane, GoalPost
+from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
 from zacoustic.core.transport.actions.servedgoal import CancelStage, ServedGoal, ServedStage
 from zacoustic.core.transport.actions.takengoals import TakenGoals
 from zacoustic.core.values.payload import PayloadError
@@ -42,7 +42,7 @@ more copy of a result."""
 _NEVER: Final = 1 << 62
 
 
-class _Kept(msgspec.Struct, frozen=True, array_like=True):
+class _Journalled(msgspec.Struct, frozen=True, array_like=True):
     """A goal in the journal of its server."""
 
     digest: bytes
@@ -55,7 +55,7 @@ class GoalServer:
 
     Args:
         table: Its streams.
-        post: Takes what is to be said.
+        outbox: Takes what is to be said.
         journal: Keeps the goals.
         handshake: Knows the present epoch of each client.
         doubt: Whether goals of former lives are forgotten.
@@ -68,7 +68,7 @@ class GoalServer:
         self,
         table: StreamTable,
         *,
-        post: GoalPost,
+        outbox: GoalOutbox,
         journal: JournalPort,
         handshake: Handshake,
         doubt: Doubt,
@@ -77,7 +77,7 @@ class GoalServer:
         emit: Callable[[ActionEvent], None],
     ) -> None:
         self._table = table
-        self._post = post
+        self._outbox = outbox
         self._journal = journal
         self._handshake = handshake
         self._doubt = doubt
@@ -94,7 +94,7 @@ class GoalServer:
             if not name.startswith(f"{_JOURNAL}/"):
                 continue
             key = GoalKey(*map(int, name.split("/")[2:]))
-            kept = msgspec.msgpack.decode(value, type=_Kept)
+            kept = msgspec.msgpack.decode(value, type=_Journalled)
             stream = self._table.get(key.stream_id)
             if stream is None or stream.digest != kept.digest:
                 self._journal.write(name, None)
@@ -103,7 +103,7 @@ class GoalServer:
             if stage not in (ServedStage.REFUSED, ServedStage.ENDED):
                 stage, answer = ServedStage.ENDED, UNKNOWN_RESULT
             goal = ServedGoal(key, stage, _NEVER, _NEVER)
-            goal.answer, goal.is_kept = answer, True
+            goal.answer, goal.is_journalled = answer, True
             self._goals.add(goal)
 
     def link_up(self, now: int) -> None:
@@ -146,10 +146,10 @@ class GoalServer:
             return False
         stream, spec = self._stream(goal), self._spec(goal)
         payload = stream.feedback_codec.encode(value)
-        self._post.check_size(stream, payload)
+        self._outbox.check_size(stream, payload)
         if self._is_wanted(goal):
             count(self._stats.published, stream.stream_id)
-            self._post.feed(key, stream, key.client, payload, spec.feedback_interval_s, now)
+            self._outbox.feed(key, stream, key.client, payload, spec.feedback_interval_s, now)
         return True
 
     def finish(self, key: GoalKey, status: GoalStatus, value: object, now: int) -> bool:
@@ -160,7 +160,7 @@ class GoalServer:
         stream = self._stream(goal)
         try:
             result = None if value is None else stream.response_codec.encode(value)
-            self._post.check_size(stream, result or b"", status=True)
+            self._outbox.check_size(stream, result or b"", status=True)
         except (PayloadInvalidError, LocalError):
             self._finish(goal, encode_result(GoalStatus.ABORTED, None), now)
             raise
@@ -199,7 +199,7 @@ class GoalServer:
                 if goal is None:
                     refusal = Refusal(GoalFailure.UNKNOWN, "").encode()
                     lane, operation = GoalLane.ANSWER, Operation.REFUSED
-                    self._post.say(key, stream, source, operation, lane, now, refusal)
+                    self._outbox.say(key, stream, source, operation, lane, now, refusal)
                 else:
                     self._answer_again(goal, now)
             case Operation.CANCEL | Operation.CANCEL_AGAIN:
@@ -208,7 +208,7 @@ class GoalServer:
                     return "payload"
                 return self._receive_cancel(key, goal, attempt, now)
             case Operation.CONFIRM:
-                if goal is not None and goal.stage is ServedStage.ENDED and goal.is_kept:
+                if goal is not None and goal.stage is ServedStage.ENDED and goal.is_journalled:
                     self._result_confirmed(goal, now)
             case _:
                 return "not_publisher"
@@ -218,9 +218,9 @@ class GoalServer:
         """Say no more of a client's goals of other epochs, unless it asks for them."""
         for goal in self._goals.values():
             if goal.key.client == client and not self._is_wanted(goal):
-                self._post.stop(goal.repetition, now)
+                self._outbox.stop(goal.repetition, now)
                 goal.repetition = None
-                self._post.withdraw(
+                self._outbox.withdraw(
                     goal.key, client, GoalLane.ANSWER, GoalLane.CANCEL_ANSWER, GoalLane.FEEDBACK
                 )
 
@@ -340,14 +340,14 @@ class GoalServer:
             payload = refusal.encode()
         if self._is_wanted(goal):
             lane = GoalLane.CANCEL_ANSWER
-            self._post.say(goal.key, stream, client, operation, lane, now, payload)
+            self._outbox.say(goal.key, stream, client, operation, lane, now, payload)
 
     def _say(self, goal: ServedGoal, operation: Operation, now: int) -> None:
         """Say how far a goal is, to whoever has asked."""
         if self._is_wanted(goal):
             payload = goal.answer if operation is Operation.REFUSED else b""
             stream, client = self._stream(goal), goal.key.client
-            self._post.say(goal.key, stream, client, operation, GoalLane.ANSWER, now, payload)
+            self._outbox.say(goal.key, stream, client, operation, GoalLane.ANSWER, now, payload)
 
     def _answer_again(self, goal: ServedGoal, now: int) -> None:
         """The client has not heard how far a goal is."""
@@ -359,21 +359,21 @@ class GoalServer:
             case ServedStage.RUNS:
                 self._say(goal, Operation.ACCEPTED, now)
             case ServedStage.REFUSED:
-                if goal.is_kept:
+                if goal.is_journalled:
                     self._say(goal, Operation.REFUSED, now)
             case ServedStage.ENDED:
                 if goal.repetition is not None:
-                    self._post.again(goal.repetition)
-                elif goal.is_kept:
+                    self._outbox.again(goal.repetition)
+                elif goal.is_journalled:
                     self._push(goal, now)
 
     def _refuse(self, goal: ServedGoal, failure: GoalFailure, text: str, now: int) -> None:
         goal.stage, goal.answer = ServedStage.REFUSED, Refusal(failure, text).encode()
         self._forget_at(goal, goal.deadline_at + self.settling_ns)
-        self._post.withdraw(goal.key, goal.key.client, GoalLane.ANSWER)
+        self._outbox.withdraw(goal.key, goal.key.client, GoalLane.ANSWER)
 
         def kept(at: int) -> None:
-            goal.is_kept = True
+            goal.is_journalled = True
             if self._goals.get(goal.key) is goal:
                 self._say(goal, Operation.REFUSED, at)
 
@@ -384,13 +384,13 @@ class GoalServer:
         keeps_until = now + seconds_to_ns(self._spec(goal).result_timeout_s)
         self._forget_at(goal, max(goal.deadline_at, keeps_until) + self.settling_ns)
         # The result says that the goal was accepted, and that it is over.
-        self._post.withdraw(
+        self._outbox.withdraw(
             goal.key, goal.key.client, GoalLane.ANSWER, GoalLane.CANCEL_ANSWER, GoalLane.FEEDBACK
         )
         count(self._stats.published, goal.key.stream_id)
 
         def kept(at: int) -> None:
-            goal.is_kept = True
+            goal.is_journalled = True
             if self._goals.get(goal.key) is goal:
                 self._push(goal, at)
 
@@ -402,12 +402,12 @@ class GoalServer:
             return
         assert goal.forget_at is not None
         stream = self._stream(goal)
-        if not self._post.fits(goal.answer):
+        if not self._outbox.fits(goal.answer):
             # The link has become smaller since it was checked: how the goal has ended still fits.
             goal.answer = encode_result(GoalStatus(goal.answer[0]), None)
         has_result = goal.answer[:1] < UNKNOWN_RESULT
         operation, payload = shorten_result(goal.answer)
-        goal.repetition = self._post.repeat(
+        goal.repetition = self._outbox.repeat(
             goal.key,
             stream,
             goal.key.client,
@@ -421,7 +421,7 @@ class GoalServer:
         )
 
     def _result_confirmed(self, goal: ServedGoal, now: int) -> None:
-        self._post.stop(goal.repetition, now, answered=True)
+        self._outbox.stop(goal.repetition, now, answered=True)
         goal.repetition = None
         if not goal.is_confirmed:
             goal.is_confirmed = True
@@ -431,7 +431,7 @@ class GoalServer:
     def _forget(self, goal: ServedGoal, now: int) -> None:
         self._goals.remove(goal)
         self._timers.cancel((Due.SERVED_GOAL, goal.key))
-        self._post.stop(goal.repetition, now)
+        self._outbox.stop(goal.repetition, now)
         if self._stream(goal).spec.journal:
             self._journal.write(_journal_name(goal.key), None)
 
@@ -441,7 +441,7 @@ class GoalServer:
         if not stream.spec.journal:
             then(now)
             return
-        kept = _Kept(stream.digest, goal.stage.value, goal.answer)
+        kept = _Journalled(stream.digest, goal.stage.value, goal.answer)
         self._journal.write(_journal_name(goal.key), msgspec.msgpack.encode(kept), then)
 
 

@@ -46,7 +46,7 @@ _UNREADABLE: Final = object()
 _HEADER_BYTES: Final = 2 + NAME_BYTES
 
 
-class _Kept(msgspec.Struct, frozen=True, array_like=True):
+class _Journalled(msgspec.Struct, frozen=True, array_like=True):
     """A call in the journal of its server."""
 
     digest: bytes
@@ -119,7 +119,7 @@ class Answering:
             if not name.startswith(f"{_JOURNAL}/"):
                 continue
             client, epoch, stream_id, number = map(int, name.split("/")[1:])
-            kept = msgspec.msgpack.decode(value, type=_Kept)
+            kept = msgspec.msgpack.decode(value, type=_Journalled)
             stream = self._table.get(stream_id)
             if stream is None or stream.digest != kept.digest:
                 self._journal.write(name, None)
@@ -245,7 +245,7 @@ class Answering:
                 self._send_answer(key, served, now)
             else:
                 self._repeater.again(served.repetition)
-        elif served.answer is None and served.is_kept and served.abandoned_at is None:
+        elif served.answer is None and served.is_journalled and served.abandoned_at is None:
             self._owe_confirm(key, served, stream, now)
 
     def _stop_answer(self, served: Served, now: int, *, answered: bool = False) -> None:
@@ -275,13 +275,13 @@ class Answering:
 
         def kept(at: int) -> None:
             if self._calls.find(key) is served:
-                served.is_kept = True
+                served.is_journalled = True
                 then(at)
 
         if not stream.spec.journal:
             kept(now)
             return
-        value = msgspec.msgpack.encode(_Kept(stream.digest, served.answer))
+        value = msgspec.msgpack.encode(_Journalled(stream.digest, served.answer))
         self._journal.write(_journal_name(key), value, kept)
 
     def _owe_confirm(self, key: CallKey, served: Served, stream: Stream, now: int) -> None:
@@ -310,7 +310,7 @@ class Answering:
         if served is None:
             return False
         stream = self._table.by_id(call.stream_id)
-        served.answer, served.is_kept = Answer(kind, payload), False
+        served.answer, served.is_journalled = Answer(kind, payload), False
         # The answer says that the request has arrived, too.
         self._queue.drop_lane((call.stream_id, _CONFIRM_LANE, call.client, call.number))
         count(self._stats.published, call.stream_id)

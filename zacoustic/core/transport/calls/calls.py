@@ -264,7 +264,8 @@ class Served:
     """A request that this node has taken."""
 
     __slots__ = (
-        "abandoned_at", "answer", "deadline_at", "forget_at", "is_closed", "is_kept", "is_named",
+        "abandoned_at", "answer", "deadline_at", "forget_at", "is_closed", "is_journalled",
+        "is_named",
         "repetition",
     )  # fmt: skip
 
@@ -276,7 +277,7 @@ class Served:
         self.answer: Answer | None = None
         self.repetition: Repetition | None = None
         """The answer on its way."""
-        self.is_kept = False
+        self.is_journalled = False
         """The journal has it."""
         self.is_named = True
         """The client does not know that this node knows its epoch."""
@@ -288,7 +289,7 @@ class Served:
     @property
     def is_answerable(self) -> bool:
         """The answer has to go to the client."""
-        waits = self.answer is not None and self.is_kept
+        waits = self.answer is not None and self.is_journalled
         return waits and not self.is_closed and self.abandoned_at is None
 
 
@@ -355,7 +356,7 @@ class ServerCalls:
     def restore(self, key: CallKey, answer: Answer) -> Served:
         """Go on with a call of a former life of this node; its times begin at the link's UP."""
         served = self._served[key] = Served(_NEVER, _NEVER)
-        served.answer, served.is_kept = answer, True
+        served.answer, served.is_journalled = answer, True
         return served
 
     def restored(self) -> list[tuple[CallKey, Served]]:

@@ -17,7 +17,7 @@ exclusive                 92      72      62      43
 ====================  ======  ======  ======  ======
 
 ======================  ============================================================================
-`objects`, `gate`       the engine's view; what objects ask of the rest
+`objects`, `admission`       the engine's view; what objects ask of the rest
 `large`                 samples that are larger than a frame, for the topics
 `sending`               which object is next; `outgoing` one of them, `planning` its repair
 `receiving`             incoming objects; `incoming` one of them, `replies` when to send feedback,

@@ -28,7 +28,7 @@ from zacoustic.core.transport.deliveries import (
     DeliveryStored,
     SampleReceived,
 )
-from zacoustic.core.transport.objects.gate import Admission, ObjectReceived
+from zacoustic.core.transport.objects.admission import Admission, ObjectReceived
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest
 from zacoustic.core.transport.objects.objects import Objects
@@ -37,10 +37,10 @@ from zacoustic.core.transport.objects.sending.sending import Sending
 from zacoustic.core.transport.objects.stored import StoredObject
 from zacoustic.core.transport.reliable.receiving.receiving import Claim, ReliableReceiving
 from zacoustic.core.transport.reliable.sending.keeping import given_up
-from zacoustic.core.transport.reliable.sending.places import LargePlaces, Place
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.reliable.sending.sendlane import Outgoing
-from zacoustic.core.transport.subscriptions.demand import NOBODY, Demand
+from zacoustic.core.transport.reliable.sending.slots import LargeSlots, SequenceSlot
+from zacoustic.core.transport.subscriptions.subscriptions import NOBODY, Subscriptions
 from zacoustic.core.values.encoding import decode_prefix
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.objects import Feedback, Fragment, Reason
@@ -63,7 +63,7 @@ class LargeSamples:
         table: Its streams.
         limits: How much memory objects may take.
         handshake: Knows whether the tables agree.
-        demand: Knows the subscribers of on-demand topics.
+        subscriptions: Knows the subscribers of on-demand topics.
         sending: Has the counts of this node's keys.
         receiving: Has the others' samples, and takes new ones.
         journal: Keeps what must survive a restart.
@@ -80,7 +80,7 @@ class LargeSamples:
         limits: ObjectLimits,
         *,
         handshake: Handshake,
-        demand: Demand,
+        subscriptions: Subscriptions,
         sending: ReliableSending,
         receiving: ReliableReceiving,
         journal: JournalPort,
@@ -92,9 +92,9 @@ class LargeSamples:
         self._address = address
         self._table = table
         self._handshake = handshake
-        self._demand = demand
+        self._subscriptions = subscriptions
         self._sending = sending
-        self._places: LargePlaces = sending.places
+        self._slots: LargeSlots = sending.slots
         self._receiving = receiving
         self._stats = stats
         self._emit = emit
@@ -105,19 +105,19 @@ class LargeSamples:
             limits=limits,
             timers=timers,
             generators=generators,
-            gate=self,
+            admission=self,
             owner=self,
             emit=self._progress,
             journal=journal,
         )
-        self._places.sender = self
+        self._slots.sender = self
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the large samples of a former boot epoch, after its small ones."""
         for source, manifest in self.objects.restore(stored, self._accept):
-            place = Place(manifest.lineage, manifest.number)
+            slot = SequenceSlot(manifest.lineage, manifest.number)
             if self._table.get(manifest.stream_id) is not None:
-                self._receiving.recover_place(manifest.stream_id, source, manifest.instance, place)
+                self._receiving.recover_slot(manifest.stream_id, source, manifest.instance, slot)
 
     def link_up(self, now: int) -> None:
         """The link is up: report samples of a former boot epoch that cannot be decoded any more."""
@@ -128,17 +128,17 @@ class LargeSamples:
         self.objects.link_up(now)
         for stream in self._table:
             if self.objects.pending(stream.stream_id):
-                self.audience_changed(stream, now)
+                self.subscribers_changed(stream, now)
 
-    def audience_changed(self, stream: Stream, now: int) -> None:
+    def subscribers_changed(self, stream: Stream, now: int) -> None:
         """The subscribers of an on-demand topic have changed: those that left get no object of it.
 
         One that was for nobody else is given up. Who has come gets those that are made from now on.
         """
         self._now = now
-        audience = self._demand.audience(stream)
-        if audience is not None:
-            self.objects.keep_only(stream.stream_id, audience, NOBODY, now)
+        subscribers = self._subscriptions.subscribers(stream)
+        if subscribers is not None:
+            self.objects.keep_only(stream.stream_id, subscribers, NOBODY, now)
 
     def unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
         """This node does not want an on-demand topic of these nodes any more."""
@@ -172,12 +172,12 @@ class LargeSamples:
             QueueFullError: Too many objects are on their way.
         """
         self._now = now
-        place = self._places.next_place(stream, instance)
+        slot = self._slots.next_slot(stream, instance)
         delivery_id = self._sending.next_delivery_id()
         self._send(
-            delivery_id, stream, payload, place, instance, encoding, expires_at=expires_at, now=now
+            delivery_id, stream, payload, slot, instance, encoding, expires_at=expires_at, now=now
         )
-        self._places.take(stream, instance, delivery_id, now)
+        self._slots.take(stream, instance, delivery_id, now)
         return delivery_id
 
     def at(self, now: int) -> "LargeSamples":
@@ -189,11 +189,11 @@ class LargeSamples:
         """Give up a sample, large or small; False when it is not on its way."""
         self._now = now
         withdrawn = self.objects.withdraw(delivery_id, ObjectState.CANCELLED, "cancelled here", now)
-        return withdrawn or self._places.cancel(delivery_id, now)
+        return withdrawn or self._slots.cancel(delivery_id, now)
 
-    # For the places: `zacoustic.core.transport.reliable.sending.places.Large`
+    # For the places: `zacoustic.core.transport.reliable.sending.slots.Large`
 
-    def enlarge(self, sample: Outgoing, stream_id: int, place: Place, now: int) -> str:
+    def enlarge(self, sample: Outgoing, stream_id: int, slot: SequenceSlot, now: int) -> str:
         """Send a sample that was published as a small one; returns why not, or nothing."""
         self._now = now
         stream = self._table.by_id(stream_id)
@@ -204,7 +204,7 @@ class LargeSamples:
                 sample.delivery_id,
                 stream,
                 waiting.payload,
-                place,
+                slot,
                 tuple(waiting.head[:-1]),
                 prefix[0] if prefix else None,
                 expires_at=sample.expires_at,
@@ -229,22 +229,22 @@ class LargeSamples:
 
     def stored(self, sending: Sending, now: int) -> None:
         """An object is in the journal."""
-        if self._places.stored(sending.object_id):
+        if self._slots.stored(sending.object_id):
             self._emit(DeliveryStored(delivery_id=sending.object_id, stream_id=sending.stream_id))
 
     def is_turn(self, object_id: int, address: int) -> bool:
         """Tell whether nothing before an object will come for a receiver."""
-        return self._places.is_turn(object_id, address)
+        return self._slots.is_turn(object_id, address)
 
     def passed(self, object_id: int, address: int, now: int) -> None:
         """A receiver has handed an object on."""
-        self._places.passed(object_id, address, now)
+        self._slots.passed(object_id, address, now)
 
     def refused(self, object_id: int, address: int, now: int) -> None:
         """A receiver does not want an object."""
-        self._places.refused(object_id, address, now)
+        self._slots.refused(object_id, address, now)
 
-    # For objects that arrive: `zacoustic.core.transport.objects.gate.Gate`
+    # For objects that arrive: `zacoustic.core.transport.objects.admission.AdmissionControl`
 
     def fragment(self, heard: Heard, fragment: Fragment) -> str | None:
         """Take a fragment; returns why it is dropped, or None."""
@@ -290,7 +290,7 @@ class LargeSamples:
             self._table.by_id(manifest.stream_id),
             source,
             manifest.instance,
-            Place(manifest.lineage, manifest.number),
+            SequenceSlot(manifest.lineage, manifest.number),
             self._now,
             is_turn=is_turn,
         )
@@ -299,18 +299,18 @@ class LargeSamples:
         """An object is on its way that is not wanted, maybe for this node alone."""
         if self._is_open(source, stream_id):
             stream = self._table.by_id(stream_id)
-            self._demand.sample_received(source, stream, self._now, is_alone=is_alone)
+            self._subscriptions.sample_received(source, stream, self._now, is_alone=is_alone)
 
     def expect(self, source: int, manifest: Manifest) -> None:
         """An object is on its way."""
-        place = Place(manifest.lineage, manifest.number)
-        self._receiving.expect(source, manifest.stream_id, manifest.instance, place)
+        slot = SequenceSlot(manifest.lineage, manifest.number)
+        self._receiving.expect(source, manifest.stream_id, manifest.instance, slot)
 
     def deliver(self, arrived: ObjectReceived) -> None:
         """Hand a complete object on."""
         manifest = arrived.manifest
         stream = self._table.by_id(manifest.stream_id)
-        place = Place(manifest.lineage, manifest.number)
+        slot = SequenceSlot(manifest.lineage, manifest.number)
         try:
             stream.keys.key(arrived.source, manifest.instance)
             value = stream.codec.decode(arrived.payload)
@@ -331,7 +331,7 @@ class LargeSamples:
             self._receiving.hand_on_left(sample, self._now)
             return
         key = (arrived.source, stream.stream_id, manifest.instance)
-        self._receiving.take(stream, key, place, sample, self._now)
+        self._receiving.take(stream, key, slot, sample, self._now)
 
     # Below the methods above
 
@@ -347,14 +347,14 @@ class LargeSamples:
         return isinstance(stream.spec, TopicSpec) and is_reliable and is_ours
 
     def _is_wanted(self, stream: Stream, source: int) -> bool:
-        return not stream.is_on_demand or source in self._demand.wanted(stream.stream_id)
+        return not stream.is_on_demand or source in self._subscriptions.wanted(stream.stream_id)
 
     def _among(self, receivers: list[int], admission: Admission) -> Admission:
         """Say the how many-th receiver this node is."""
         if self._address not in receivers:
             return admission
-        place = receivers.index(self._address)
-        return msgspec.structs.replace(admission, place=place, others=len(receivers) - 1)
+        rank = receivers.index(self._address)
+        return msgspec.structs.replace(admission, rank=rank, others=len(receivers) - 1)
 
     def _receivers(self, stream: Stream) -> list[int]:
         assert isinstance(stream.spec, TopicSpec)
@@ -366,18 +366,18 @@ class LargeSamples:
         delivery_id: int,
         stream: Stream,
         payload: bytes,
-        place: Place,
+        slot: SequenceSlot,
         instance: Instance,
         encoding: str | None,
         *,
         expires_at: int | None,
         now: int,
     ) -> None:
-        audience = self._demand.audience(stream)
+        subscribers = self._subscriptions.subscribers(stream)
         receivers = tuple(
             each
             for each in self._receivers(stream)
-            if each != self._address and (audience is None or each in audience)
+            if each != self._address and (subscribers is None or each in subscribers)
         )
         if not receivers:
             raise LocalError(
@@ -391,8 +391,8 @@ class LargeSamples:
             now,
             instance=instance,
             encoding=encoding,
-            lineage=place.lineage,
-            number=place.number,
+            lineage=slot.lineage,
+            number=slot.number,
             receivers=receivers,
             stream_digest=stream.digest,
             keep=stream.spec.journal,
@@ -405,13 +405,11 @@ class LargeSamples:
     def _accept(self, order: StoredObject) -> bool:
         """Resume an own object of a former boot epoch, if its stream is unchanged."""
         stream = self._table.get(order.stream_id)
-        place = Place(order.lineage, order.number)
+        slot = SequenceSlot(order.lineage, order.number)
         if (
             stream is not None
             and stream.digest == order.stream_digest
-            and self._places.restore(
-                stream, order.instance, place, order.object_id, order.receivers
-            )
+            and self._slots.restore(stream, order.instance, slot, order.object_id, order.receivers)
         ):
             return True
         self._given_up.append(order)
@@ -421,6 +419,6 @@ class LargeSamples:
         self._emit(progress)
         outcome = _OUTCOMES.get(progress.state)
         if progress.object_id is not None and outcome is not None:
-            self._places.ended(
+            self._slots.ended(
                 progress.object_id, outcome, self._now, progress.detail, progress.missing
             )

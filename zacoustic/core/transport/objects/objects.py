@@ -23,16 +23,16 @@ from zacoustic.core.base.qos import PATIENCE_NS, Priority
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.schedule.sources import Taken
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.transport.objects.gate import Gate
+from zacoustic.core.transport.objects.admission import AdmissionControl
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest, decode_manifest
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.receiving.receiving import IncomingObjects
-from zacoustic.core.transport.objects.receiving.replies import Place
+from zacoustic.core.transport.objects.receiving.replies import TransferKey
 from zacoustic.core.transport.objects.sending.sending import OutgoingObjects, Owner, Sending
 from zacoustic.core.transport.objects.stored import (
     StoredObject,
-    StoredPlace,
+    StoredProgress,
     stored_ends,
     stored_groups,
     stored_out,
@@ -41,9 +41,9 @@ from zacoustic.core.transport.objects.timing import Timing
 from zacoustic.core.wire.objects import (
     FEEDBACK_BYTES,
     FRAGMENT_HEADER_BYTES,
-    Call,
     Feedback,
     Fragment,
+    ListenHint,
 )
 from zacoustic.errors import PayloadTooLargeError
 
@@ -56,7 +56,7 @@ class Objects:
         limits: How much memory they may take.
         timers: Withdraw what is too old.
         generators: One for each component that draws.
-        gate: Knows the table, and when it is whose turn; takes complete objects, once each.
+        admission: Knows the table, and when it is whose turn; takes complete objects, once each.
         owner: Gets events of own objects, and knows when it is their turn.
         emit: Takes progress.
         journal: Keeps what must survive a restart.
@@ -69,7 +69,7 @@ class Objects:
         limits: ObjectLimits,
         timers: Timers,
         generators: Generators,
-        gate: Gate,
+        admission: AdmissionControl,
         owner: Owner,
         emit: Callable[[ObjectProgress], None],
         journal: JournalPort,
@@ -87,7 +87,7 @@ class Objects:
         self._incoming = IncomingObjects(
             limits=limits,
             rng=generators.of("incoming objects"),
-            gate=gate,
+            admission=admission,
             emit=emit,
             journal=journal,
         )
@@ -133,7 +133,7 @@ class Objects:
             self._incoming.restore_group(source, transfer, group, fragments)
         for transfer, order, place in stored_out(stored):
             if accept(order):
-                self._outgoing.restore(transfer, order, place or StoredPlace(0, 0))
+                self._outgoing.restore(transfer, order, place or StoredProgress(0, 0))
             else:
                 self._outgoing.forget(transfer)
         return handed_on
@@ -339,7 +339,7 @@ class Objects:
             header_bytes=FRAGMENT_HEADER_BYTES,
             is_first=fragment.index == 0 and sending.outgoing.transmitted == 1,
             is_repair=sending.outgoing.is_repair(fragment.index),
-            ends_run=fragment.call is Call.WINDOW,
+            ends_run=fragment.call is ListenHint.WINDOW,
             part=Part(reported=partial(self._fragment_reported, sending)),
         )
 
@@ -347,9 +347,9 @@ class Objects:
         """Let no fragment of a stream go before an instant, ns: its airtime is used up."""
         self._outgoing.held[stream_id] = until
 
-    def tune(self, stream_id: int, priority: Priority, *, on: bool) -> None:
+    def override(self, stream_id: int, priority: Priority, *, on: bool) -> None:
         """Let the objects of a stream go with this priority, or wait."""
-        self._outgoing.tune(stream_id, priority, on=on)
+        self._outgoing.override(stream_id, priority, on=on)
 
     def hold_until(self, now: int) -> int:
         """Return the instant until which an answer is awaited, which other frames would destroy."""
@@ -401,7 +401,7 @@ class Objects:
         assert self._timing is not None
         self._outgoing.transmitted(sending, report.finished_at, self._timing)
 
-    def _feedback_reported(self, place: Place, report: TransmitReport, now: int) -> None:
+    def _feedback_reported(self, place: TransferKey, report: TransmitReport, now: int) -> None:
         assert self._timing is not None
         self._incoming.transmitted(place, report.finished_at, self._timing)
 

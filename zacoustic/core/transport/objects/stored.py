@@ -46,7 +46,7 @@ class StoredObject(msgspec.Struct, frozen=True, array_like=True):
     """Of the stream, as it was."""
 
 
-class StoredPlace(msgspec.Struct, frozen=True, array_like=True):
+class StoredProgress(msgspec.Struct, frozen=True, array_like=True):
     """From which fragment on nothing has been sent."""
 
     next_source: int
@@ -89,7 +89,7 @@ def encode_group(fragments: list[tuple[int, bytes]]) -> bytes:
 
 def stored_out(
     stored: Mapping[str, bytes],
-) -> Iterator[tuple[int, StoredObject, StoredPlace | None]]:
+) -> Iterator[tuple[int, StoredObject, StoredProgress | None]]:
     """Yield the outgoing objects, by transfer number."""
     for key, value in stored.items():
         if key.startswith(_OUT) and not key.endswith(_SENT):
@@ -98,7 +98,7 @@ def stored_out(
             yield (
                 transfer,
                 msgspec.msgpack.decode(value, type=StoredObject),
-                msgspec.msgpack.decode(place, type=StoredPlace) if place is not None else None,
+                msgspec.msgpack.decode(place, type=StoredProgress) if place is not None else None,
             )
 
 

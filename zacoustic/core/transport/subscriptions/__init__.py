@@ -32,8 +32,8 @@ Not covered: a publisher without a journal that restarts and sends nothing at al
 cannot know. A journal, or a heartbeat, is the remedy.
 
 ==============  ====================================================================================
-`wishes`        this node's subscriptions at others
-`audiences`     others' subscriptions at this node
-`demand`        both of them, for the engine
+`own`        this node's subscriptions at others
+`subscribers`     others' subscriptions at this node
+`subscriptions`        both of them, for the engine
 ==============  ====================================================================================
 """

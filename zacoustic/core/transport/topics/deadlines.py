@@ -25,7 +25,7 @@ from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import SampleReceived
-from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 
 _Key = tuple[int, int, Instance]
 """Source, stream, instance."""
@@ -88,7 +88,7 @@ class Deadlines:
     Args:
         address: Address of the node.
         table: Its streams.
-        demand: Knows which on-demand topics this node still wants.
+        subscriptions: Knows which on-demand topics this node still wants.
         timers: Tell of what has not come in time.
         stats: Counts.
         emit: Takes the events.
@@ -98,14 +98,14 @@ class Deadlines:
         self,
         address: int,
         table: StreamTable,
-        demand: Demand,
+        subscriptions: Subscriptions,
         timers: Timers,
         stats: EngineStats,
         emit: Callable[[DeadlineMissed], None],
     ) -> None:
         self._address = address
         self._table = table
-        self._demand = demand
+        self._subscriptions = subscriptions
         self._timers = timers
         self._stats = stats
         self._emit = emit
@@ -191,4 +191,4 @@ class Deadlines:
         """Tell whether samples may be expected: what this node has unsubscribed from may end."""
         if source == self._address or not stream.is_on_demand:
             return True
-        return source in self._demand.wanted(stream.stream_id)
+        return source in self._subscriptions.wanted(stream.stream_id)

@@ -33,17 +33,17 @@ from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable
-from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.values.age import encode_age
 from zacoustic.core.values.dense import DenseCodec, DenseSample, Encoded, Listener, Speaker
 from zacoustic.core.values.dense.stream.references import REACH
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.frame import DenseAck
 
-# An acknowledgement is three bytes; it may save about as many in each string that follows. So where
-# the strings themselves are that small, several share one.
+# An acknowledgement is three bytes; it may save about as many in each block that follows. So where
+# the blocks themselves are that small, several share one.
 _WORTH_AN_ACK_BYTES: Final = 6
-# A string that comes again though it was acknowledged says that this was lost; it is said again now
+# A block that comes again though it was acknowledged says that this was lost; it is said again now
 # and then.
 _REPEATED_BYTES: Final = 1
 
@@ -56,29 +56,29 @@ class _Heard:
         self.said_mark: int | None = None
         """What was acknowledged last."""
         self.unsaid_bytes = 0
-        """Size of the strings since then. A steady stream is one string again and again, and stays
+        """Size of the blocks since then. A steady stream is one block again and again, and stays
         so until its source learns that it is held here: each of them counts."""
 
 
 class DenseStreams:
-    """The dense strings of one node, its own and those that it hears.
+    """The dense blocks of one node, its own and those that it hears.
 
     Args:
         address: Address of the node.
         table: Its streams.
         handshake: Knows who holds another table.
-        demand: Knows the subscribers of on-demand topics.
+        subscriptions: Knows the subscribers of on-demand topics.
     """
 
     def __init__(
-        self, address: int, table: StreamTable, handshake: Handshake, demand: Demand
+        self, address: int, table: StreamTable, handshake: Handshake, subscriptions: Subscriptions
     ) -> None:
         self._address = address
         self._table = table
         self._handshake = handshake
-        self._demand = demand
+        self._subscriptions = subscriptions
         self.savings = Savings()
-        """What the strings of this node have saved."""
+        """What the blocks of this node have saved."""
         self._speaker: Speaker | None = None
         self._counted_at: deque[int] = deque(maxlen=REACH)
         self._heard: dict[int, _Heard] = {}
@@ -86,16 +86,16 @@ class DenseStreams:
     # Blocks of this node
 
     def admits(self, item: Waiting, destination: int) -> bool:
-        """Tell whether a payload that waits can be part of a dense string to `destination`."""
+        """Tell whether a payload that waits can be part of a dense block to `destination`."""
         return item.dense_value is not None and not any(
             self._handshake.knows_difference(address)
-            for address in self._audience([item], destination)
+            for address in self._receivers([item], destination)
         )
 
     def encode(
         self, items: Sequence[Waiting], destination: int, room_bytes: int, now: int
     ) -> Encoded | None:
-        """Write a string of all these payloads; None where they do not fit."""
+        """Write a block of all these payloads; None where they do not fit."""
         if self._speaker is None:
             codec = self._codec_of(self._address)
             assert codec is not None  # a node with samples of dense streams publishes some
@@ -107,7 +107,7 @@ class DenseStreams:
         return encoded if encoded is not None and encoded.taken == len(items) else None
 
     def sent(self, encoded: Encoded, now: int) -> None:
-        """Note that a string is sent; until then it is a draft."""
+        """Note that a block is sent; until then it is a draft."""
         assert self._speaker is not None
         if not encoded.is_apart:
             self._counted_at.append(now)
@@ -135,15 +135,15 @@ class DenseStreams:
             destination != BROADCAST
             or not streams
             or any(
-                source in self._demand.wanted(stream.stream_id)
+                source in self._subscriptions.wanted(stream.stream_id)
                 if stream.is_on_demand
                 else stream.may_subscribe(self._address)
                 for stream in streams
             )
         )
 
-    def receive(self, source: int, string: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
-        """Read the string of a source that holds the same table; returns stream ids and values.
+    def receive(self, source: int, block: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
+        """Read the block of a source that holds the same table; returns stream ids and values.
 
         Raises:
             PayloadError: It is damaged, or refers to a block that is not held here.
@@ -155,9 +155,9 @@ class DenseStreams:
                 raise PayloadError("a source without dense streams")
             heard = self._heard[source] = _Heard(codec)
         # Whoever has acknowledged nothing is not waited for: nothing refers to what it holds.
-        decoded = heard.listener.decode(string, alone=heard.said_mark is None)
+        decoded = heard.listener.decode(block, alone=heard.said_mark is None)
         is_unsaid = heard.listener.mark != heard.said_mark
-        heard.unsaid_bytes += len(string) if is_unsaid else _REPEATED_BYTES
+        heard.unsaid_bytes += len(block) if is_unsaid else _REPEATED_BYTES
         # What comes twice is read once, and an application may change what it is given.
         return copy.deepcopy(decoded.samples)
 
@@ -231,7 +231,7 @@ class DenseStreams:
             value[AGE_FIELD] = encode_age(now - item.queued_at)
         return DenseSample(item.stream_id, value, item.tick)
 
-    def _audience(self, items: Iterable[Waiting], destination: int) -> set[int]:
+    def _receivers(self, items: Iterable[Waiting], destination: int) -> set[int]:
         """Return the listeners of these payloads."""
         if destination != BROADCAST:
             return {destination}
@@ -247,7 +247,7 @@ class DenseStreams:
         found: set[int] = set()
         for stream in streams:
             assert isinstance(stream.spec, TopicSpec)
-            listed: Collection[int] | None = self._demand.audience(stream)
+            listed: Collection[int] | None = self._subscriptions.subscribers(stream)
             if listed is None:
                 listed = stream.spec.subscribers
             if listed is None:

@@ -19,15 +19,15 @@ from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.objects.large import LargeSamples
 from zacoustic.core.transport.reliable.receiving.receiving import Arrival, ReliableReceiving
-from zacoustic.core.transport.reliable.sending.places import LEAST_ACK_BYTES
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
-from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.transport.reliable.sending.slots import LEAST_ACK_BYTES
+from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.encoding import encode_prefix
 from zacoustic.core.values.payload import PayloadError
-from zacoustic.core.wire.frame import SYNC_BYTES, Control, DenseString, Record
+from zacoustic.core.wire.frame import SYNC_BYTES, Control, DenseBlock, Record
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
 from zacoustic.errors import UnknownStreamError
 
@@ -50,7 +50,7 @@ class Topics:
         sending: Takes reliable samples on their way out.
         receiving: Takes reliable samples on their way in.
         large: Takes what fits no frame.
-        demand: Knows the subscribers of on-demand topics.
+        subscriptions: Knows the subscribers of on-demand topics.
         emit: Takes the samples, and the instant.
     """
 
@@ -66,7 +66,7 @@ class Topics:
         sending: ReliableSending,
         receiving: ReliableReceiving,
         large: LargeSamples,
-        demand: Demand,
+        subscriptions: Subscriptions,
         emit: Callable[[SampleReceived, int], None],
     ) -> None:
         self._address = address
@@ -78,7 +78,7 @@ class Topics:
         self._sending = sending
         self._receiving = receiving
         self._large = large
-        self._demand = demand
+        self._subscriptions = subscriptions
         self._emit = emit
 
     def publish(
@@ -113,12 +113,12 @@ class Topics:
             self._sending.check(stream)
             needed_bytes += SYNC_BYTES + NUMBER_BYTES
             needed_bytes = max(needed_bytes, LEAST_ACK_BYTES + len(instance))
-        if self._demand.audience(stream) == frozenset():
+        if self._subscriptions.subscribers(stream) == frozenset():
             count(self._stats.published, stream_id)
             count(self._stats.unsubscribed, stream_id)
             if not reliable:
                 return NO_DELIVERY
-            return self._demand.refuse(stream, self._sending.next_delivery_id(), now)
+            return self._subscriptions.refuse(stream, self._sending.next_delivery_id(), now)
         largest_bytes = self._queue.largest_bytes
         is_large = reliable and largest_bytes is not None and needed_bytes > largest_bytes
         if reliable:
@@ -171,7 +171,7 @@ class Topics:
         if not stream.may_subscribe(self._address):
             return "not_subscriber"
         is_alone = received.destination == self._address
-        self._demand.sample_received(source, stream, now, is_alone=is_alone)
+        self._subscriptions.sample_received(source, stream, now, is_alone=is_alone)
         prefixes = record.prefixes
         wild = len(stream.keys.wildcards)
         instance, content = tuple(record.content[:wild]), record.content[wild:]
@@ -220,7 +220,7 @@ class Topics:
         self._emit(sample, now)
         return None
 
-    def receive_block(self, heard: Heard, block: DenseString) -> str | None:
+    def receive_block(self, heard: Heard, block: DenseBlock) -> str | None:
         """Take the samples of a dense block; returns why it is dropped, or None."""
         reason = heard.dense_refusal()
         if reason is not None:
@@ -228,7 +228,7 @@ class Topics:
         if not self._dense.concerns_us(heard.source, heard.frame.destination):
             return "not_subscriber"
         try:
-            samples = self._dense.receive(heard.source, block.string)
+            samples = self._dense.receive(heard.source, block.block)
         except PayloadError:
             return "dense"
         for stream_id, value in samples:
@@ -251,16 +251,16 @@ class Topics:
         sync = record.prefixes.sync
         return self._sending.acknowledged(heard.source, stream, instance, ack, sync, heard.now)
 
-    def audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+    def subscribers_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         """Others subscribe to an on-demand topic than before: what waits is for those."""
-        audience = self._demand.audience(stream)
+        subscribers = self._subscriptions.subscribers(stream)
         if stream.qos.reliability is Reliability.RELIABLE:
-            self._sending.audience_changed(stream, newcomers, now)
-            self._large.audience_changed(stream, now)
+            self._sending.subscribers_changed(stream, newcomers, now)
+            self._large.subscribers_changed(stream, now)
             return
         self._copied.drop_stream(stream.stream_id)
-        if audience:
-            self._queue.readdress(stream.stream_id, self._demand.destination(stream))
+        if subscribers:
+            self._queue.readdress(stream.stream_id, self._subscriptions.destination(stream))
         else:
             for _ in range(self._queue.drop_stream(stream.stream_id)):
                 count(self._stats.unsubscribed, stream.stream_id)
@@ -285,7 +285,7 @@ class Topics:
     def _destination(self, stream: Stream, spec: TopicSpec) -> int:
         """Return the one subscriber of a topic, or `BROADCAST`."""
         if stream.is_on_demand:
-            return self._demand.destination(stream)
+            return self._subscriptions.destination(stream)
         if spec.subscribers is None:
             return BROADCAST
         others = [address for address in spec.subscribers if address != self._address]

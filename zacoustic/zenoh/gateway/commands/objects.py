@@ -21,7 +21,7 @@ from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectStat
 from zacoustic.core.values.encoding import JSON
 from zacoustic.run.runner import LinkRunner
 from zacoustic.text.digits import whole_number
-from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
 _ENDED_KEPT: Final = 8
@@ -29,7 +29,7 @@ _OWN: Final = ("id",)
 _OTHERS: Final = ("source", "transfer")
 
 
-class ObjectDesk:
+class ObjectHandler:
     """The large samples of one gateway; for the loop.
 
     Args:

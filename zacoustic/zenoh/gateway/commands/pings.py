@@ -17,7 +17,7 @@ from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
-from zacoustic.core.streams.commands import Order
+from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.run.runner import LinkRunner
@@ -35,7 +35,7 @@ RANGE_LIMIT_S: Final = 10.0
 """How much longer an answer waits for the range, s: three exchanges over 1500 m."""
 
 
-class PingDesk:
+class PingHandler:
     """Takes pings of the local network; for the loop.
 
     Args:
@@ -122,7 +122,7 @@ class PingDesk:
     def _begin(self, held: HeldQuery, node: int, within_s: float, engine: Engine, now: int) -> None:
         ping = _Ping(held, node, within_s, now)
         try:
-            call_id = engine.orders.send(node, Order(), now, timeout_s=within_s)
+            call_id = engine.commands.send(node, RemoteCommand(), now, timeout_s=within_s)
         except LocalError as error:
             if not self._range(ping, within_s, engine, now):
                 held.refuse(CallFailure.BAD_REQUEST, f"{error}, and the modem measures no range")

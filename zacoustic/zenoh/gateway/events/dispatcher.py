@@ -20,9 +20,9 @@ from zacoustic.core.engine.events import (
     TransportEvent,
 )
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
-from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
-from zacoustic.zenoh.gateway.commands.desks import Desks
+from zacoustic.zenoh.gateway.commands.desks import Handlers
 from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.status import Status
@@ -40,7 +40,7 @@ class EventDispatcher:
 
     Args:
         streams: Take samples, calls and goals.
-        desks: Take answers to commands of the local network, and progress of objects.
+        handlers: Take answers to commands of the local network, and progress of objects.
         network: Sees engines restart, and peers go and come.
         status: Takes note of the rest, and tells people.
         notices: Makes what people are told.
@@ -49,13 +49,13 @@ class EventDispatcher:
     def __init__(
         self,
         streams: StreamHandlers,
-        desks: Desks,
+        handlers: Handlers,
         network: LocalNetwork,
         status: Status,
         notices: EventNotices,
     ) -> None:
         self._streams = streams
-        self._desks = desks
+        self._handlers = handlers
         self._status = status
         self._notices = notices
         self._takers: dict[type[Any], tuple[Take, ...]] = {
@@ -66,10 +66,10 @@ class EventDispatcher:
             RequestReceived: (streams.services.serve,),
             ResponseReceived: (self._answer,),
             CallFailed: (self._answer,),
-            RangeMeasured: (desks.pings.ranged,),
+            RangeMeasured: (handlers.pings.ranged,),
             RangeFailed: (self._fail_range,),
             DeliveryEnded: (status.note_delivery,),
-            ObjectProgress: (desks.objects.note,),
+            ObjectProgress: (handlers.objects.note,),
             StreamsDiffer: (status.note_difference, self._tell),
             PeerSeen: (status.note_peer, self._tell),
             PeerLost: (self._tell, network.note_peer),
@@ -85,11 +85,11 @@ class EventDispatcher:
             take(event)
 
     def _answer(self, event: ResponseReceived | CallFailed) -> None:
-        if not self._desks.take_answer(event):
+        if not self._handlers.take_answer(event):
             self._streams.services.answered(event)
 
     def _fail_range(self, event: RangeFailed) -> None:
-        if not self._desks.pings.ranged(event):
+        if not self._handlers.pings.ranged(event):
             self._tell(event)
 
     def _tell(self, event: Event) -> None:

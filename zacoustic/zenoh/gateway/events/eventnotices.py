@@ -16,15 +16,15 @@ from zacoustic.core.engine.events import (
     PeerLost,
     PeerSeen,
     SilenceChanged,
+    StreamOverridden,
     StreamsDiffer,
-    StreamTuned,
     SubscribersChanged,
 )
 from zacoustic.core.peers.ranging import RangeFailed
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.orders import OrderDesk
+from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.notices import (
     ClockChanged,
     EngineLost,
@@ -39,10 +39,10 @@ from zacoustic.zenoh.gateway.notices import (
     PeerMissed,
     RangingFailed,
     SampleLate,
-    SilenceKept,
+    SilenceJournalled,
     StreamDiffers,
     Subscribed,
-    TopicTuned,
+    TopicOverridden,
 )
 
 
@@ -52,13 +52,13 @@ class EventNotices:
     Args:
         table: All streams.
         runner: Whose link.
-        orders: Puts silence into words.
+        commands: Puts silence into words.
     """
 
-    def __init__(self, table: StreamTable, runner: LinkRunner, orders: OrderDesk) -> None:
+    def __init__(self, table: StreamTable, runner: LinkRunner, commands: CommandHandler) -> None:
         self._table = table
         self._runner = runner
-        self._orders = orders
+        self._commands = commands
 
     def of(self, event: Event) -> Notice | None:
         """Return the notice of an event; None: it is not worth one."""
@@ -69,17 +69,19 @@ class EventNotices:
         return LinkChanged(state=event.state.value, detail=self._runner.link_detail)
 
     def _silence(self, event: SilenceChanged) -> Notice:
-        state = self._orders.silence(event)
-        return SilenceKept(silent=state.silent, until_utc=state.until_utc or "", doubt=event.doubt)
+        state = self._commands.silence(event)
+        return SilenceJournalled(
+            silent=state.silent, until_utc=state.until_utc or "", doubt=event.doubt
+        )
 
-    def _tuned(self, event: StreamTuned) -> Notice:
-        return TopicTuned(
+    def _overridden(self, event: StreamOverridden) -> Notice:
+        return TopicOverridden(
             stream_id=event.stream_id,
             stream=self._table.by_id(event.stream_id).name,
             on=event.on,
             min_interval_s=event.min_interval_s,
             priority=event.priority.name.lower(),
-            ordered_by=event.ordered_by,
+            commanded_by=event.commanded_by,
         )
 
     def _restarted(self, event: EngineRestarted) -> Notice:
@@ -150,7 +152,7 @@ class EventNotices:
 _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = {
     LinkStateChanged: EventNotices._link,
     SilenceChanged: EventNotices._silence,
-    StreamTuned: EventNotices._tuned,
+    StreamOverridden: EventNotices._overridden,
     EngineRestarted: EventNotices._restarted,
     JournalStateChanged: EventNotices._journal,
     JournalDoubted: EventNotices._doubt,

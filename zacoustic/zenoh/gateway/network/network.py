@@ -13,7 +13,7 @@ from zacoustic.zenoh.gateway.network.presence import Presence
 from zacoustic.zenoh.gateway.network.routes import Routes
 from zacoustic.zenoh.gateway.notices import Notify, RedundancyChanged, RouterChanged
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
-from zacoustic.zenoh.session.asking.queries import QueryDesk
+from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import Island
 from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
@@ -42,7 +42,7 @@ class LocalNetwork:
         redundant: RedundantGateways,
         dialects: Dialects,
         routes: Routes,
-        queries: QueryDesk,
+        queries: QueryHandler,
         tell: Notify,
     ) -> None:
         self.island = island

@@ -20,7 +20,7 @@ from typing import Final
 import zenoh
 
 from zacoustic.errors import SessionError
-from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.session import Island
 
 # A get of tokens ends when all routers have answered; only a dying one uses up the time.

@@ -31,7 +31,7 @@ from zacoustic.zenoh.gateway.jobs import ATTEND, DELIVER, FORWARD, PROXY, SERVE,
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 from zacoustic.zenoh.session.asking.goals import ActionKey
-from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryDesk, Serve
+from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler, Serve
 from zacoustic.zenoh.session.session import Island
 
 
@@ -56,7 +56,7 @@ class Routes:
         *,
         streams: StreamHandlers,
         dialects: Dialects,
-        queries: QueryDesk,
+        queries: QueryHandler,
         runner: LinkRunner,
     ) -> None:
         self.jobs: frozenset[tuple[str, int]] = frozenset()

@@ -20,7 +20,7 @@ from zacoustic.core.values.encoding import JSON
 from zacoustic.run.recording.channels import received_frame, report_record, sent_frame
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.session import Island
 from zacoustic.zenoh.session.wake_up import tell_loop
 

@@ -17,7 +17,7 @@ EVENTS_KEPT: Final = 16
 TROUBLES_KEPT: Final = 4
 """Number of errors kept besides: usual events push no error out."""
 _LONGEST_TEXT: Final = 200
-COMPLAINT: Final = "complaint"
+INPUT_ERROR: Final = "input_error"
 """The `event` of an input error of the local network."""
 
 
@@ -38,9 +38,9 @@ class RecentEvents:
         lines = [one_line(" ".join(line.split())) for line in notice.lines()]
         self._keep(notice.event, ", ".join(lines), is_trouble=notice.is_trouble)
 
-    def complain(self, text: str) -> None:
+    def input_error(self, text: str) -> None:
         """Keep an input error."""
-        self._keep(COMPLAINT, text, is_trouble=True)
+        self._keep(INPUT_ERROR, text, is_trouble=True)
 
     def documents(self) -> dict[str, object]:
         """Return the document, by the end of its key; the oldest first."""

@@ -20,7 +20,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailure, GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     ActionEvent,
     CancelAnswered,
     CancelRequested,
@@ -33,8 +33,8 @@ from zacoustic.core.transport.actions.news import (
 )
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError, ZacousticError
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.asking.goalrequest import FeedbackEar, LocalGoalRequest
 from zacoustic.zenoh.session.asking.goals import GOAL_ID_BYTES, ActionForm, Ending, Verdict
 from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer, Put
@@ -61,7 +61,7 @@ class Actions:
         address: Of this node.
         table: All streams.
         island: The session of the goals.
-        complaints: Takes the errors of local programs.
+        input_errors: Takes the errors of local programs.
         dialects: The local forms of actions.
         runner: Drives the engine.
         clock: Where instants come from.
@@ -72,7 +72,7 @@ class Actions:
         address: int,
         table: StreamTable,
         island: Island,
-        complaints: Complaints,
+        input_errors: InputErrors,
         dialects: Dialects,
         *,
         runner: LinkRunner,
@@ -92,13 +92,15 @@ class Actions:
                 continue
             if stream.spec.server == address:
                 form = self.forms[stream.stream_id]
-                attendant = _Attendant(stream, form, island, complaints, runner=runner, clock=clock)
+                attendant = _Attendant(
+                    stream, form, island, input_errors, runner=runner, clock=clock
+                )
                 self._attendants[stream.stream_id] = attendant
             else:
                 form = self.forms[stream.stream_id]
                 put = dialects.put_about_goals(stream, form)
                 self._proxies[stream.stream_id] = _Proxy(
-                    stream, form, put, complaints, runner=runner, clock=clock
+                    stream, form, put, input_errors, runner=runner, clock=clock
                 )
 
     def ask(self, stream_id: int, held: HeldQuery) -> None:
@@ -131,13 +133,13 @@ class _Proxy:
         stream: Stream,
         form: ActionForm,
         put: Put,
-        complaints: Complaints,
+        input_errors: InputErrors,
         *,
         runner: LinkRunner,
         clock: Clock,
     ) -> None:
         self._stream = stream
-        self._complaints = complaints
+        self._input_errors = input_errors
         self._runner = runner
         self._ids: dict[GoalKey, bytes] = {}
         self._keys: dict[bytes, GoalKey] = {}
@@ -167,7 +169,7 @@ class _Proxy:
         try:
             self._runner.apply(send)
         except LocalError as error:
-            self._complaints.add(self._stream.name, "goal", str(error))
+            self._input_errors.add(self._stream.name, "goal", str(error))
             raise
 
     def cancel(self, goal_id: bytes) -> None:
@@ -198,7 +200,7 @@ class _Proxy:
                 try:
                     self.goal_server.feed(goal_id, event.value)
                 except PayloadInvalidError as error:
-                    self._complaints.add(self._stream.name, "feedback", str(error))
+                    self._input_errors.add(self._stream.name, "feedback", str(error))
             case CancelAnswered():
                 verdict = Verdict(accepted=event.accepted, text=event.text)
                 self.goal_server.answer_cancel(goal_id, verdict)
@@ -236,7 +238,7 @@ class _Attendant:
         stream: Stream,
         form: ActionForm,
         island: Island,
-        complaints: Complaints,
+        input_errors: InputErrors,
         *,
         runner: LinkRunner,
         clock: Clock,
@@ -244,7 +246,7 @@ class _Attendant:
         self._stream = stream
         self._form = form
         self._island = island
-        self._complaints = complaints
+        self._input_errors = input_errors
         self._runner = runner
         self._clock = clock
         # No two gateways, and no two boot epochs of one, give the same name to two goals.
@@ -314,7 +316,7 @@ class _Attendant:
     def lost(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
         """The program does not answer any more."""
         if goal_id in self._accepted:
-            self._complaints.add(self._stream.name, "lost", f"{failure.name}: {text}")
+            self._input_errors.add(self._stream.name, "lost", f"{failure.name}: {text}")
             self._finish(goal_id, GoalStatus.UNKNOWN, None)
         else:
             said = GoalFailure.NO_SERVER if failure is CallFailure.NO_SERVER else None
@@ -332,7 +334,7 @@ class _Attendant:
                 lambda engine, now: engine.actions.publish_feedback(key, value, now),
             )
         except ZacousticError as error:
-            self._complaints.add(self._stream.name, "feedback", str(error))
+            self._input_errors.add(self._stream.name, "feedback", str(error))
 
     def _reject(self, goal_id: bytes, failure: GoalFailure, text: str) -> None:
         key = self._forget(goal_id)
@@ -352,7 +354,7 @@ class _Attendant:
                 lambda engine, now: engine.actions.finish(key, status, result, now),
             )
         except ZacousticError as error:  # the engine has aborted the goal
-            self._complaints.add(self._stream.name, "result", str(error))
+            self._input_errors.add(self._stream.name, "result", str(error))
 
     def _forget(self, goal_id: bytes) -> GoalKey | None:
         goal_request = self._goal_requests.pop(goal_id, None)

@@ -145,13 +145,13 @@ class MatchingSubscribers:
                 for (stream_id, node), is_matching in self._matching.items()
                 if is_matching and stream_id == stream.stream_id
             }
-        publishers = self._runner.engine.demand.publishers(stream)
+        publishers = self._runner.engine.subscriptions.publishers(stream)
         wanted = publishers if _ANY in seen else publishers & seen
         return wanted.difference(self._redundant.alive)
 
     def _settle(self, stream_id: int) -> None:
         stream = self._table.by_id(stream_id)
-        before = self._runner.engine.demand.wanted(stream_id)
+        before = self._runner.engine.subscriptions.wanted(stream_id)
         after = self._sources(stream)
         if not after >= before and stream_id not in self._timers:
             self._timers[stream_id] = self._loop.call_later(
@@ -163,10 +163,10 @@ class MatchingSubscribers:
     def _withdraw(self, stream_id: int) -> None:
         """Unsubscribe from topics without local subscribers."""
         del self._timers[stream_id]
-        before = self._runner.engine.demand.wanted(stream_id)
+        before = self._runner.engine.subscriptions.wanted(stream_id)
         after = self._sources(self._table.by_id(stream_id)) & before
         if after != before:
             self._want(stream_id, after)
 
     def _want(self, stream_id: int, sources: frozenset[int]) -> None:
-        self._runner.apply(lambda engine, now: engine.demand.want(stream_id, now, sources))
+        self._runner.apply(lambda engine, now: engine.subscriptions.want(stream_id, now, sources))

@@ -28,8 +28,8 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, ZacousticError
-from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.session import Island
@@ -51,7 +51,7 @@ class Services:
     Args:
         table: All streams.
         island: The session of the servers.
-        complaints: Takes the errors of local answers.
+        input_errors: Takes the errors of local answers.
         dialects: Their local forms.
         clock: Where instants come from.
         ring: Wakes the loop, which then calls `drain`.
@@ -61,7 +61,7 @@ class Services:
         self,
         table: StreamTable,
         island: Island,
-        complaints: Complaints,
+        input_errors: InputErrors,
         dialects: Dialects,
         *,
         clock: Clock,
@@ -69,7 +69,7 @@ class Services:
     ) -> None:
         self._table = table
         self._island = island
-        self._complaints = complaints
+        self._input_errors = input_errors
         self._clock = clock
         self._ring = ring
         self.dialects = {
@@ -115,7 +115,7 @@ class Services:
         except ZacousticError as error:
             is_wrong = isinstance(error, PayloadInvalidError | PayloadTooLargeError)
             failure = CallFailure.BAD_REQUEST if is_wrong else CallFailure.NO_SERVER
-            self._complaints.add(stream.name, "request", str(error))
+            self._input_errors.add(stream.name, "request", str(error))
             held.refuse(failure, str(error))
             return
         self._calls[call_id] = (held, encoding)
@@ -192,10 +192,10 @@ class Services:
         try:
             value = self.dialects[call.stream_id].read_response(payload, encoding)
         except PayloadInvalidError as error:
-            self._complaints.add(stream.name, "response", str(error))
+            self._input_errors.add(stream.name, "response", str(error))
             engine.reply_error(call, CallFailure.HANDLER, f"bad response: {error}", now)
             return
         try:
             engine.reply(call, value, now)
         except ZacousticError as error:  # the engine has informed the caller
-            self._complaints.add(stream.name, "response", str(error))
+            self._input_errors.add(stream.name, "response", str(error))

@@ -19,10 +19,10 @@ from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import PayloadInvalidError, ZacousticError
-from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects, Reading, Written
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
 from zacoustic.zenoh.gateway.dialect.mailbox import Mailbox, Parcel
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
@@ -37,7 +37,7 @@ class Topics:
     Args:
         table: All streams.
         redundant: The jobs of the local gateways.
-        complaints: Takes the errors of local samples.
+        input_errors: Takes the errors of local samples.
         dialects: Their local forms.
         kept: Samples of latched topics, in the journal.
         clock: Where instants come from.
@@ -48,7 +48,7 @@ class Topics:
         self,
         table: StreamTable,
         redundant: RedundantGateways,
-        complaints: Complaints,
+        input_errors: InputErrors,
         dialects: Dialects,
         kept: KeptSamples,
         *,
@@ -60,7 +60,7 @@ class Topics:
         self._kept = kept
         self._table = table
         self._redundant = redundant
-        self._complaints = complaints
+        self._input_errors = input_errors
         self._clock = clock
         self._ring = ring
         self.dialects = {
@@ -140,7 +140,7 @@ class Topics:
         try:
             written = dialect.write(key, event)
         except PayloadInvalidError as error:
-            self._complaints.add(stream.name, "payload", str(error))
+            self._input_errors.add(stream.name, "payload", str(error))
             return
         value = LastValue(
             key=key,
@@ -202,7 +202,7 @@ class Topics:
         instance = stream.keys.match(dialect.stream_key(parcel.key), engine.address)
         if instance is None:
             text = f"the key {parcel.key} is none of this stream's"
-            self._complaints.add(stream.name, "unknown_key", text)
+            self._input_errors.add(stream.name, "unknown_key", text)
             return
         try:
             reading = Reading(value=None) if parcel.deleted else dialect.read(parcel)
@@ -217,6 +217,6 @@ class Topics:
                 queued_at=queued_at,
             )
         except PayloadInvalidError as error:
-            self._complaints.add(stream.name, "payload", str(error))
+            self._input_errors.add(stream.name, "payload", str(error))
         except ZacousticError as error:
-            self._complaints.add(stream.name, "refused", str(error))
+            self._input_errors.add(stream.name, "refused", str(error))

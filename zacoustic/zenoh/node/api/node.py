@@ -13,7 +13,7 @@ import msgspec
 from zacoustic.config import Config
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.peers.measurements import Range
-from zacoustic.core.streams.commands import Order, OrderState, check_timeout
+from zacoustic.core.streams.commands import CommandState, RemoteCommand, check_timeout
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import ConfigError, LocalError, SessionError
@@ -25,7 +25,7 @@ from zacoustic.zenoh.node.api.eventlog import EventLog
 from zacoustic.zenoh.node.api.identity import identify
 from zacoustic.zenoh.node.carrier import Carrier, NodeEvent
 
-ORDER_TIMEOUT_S: Final = 60.0
+COMMAND_TIMEOUT_S: Final = 60.0
 """How long a command is tried by default, s."""
 _ITS_OWN: Final = "on Zenoh the gateway keeps the journal"
 _RECORDS: Final = "on Zenoh the gateway records, or zacoustic record"
@@ -164,9 +164,9 @@ class Node(EndpointMaker):
             peer = self._known().address_of(peer)
         return await carrier.range(peer, timeout_s)
 
-    async def order(
-        self, peer: int | str, order: Order, *, timeout_s: float = ORDER_TIMEOUT_S
-    ) -> OrderState:
+    async def command(
+        self, peer: int | str, command: RemoteCommand, *, timeout_s: float = COMMAND_TIMEOUT_S
+    ) -> CommandState:
         """Give a command to another node, or to this one: be silent, resume, override a topic.
 
         It is executed on arrival, at most once, and answered when it is in that node's journal,
@@ -175,7 +175,7 @@ class Node(EndpointMaker):
 
         Args:
             peer: Acoustic address of the node, or its name in the configuration.
-            order: The command.
+            command: The command.
             timeout_s: How long to try, s, at most 600.
 
         Returns:
@@ -192,7 +192,7 @@ class Node(EndpointMaker):
         check_timeout(timeout_s)
         if isinstance(peer, str):
             peer = self._known().address_of(peer)
-        return await carrier.order(peer, order, timeout_s)
+        return await carrier.command(peer, command, timeout_s)
 
     def refuse(self, progress: ObjectProgress) -> bool:
         """Refuse the rest of an incoming large sample.
@@ -219,14 +219,14 @@ class Node(EndpointMaker):
         """Iterate over events besides samples and calls, the last ones first.
 
         The link goes up or down; the journal cannot be written, or can be again; silence has
-        begun by command, or has ended; a command overrides a topic (`StreamTuned`); a peer is seen,
-        or restarts; it is lost (`PeerLost`), or found again (`PeerFound`), where the configuration
-        has `lost_after_s`; others subscribe to an on-demand topic of this node, or unsubscribe
-        (`SubscribersChanged`); of a topic with `deadline_s` no sample came in time, here or from
-        elsewhere (`DeadlineMissed`); a peer defines a stream in another way; the modem has measured
-        a peer (`PeerMeasured`), or reports values of itself (`ModemRead`); a sample
-        of a former boot epoch of this node has ended (`DeliveryEnded`); a large sample, outgoing
-        or incoming, has progressed or ended (`ObjectProgress`). On Zenoh only the
+        begun by command, or has ended; a command overrides a topic (`StreamOverridden`); a peer is
+        seen, or restarts; it is lost (`PeerLost`), or found again (`PeerFound`), where the
+        configuration has `lost_after_s`; others subscribe to an on-demand topic of this node, or
+        unsubscribe (`SubscribersChanged`); of a topic with `deadline_s` no sample came in time,
+        here or from elsewhere (`DeadlineMissed`); a peer defines a stream in another way; the modem
+        has measured a peer (`PeerMeasured`), or reports values of itself (`ModemRead`); a sample of
+        a former boot epoch of this node has ended (`DeliveryEnded`); a large sample, outgoing or
+        incoming, has progressed or ended (`ObjectProgress`). On Zenoh only the
         first: the connection to the router. Ends with the node.
         """
         return self._events.read()

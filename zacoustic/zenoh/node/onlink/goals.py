@@ -9,7 +9,7 @@ from typing import Any, Final
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import (
+from zacoustic.core.transport.actions.events import (
     ActionEvent,
     CancelAnswered,
     CancelRequested,
@@ -22,7 +22,7 @@ from zacoustic.core.transport.actions.news import (
 )
 from zacoustic.errors import LinkClosedError, LocalError
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.node.goals import GoalDesk, GoalEnd, TakeFeedback, goal_error
+from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, TakeFeedback, goal_error
 from zacoustic.zenoh.node.routes import ActionRoute
 
 _REFUSALS: Final = (GoalFailure.REJECTED, GoalFailure.CANCELLED)
@@ -43,7 +43,7 @@ class LinkGoals:
         self.runner = runner
         self._table = table
         self._sent: dict[GoalKey, LinkSentGoal] = {}
-        self._desks: dict[int, GoalDesk] = {}
+        self._handlers: dict[int, GoalHandler] = {}
         self._taken: dict[GoalKey, LinkTakenGoal] = {}
 
     async def send(
@@ -88,20 +88,20 @@ class LinkGoals:
             self._forget_ended(sent)
         return found
 
-    def serve(self, route: ActionRoute[Any, Any, Any], desk: GoalDesk) -> Callable[[], None]:
+    def serve(self, route: ActionRoute[Any, Any, Any], handler: GoalHandler) -> Callable[[], None]:
         """Hand over the goals of an action; returns what ends it.
 
         Raises:
             LocalError: It is served already.
         """
         stream_id = route.known_stream.stream_id
-        if stream_id in self._desks:
+        if stream_id in self._handlers:
             raise LocalError(f"{route.name} is served by this node already")
-        self._desks[stream_id] = desk
+        self._handlers[stream_id] = handler
 
         def stop() -> None:
-            if self._desks.get(stream_id) is desk:
-                del self._desks[stream_id]
+            if self._handlers.get(stream_id) is handler:
+                del self._handlers[stream_id]
 
         return stop
 
@@ -112,9 +112,9 @@ class LinkGoals:
                 self._take(event)
             case CancelRequested():
                 taken = self._taken.get(event.goal)
-                desk = self._desks.get(event.goal.stream_id)
-                if taken is not None and desk is not None:
-                    desk.cancel(taken)
+                handler = self._handlers.get(event.goal.stream_id)
+                if taken is not None and handler is not None:
+                    handler.cancel(taken)
             case GoalRecovered():
                 name = self._table.by_id(event.goal.stream_id).name
                 found = LinkSentGoal(self, name, event.goal, None, event.tag)
@@ -147,12 +147,12 @@ class LinkGoals:
 
     def _take(self, event: GoalReceived) -> None:
         taken = self._taken[event.goal] = LinkTakenGoal(self, event)
-        desk = self._desks.get(event.goal.stream_id)
-        if desk is None:
+        handler = self._handlers.get(event.goal.stream_id)
+        if handler is None:
             name = self._table.by_id(event.goal.stream_id).name
             taken.reject(GoalFailure.NO_SERVER, f"no program serves {name}")
         else:
-            desk.take(taken)
+            handler.take(taken)
 
 
 class LinkSentGoal:

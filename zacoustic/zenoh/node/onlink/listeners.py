@@ -91,11 +91,13 @@ class Listeners:
         if not stream.is_on_demand:
             return
         keys = {key for key, _ in self._listeners[stream.stream_id].values()}
-        publishers = self._runner.engine.demand.publishers(stream)
+        publishers = self._runner.engine.subscriptions.publishers(stream)
         sources = {
             source
             for source in publishers
             for key in keys
             if key is None or stream.keys.match(key, source) is not None
         }
-        self._runner.apply(lambda engine, now: engine.demand.want(stream.stream_id, now, sources))
+        self._runner.apply(
+            lambda engine, now: engine.subscriptions.want(stream.stream_id, now, sources)
+        )

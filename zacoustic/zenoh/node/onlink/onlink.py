@@ -22,15 +22,15 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LinkClosedError
 from zacoustic.run.node import PreparedNode
 from zacoustic.zenoh.node.carrier import NodeEvent, Outlet
 from zacoustic.zenoh.node.onlink.calls import LinkCalls
+from zacoustic.zenoh.node.onlink.commands import LinkCommands
 from zacoustic.zenoh.node.onlink.goals import LinkGoals
 from zacoustic.zenoh.node.onlink.listeners import Listeners
-from zacoustic.zenoh.node.onlink.orders import LinkOrders
 from zacoustic.zenoh.node.onlink.publishing import LinkOutlet, LinkPublishing
 from zacoustic.zenoh.node.onlink.ranges import LinkRanges
 from zacoustic.zenoh.node.routes import TopicRoute
@@ -72,11 +72,11 @@ class LinkCarrier:
         self._publishing = LinkPublishing(self._runner)
         self._calls = LinkCalls(self._runner, table)
         self._ranges = LinkRanges(self._runner)
-        self._orders = LinkOrders(self._runner)
+        self._commands = LinkCommands(self._runner)
         self.goals = LinkGoals(self._runner, table)
         self.subscribe = self._listeners.add
         self.call, self.serve = self._calls.call, self._calls.serve
-        self.range, self.order = self._ranges.measure, self._orders.give
+        self.range, self.command = self._ranges.measure, self._commands.give
         self._takers = self._event_takers()
 
     @property
@@ -182,7 +182,7 @@ class LinkCarrier:
         }
 
     def _answer(self, event: ResponseReceived | CallFailed) -> None:
-        if not self._orders.deliver(event):
+        if not self._commands.deliver(event):
             self._calls.answered(event)
 
     def _see_difference(self, event: StreamsDiffer) -> None:
@@ -243,6 +243,6 @@ class LinkCarrier:
             self._fail(error)
 
     def _end_all(self, error: Exception) -> None:
-        for each in (self._calls, self._ranges, self.goals, self._orders):
+        for each in (self._calls, self._ranges, self.goals, self._commands):
             each.end_all(error)
         self._publishing.deliveries.fail(error)

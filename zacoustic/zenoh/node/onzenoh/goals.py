@@ -16,7 +16,7 @@ from zacoustic.core.engine.events import CallFailure, GoalFailure, GoalStatus
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError
 from zacoustic.zenoh.node.carrier import call_error
 from zacoustic.zenoh.node.form import Form
-from zacoustic.zenoh.node.goals import GoalDesk, GoalEnd, SentGoal, TakeFeedback, goal_error
+from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, SentGoal, TakeFeedback, goal_error
 from zacoustic.zenoh.node.routes import ActionRoute
 from zacoustic.zenoh.session.asking.goalrequest import FeedbackEar, LocalGoalRequest
 from zacoustic.zenoh.session.asking.goals import (
@@ -27,7 +27,7 @@ from zacoustic.zenoh.session.asking.goals import (
     Verdict,
 )
 from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer
-from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryDesk
+from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import Island, one_line
 from zacoustic.zenoh.session.wake_up import WakeUp
@@ -95,10 +95,10 @@ class ZenohGoals:
         """Return nothing: the gateway keeps the goals."""
         return ()
 
-    def serve(self, route: Route, desk: GoalDesk) -> Callable[[], None]:
+    def serve(self, route: Route, handler: GoalHandler) -> Callable[[], None]:
         """Declare the queryable of an action."""
         island = self._island()
-        server = _Server(route, desk, island)
+        server = _Server(route, handler, island)
         with _errors(route.name):
             queryable = island.session.declare_queryable(
                 zenoh.KeyExpr(*messages_of(route).served()),
@@ -238,12 +238,12 @@ class ZenohSentGoal:
 class _Server:
     """Where the goals of one action arrive; made on the loop."""
 
-    def __init__(self, route: Route, desk: GoalDesk, island: Island) -> None:
+    def __init__(self, route: Route, handler: GoalHandler, island: Island) -> None:
         self._route = route
-        self._desk = desk
+        self._handler = handler
         self._goals: dict[bytes, _TakenGoal] = {}
         bell = WakeUp(asyncio.get_running_loop(), self._drain)
-        self._queries = QueryDesk(
+        self._queries = QueryHandler(
             island.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
         )
 
@@ -284,7 +284,7 @@ class _Server:
         marker = read_marker(held.query.attachment)
         client = marker.acoustic if marker is not None else None
         goal = self._goals[goal_id] = _TakenGoal(self, self._route, goal_id, value, client)
-        self._desk.take(goal)
+        self._handler.take(goal)
 
     def cancel(self, goal_id: bytes) -> None:
         """Ask the application to end a goal."""
@@ -293,7 +293,7 @@ class _Server:
             refused = Verdict(accepted=False, text="the goal does not run")
             self.goal_server.answer_cancel(goal_id, refused)
         else:
-            self._desk.cancel(goal)
+            self._handler.cancel(goal)
 
     def _drain(self) -> None:
         for held, take in self._queries.take():

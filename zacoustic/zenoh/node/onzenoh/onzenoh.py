@@ -21,7 +21,7 @@ from zacoustic.core.base.qos import Durability
 from zacoustic.core.base.stats import NO_STREAM, EngineStats, LedgerEntry, count
 from zacoustic.core.engine.events import CallFailure, LinkStateChanged
 from zacoustic.core.peers.measurements import Range
-from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.errors import (
@@ -38,11 +38,11 @@ from zacoustic.zenoh.node.carrier import Incoming, IncomingCall, NodeEvent, Outl
 from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.onzenoh.crossing import Crossing
 from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
-from zacoustic.zenoh.node.onzenoh.queries import ServiceDesk
+from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
-from zacoustic.zenoh.session.asking.orderquestion import OrderQuestion
-from zacoustic.zenoh.session.asking.orders import read_state
+from zacoustic.zenoh.session.asking.commandquery import CommandQuery
+from zacoustic.zenoh.session.asking.commands import read_state
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
@@ -147,18 +147,18 @@ class ZenohCarrier:
             f"@acoustic/*/peer/{address}/range",
         )
 
-    async def order(self, node: int, order: Order, timeout_s: float) -> OrderState:
+    async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Ask the local gateways, which execute or forward it."""
-        question = OrderQuestion(node, order, timeout_s)
+        question = CommandQuery(node, command, timeout_s)
         with zenoh_errors(question.key):
             await question.ask(self.island)
         if question.payloads:
-            return read_state(question.payloads[0], order)
+            return read_state(question.payloads[0], command)
         nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
         failure, text = (*question.failures, nobody)[0]
         if failure is CallFailure.HANDLER:
-            raise ServiceError(f"the order is refused: {text}")
-        raise call_error("the order", failure, text)
+            raise ServiceError(f"the command is refused: {text}")
+        raise call_error("the command", failure, text)
 
     def refuse(self, source: int, transfer: int) -> bool:
         """Refuse nothing: what comes is whole."""
@@ -240,18 +240,18 @@ class ZenohCarrier:
     ) -> Callable[[], None]:
         """Declare a Zenoh queryable."""
         island = self.island
-        desk = ServiceDesk(route, handle, island.worker)
+        handler = ServiceHandler(route, handle, island.worker)
         with zenoh_errors(route.name):
             queryable = island.session.declare_queryable(
                 zenoh.KeyExpr(route.name),
-                island.callback(desk.bring),
+                island.callback(handler.bring),
                 complete=True,
                 allowed_origin=zenoh.Locality.REMOTE,
             )
 
         def end() -> None:
             queryable.undeclare()  # type: ignore[no-untyped-call]
-            desk.close()
+            handler.close()
 
         return self._keep(end)
 

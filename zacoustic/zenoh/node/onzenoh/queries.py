@@ -12,7 +12,7 @@ from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.zenoh.node.carrier import CLOSED_TEXT, IncomingCall
 from zacoustic.zenoh.node.routes import ServiceRoute
-from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery, QueryDesk
+from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery, QueryHandler
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.values import said_encoding
 from zacoustic.zenoh.session.wake_up import WakeUp
@@ -22,7 +22,7 @@ CALLS_LIMIT: Final = 64
 """Calls of one service that can be under way: as many as a client has on the channel."""
 
 
-class ServiceDesk:
+class ServiceHandler:
     """Where the queries of one service arrive and become calls; made on the loop.
 
     Args:
@@ -40,18 +40,18 @@ class ServiceDesk:
         self._route = route
         self._handle = handle
         bell = WakeUp(asyncio.get_running_loop(), self._drain)
-        self._desk = QueryDesk(worker, bell.ring, limit=CALLS_LIMIT, closed_text=CLOSED_TEXT)
+        self._handler = QueryHandler(worker, bell.ring, limit=CALLS_LIMIT, closed_text=CLOSED_TEXT)
 
     def bring(self, query: zenoh.Query) -> None:
         """Take a query; on Zenoh's thread."""
-        self._desk.admit(self._take, query)
+        self._handler.admit(self._take, query)
 
     def close(self) -> None:
         """Refuse held queries, and later ones."""
-        self._desk.close()
+        self._handler.close()
 
     def _drain(self) -> None:
-        for held, take in self._desk.take():
+        for held, take in self._handler.take():
             take(held)
 
     def _take(self, held: HeldQuery) -> None:

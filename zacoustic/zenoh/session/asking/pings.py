@@ -10,9 +10,9 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.streams.commands import ORDERS_TIMEOUT_S
+from zacoustic.core.streams.commands import COMMANDS_TIMEOUT_S
 from zacoustic.text.digits import real_number, whole_number
-from zacoustic.zenoh.session.asking.orders import ANY_NODE, PREFIX
+from zacoustic.zenoh.session.asking.commands import ANY_NODE, PREFIX
 
 DEFAULT_PING_S: Final = 30.0
 """How long an answer is awaited by default, s."""
@@ -77,7 +77,7 @@ def read_ping(key: str, parameters: Mapping[str, str]) -> tuple[int, float] | No
             raise ValueError(f"{name} is no parameter of {key}; allowed: within_s")
         number = real_number(text)
         within_s = math.nan if number is None else number
-        if not 0 < within_s <= ORDERS_TIMEOUT_S:
-            allowed = f"seconds above 0, at most {ORDERS_TIMEOUT_S:g}"
+        if not 0 < within_s <= COMMANDS_TIMEOUT_S:
+            allowed = f"seconds above 0, at most {COMMANDS_TIMEOUT_S:g}"
             raise ValueError(f"within_s is {text}; allowed: {allowed}")
     return node, within_s

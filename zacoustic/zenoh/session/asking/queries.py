@@ -37,24 +37,24 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
 class HeldQuery:
     """One query that waits; `answer` or `refuse` ends it, from any thread, the first one counts."""
 
-    def __init__(self, query: zenoh.Query, desk: "QueryDesk") -> None:
+    def __init__(self, query: zenoh.Query, handler: "QueryHandler") -> None:
         self.query = query
-        self._desk = desk
+        self._handler = handler
 
     def answer(self, answers: Sequence[Answer]) -> bool:
         """Reply with these values; none: the `get` ends without a reply. False: it was ended."""
-        return self._desk.finish(self, lambda query: _reply(query, answers))
+        return self._handler.finish(self, lambda query: _reply(query, answers))
 
     def refuse(self, failure: CallFailure, text: str) -> bool:
         """Reply with an error. False: it was ended."""
-        return self._desk.finish(self, lambda query: _refuse(query, failure, text))
+        return self._handler.finish(self, lambda query: _refuse(query, failure, text))
 
 
 Serve = Callable[[HeldQuery], None]
 """What the loop does with a query."""
 
 
-class QueryDesk:
+class QueryHandler:
     """Takes queries from Zenoh's threads to the loop, and answers back.
 
     Args:

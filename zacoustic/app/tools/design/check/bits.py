@@ -1,8 +1,8 @@
 """The cost of a sample in bits: the smallest, the typical and the largest, for planning a link.
 
 Of packed samples these are the payload's bits; the record's id, and what fills the last byte, come
-on top. Of a dense sample they are what it adds to a string that goes anyway; the largest is the
-whole string of a sample that is like nothing before. What is typical of it has been measured by the
+on top. Of a dense sample they are what it adds to a block that goes anyway; the largest is the
+whole block of a sample that is like nothing before. What is typical of it has been measured by the
 fit, one sample behind the one before it, and is in the model's file.
 """
 

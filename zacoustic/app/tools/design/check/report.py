@@ -195,14 +195,14 @@ def _rows(
     head_bytes = desert.head_bytes(stream) if on_desert else _ID_BYTES + _CALL_BYTES
     server = (spec.server,)
     if isinstance(spec, ActionSpec):
-        for kind, type_name, codec, audience in (
+        for kind, type_name, codec, receivers in (
             ("goal", spec.goal_type, stream.codec, (None, server)),
             ("feedback", spec.feedback_type, stream.feedback_codec, (server, None)),
             ("result", spec.result_type, stream.response_codec, (server, None)),
         ):
             status_bytes = 1 if kind == "result" else 0
             yield _row(
-                stream, kind, type_name, audience,
+                stream, kind, type_name, receivers,
                 codec=codec, head_bytes=head_bytes + status_bytes, profile=profile, typical=typical,
             )  # fmt: skip
         return
@@ -220,7 +220,7 @@ def _row(
     stream: Stream,
     kind: str,
     type_name: str | None,
-    audience: tuple[tuple[int, ...] | None, tuple[int, ...] | None],
+    receivers: tuple[tuple[int, ...] | None, tuple[int, ...] | None],
     *,
     codec: PayloadCodec,
     head_bytes: int,
@@ -239,8 +239,8 @@ def _row(
         kind=kind,
         name=stream.name,
         type=type_name,
-        sources=audience[0],
-        targets=audience[1],
+        sources=receivers[0],
+        targets=receivers[1],
         priority=stream.qos.priority.name.lower(),
         depth=stream.qos.depth if isinstance(spec, TopicSpec) else None,
         lifespan_s=lifespan_s,

@@ -69,8 +69,8 @@ def _stream_cells(row: StreamRow, nodes: Mapping[int, str]) -> tuple[str, ...]:
         row.kind,
         row.name,
         row.type or "bytes",
-        _audience(row.sources, nodes, "any"),
-        _audience(row.targets, nodes, _LISTENERS.get(row.kind, "all")),
+        _receivers(row.sources, nodes, "any"),
+        _receivers(row.targets, nodes, _LISTENERS.get(row.kind, "all")),
         row.priority,
         "" if row.depth is None else str(row.depth),
         "" if row.lifespan_s is None else f"{row.lifespan_s:g} s",
@@ -100,7 +100,7 @@ def _sizes(smallest: int, largest: int | None) -> str:
     return str(smallest) if smallest == largest else f"{smallest}–{largest}"
 
 
-def _audience(addresses: tuple[int, ...] | None, nodes: Mapping[int, str], everybody: str) -> str:
+def _receivers(addresses: tuple[int, ...] | None, nodes: Mapping[int, str], everybody: str) -> str:
     if addresses is None:
         return everybody
     return ",".join(nodes.get(address, str(address)) for address in addresses)

@@ -42,7 +42,7 @@ class Saying(msgspec.Struct, frozen=True, kw_only=True):
     payload_bytes: int
     """Size of its payload as a record."""
     dense_value: dict[str, Any] | None = None
-    """What a dense string has of it, where it is known."""
+    """What a dense block has of it, where it is known."""
 
 
 class Offer:

@@ -50,10 +50,10 @@ class Said(msgspec.Struct, kw_only=True):
     """It begins with HELLO."""
     introduced: bool = False
     """It begins with HELLO or TAG."""
-    string: bytes = b""
-    """A dense string."""
+    block: bytes = b""
+    """A dense block."""
     acknowledged: tuple[tuple[int, int], ...] = ()
-    """Marks of dense strings that it acknowledges, by their sources."""
+    """Marks of dense blocks that it acknowledges, by their sources."""
 
 
 class _Known:
@@ -202,13 +202,13 @@ class Speaker:
                 item = lane.items[0]
                 if not _concerns(item, destination):
                     break
-                string, fits = self._fits(item, taken, samples, destination, room_bytes, introduced)
+                block, fits = self._fits(item, taken, samples, destination, room_bytes, introduced)
                 if not fits:
                     break
                 taken.append(lane.items.popleft())
                 if item.dense is not None:
                     samples.append(item.dense)
-                    encoded = string or encoded
+                    encoded = block or encoded
                 lane.taken_at = now
                 if lane.min_interval_ns:
                     break
@@ -222,7 +222,7 @@ class Speaker:
             size_bytes=used_bytes + size_bytes + _DENSE_ACK_BYTES * len(marks)
             + self.capabilities.mtu_bytes - self.port.envelope.room_bytes,
             items=taken, controls=controls, hello=hello, introduced=introduced,
-            string=b"" if encoded is None else encoded.frame, acknowledged=marks,
+            block=b"" if encoded is None else encoded.frame, acknowledged=marks,
         )  # fmt: skip
 
     def _fits(
@@ -242,21 +242,21 @@ class Speaker:
         self, items: list[Item], samples: list[DenseSample], destination: int, room_bytes: int,
         introduced: bool,
     ) -> tuple[int, Encoded | None]:  # fmt: skip
-        """Return what records take, or a string and what cannot be in it, where that is less."""
+        """Return what records take, or a block and what cannot be in it, where that is less."""
         records_bytes = _records_bytes(items, destination, introduced)
         if not samples or self._dense is None:
             return records_bytes, None
         others = [each for each in items if each.dense is None]
         others_bytes = _records_bytes(others, destination, introduced)
         others_bytes += DELIMITER_BYTES * bool(others and _open_ended(others, introduced))
-        audience = self._audience(destination, samples)
-        encoded = self._dense.encode(samples, max(1, room_bytes - others_bytes), audience)
+        receivers = self._receivers(destination, samples)
+        encoded = self._dense.encode(samples, max(1, room_bytes - others_bytes), receivers)
         if encoded is None or encoded.taken < len(samples):
             return records_bytes, None
-        string_bytes = others_bytes + len(encoded.frame)
-        if string_bytes > records_bytes <= room_bytes:
+        block_bytes = others_bytes + len(encoded.frame)
+        if block_bytes > records_bytes <= room_bytes:
             return records_bytes, None
-        return string_bytes, encoded
+        return block_bytes, encoded
 
     def spend(self, said: Said, airtime_ns: int, now: int) -> None:
         """Take out of the caps what a frame lasts."""
@@ -279,8 +279,8 @@ class Speaker:
             known.settled_at = now + settling_ns
         if said.introduced and known.settled_at is not None and now >= known.confirms_at:
             self._confirm(source, known, now)
-        if said.string and known.settled_at is not None:
-            self._hear_string(source, said.string)
+        if said.block and known.settled_at is not None:
+            self._hear_block(source, said.block)
         for of, mark in said.acknowledged:
             if of == self.address and self._dense is not None:
                 self._dense.acknowledged(source, mark)
@@ -326,7 +326,7 @@ class Speaker:
 
     # Dense strings
 
-    def _audience(self, destination: int, samples: list[DenseSample]) -> tuple[int, ...]:
+    def _receivers(self, destination: int, samples: list[DenseSample]) -> tuple[int, ...]:
         if destination != BROADCAST:
             return (destination,)
         streams = [self.table.by_id(each.stream_id) for each in samples]
@@ -341,7 +341,7 @@ class Speaker:
             node for node in self._hearers if any(each.may_subscribe(node) for each in streams)
         )
 
-    def _hear_string(self, source: int, string: bytes) -> None:
+    def _hear_block(self, source: int, block: bytes) -> None:
         listener = self._listeners.get(source)
         if listener is None:
             codec = _dense_codec(self.table, source)
@@ -349,10 +349,10 @@ class Speaker:
                 return
             listener = self._listeners[source] = Listener(codec)
         try:
-            listener.decode(string)
+            listener.decode(block)
         except PayloadError:
             return  # it refers to one that was lost
-        self._unsaid[source] = self._unsaid.get(source, 0) + len(string)
+        self._unsaid[source] = self._unsaid.get(source, 0) + len(block)
 
     def _marks(self, destination: int, room_bytes: int) -> tuple[tuple[int, int], ...]:
         marks: list[tuple[int, int]] = []

@@ -9,7 +9,7 @@ import msgspec
 
 from zacoustic.app.tools.design.reference.limits import limit
 from zacoustic.app.tools.design.reference.meanings import meanings_of
-from zacoustic.config.complaints import allowed_at
+from zacoustic.config.problems import allowed_at
 from zacoustic.config.sections import RECORDS, ActionEntry, ServiceEntry, TopicEntry
 from zacoustic.core.schedule.access.spec import METHODS
 

@@ -9,7 +9,7 @@ from typing import Any, Final, Union, get_args, get_origin
 import msgspec
 
 from zacoustic.app.tools.design.reference.meanings import meanings_of
-from zacoustic.config.complaints import allowed_at
+from zacoustic.config.problems import allowed_at
 from zacoustic.config.sections import (
     RECORDS,
     ActionEntry,

@@ -259,7 +259,7 @@ class _Run:
 
 
 def _want(stream_id: int, engine: Engine, now: int) -> None:
-    engine.demand.want(stream_id, now)
+    engine.subscriptions.want(stream_id, now)
 
 
 class _Sent:

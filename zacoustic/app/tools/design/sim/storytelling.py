@@ -14,7 +14,7 @@ from zacoustic.testing.tally import SimulationResult, Tally
 class StoryResult(msgspec.Struct, frozen=True, kw_only=True):
     """The result of a random scenario."""
 
-    complaints: tuple[str, ...]
+    violations: tuple[str, ...]
     """What must not have happened, one line each."""
     summary: str
     """The scenario in one line."""
@@ -44,7 +44,7 @@ def tell_story(
         record.network = telling.network
     telling.run()
     return StoryResult(
-        complaints=tuple(telling.complaints()),
+        violations=tuple(telling.violations()),
         summary=summary_of(story),
         simulation=tally.result(telling.network, story.until_s),
     )

@@ -20,12 +20,12 @@ def as_text(result: SimulationResult) -> str:
 def story_as_text(result: StoryResult) -> str:
     """Return a random scenario and its violations as lines."""
     return "\n".join(
-        (result.summary, *_lines(result.simulation), *result.complaints, _verdict(result))
+        (result.summary, *_lines(result.simulation), *result.violations, _verdict(result))
     )
 
 
 def _verdict(result: StoryResult) -> str:
-    number = len(result.complaints)
+    number = len(result.violations)
     return f"{number} complaints" if number else "all held that must hold"
 
 

@@ -96,12 +96,12 @@ def exchange(
     rng = random.Random(seed)
     packed = {stream_id: PackedCodec(each) for stream_id, each in types.items()}
     speaker, listener, tally = Speaker(codec), Listener(codec), Tally()
-    audience = {_LISTENER} if acknowledged else ()
+    receivers = {_LISTENER} if acknowledged else ()
     on_the_way: int | None = None
     for group in groups:
         left = list(group)
         while left:
-            encoded = speaker.encode(left, _ROOM_BYTES, audience)
+            encoded = speaker.encode(left, _ROOM_BYTES, receivers)
             if encoded is None:  # no string that could not be misunderstood: as records
                 tally.sizes.append(sum(_record_bytes(packed, sample) for sample in left))
                 break

@@ -2,7 +2,7 @@
 
 What is counted is a frame that carries one sample alone, on a link that frames, addresses and
 checks by itself: of records the stream id, the number of a reliable topic, the age and the payload;
-of dense strings everything, from the marker to the check. Beside that, everything that a vehicle
+of dense blocks everything, from the marker to the check. Beside that, everything that a vehicle
 publishes in some seconds, in one frame.
 """
 

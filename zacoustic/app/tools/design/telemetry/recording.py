@@ -31,7 +31,7 @@ class Mission(msgspec.Struct, frozen=True):
     """What one vehicle published in one recording."""
 
     types: dict[int, TypeSpec]
-    """What a dense string has of each stream, by stream id."""
+    """What a dense block has of each stream, by stream id."""
     samples: list[Sample]
     """In the order of time, within bounds."""
 

@@ -48,7 +48,7 @@ class DoctorReport(msgspec.Struct, frozen=True, kw_only=True):
     """What was not, and why."""
 
 
-class Wishes(msgspec.Struct, frozen=True, kw_only=True):
+class Options(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments that override the file."""
 
     address: int | None = None
@@ -68,20 +68,20 @@ class Wishes(msgspec.Struct, frozen=True, kw_only=True):
 
 
 async def diagnose(
-    file: str | Path, wishes: Wishes, *, synchronised: Synchronised = kernel_synchronised
+    file: str | Path, options: Options, *, synchronised: Synchronised = kernel_synchronised
 ) -> DoctorReport:
     """Examine a node.
 
     Args:
         file: Its configuration.
-        wishes: The other arguments.
+        options: The other arguments.
         synchronised: Tells whether something keeps the clock right.
 
     Raises:
         ConfigError: The file or a wish is wrong.
     """
-    config = read_config(file, address=wishes.address, locator=wishes.locator)
-    rounds = _Rounds(config, wishes, synchronised)
+    config = read_config(file, address=options.address, locator=options.locator)
+    rounds = _Rounds(config, options, synchronised)
     await rounds.go()
     return DoctorReport(
         file=str(file),
@@ -101,18 +101,18 @@ def _without_secrets(finding: Finding) -> Finding:
 
 
 class _Rounds:
-    def __init__(self, config: Config, wishes: Wishes, synchronised: Synchronised) -> None:
+    def __init__(self, config: Config, options: Options, synchronised: Synchronised) -> None:
         self.findings: list[Finding] = []
         self.examined: list[str] = []
         self.left_out: list[str] = []
         self._config = config
-        self._wishes = wishes
+        self._options = options
         self._synchronised = synchronised
 
     async def go(self) -> None:
         """Look at everything."""
         config = self._config
-        running, found = await look(config, self._wishes.connect)
+        running, found = await look(config, self._options.connect)
         self.findings += found
         if running.is_joined or found:
             self.examined.append("router")
@@ -125,7 +125,7 @@ class _Rounds:
                 self.findings += link.assess(running.health)
         elif link is not None:
             self.examined.append("modem")
-            self.findings += await link.examine(self._wishes.patience_s)
+            self.findings += await link.examine(self._options.patience_s)
         self.findings += check_journal(config)
         if config.journal is not None:
             self.examined.append("journal")
@@ -155,18 +155,18 @@ class _Rounds:
 
     async def _clock(self) -> None:
         offset = None
-        if self._wishes.ntp is not None:
-            offset = await ask_time(self._wishes.ntp)
+        if self._options.ntp is not None:
+            offset = await ask_time(self._options.ntp)
             if offset is None:
-                self.left_out.append(f"the clock: {self._wishes.ntp} does not tell the time")
+                self.left_out.append(f"the clock: {self._options.ntp} does not tell the time")
                 return
         self.findings += check_clock(self._config, offset, self._synchronised)
         self.examined.append("clock")
 
     async def _airtime(self, link: Link | None) -> None:
         """Ask the plan, if any rates are known."""
-        config, wishes = self._config, self._wishes
-        profile = profile_named(wishes.water.profile)
+        config, options = self._config, self._options
+        profile = profile_named(options.water.profile)
         capabilities = getattr(link, "capabilities", None)
         if isinstance(capabilities, LinkCapabilities):
             times = capabilities.bit_rate_bps / profile.bit_rate_bps
@@ -181,11 +181,11 @@ class _Rounds:
             return
         try:
             report = await asyncio.to_thread(
-                plan, config.source, water=wishes.water, recordings=wishes.recordings,
+                plan, config.source, water=options.water, recordings=options.recordings,
                 hours=_PLANNED_HOURS,
             )  # fmt: skip
         except ConfigError as error:
-            if wishes.recordings:
+            if options.recordings:
                 raise
             self.left_out.append(f"airtime: {error.args[0]}")
             return

@@ -12,7 +12,7 @@ from zacoustic.config import Config
 from zacoustic.errors import SessionError
 from zacoustic.link.contract import Finding
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.session import Island, endpoints_of, mode_of
 
 _TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):([0-9]{1,5})")

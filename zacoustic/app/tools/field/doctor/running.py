@@ -35,7 +35,7 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
         yield Finding(
             what=f"the running gateway transmits nothing: {why_silent}",
             why="nothing of this node is heard while that holds",
-            cure="zacoustic resume ends what was ordered; a clock is set by chrony or another NTP "
+            cure="zacoustic resume ends a commanded silence; a clock is set by chrony or NTP "
             "client, and the gateway notices it by itself",
         )
     yield from _clash(config, health)

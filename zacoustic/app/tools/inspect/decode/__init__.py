@@ -1,5 +1,5 @@
 """`zacoustic decode`: frames in words.
 
-`decoder` takes frames apart, `overheard` follows the dense strings among them, `desert` knows those
+`decoder` takes frames apart, `overheard` follows the dense blocks among them, `desert` knows those
 of rmw_desert, `decoded` is one item of a frame.
 """

@@ -39,7 +39,7 @@ from zacoustic.core.wire.content import measure_content, server_of, split_age
 from zacoustic.core.wire.controls import Extension, Item
 from zacoustic.core.wire.frame import (
     DenseAck,
-    DenseString,
+    DenseBlock,
     Prefixes,
     Record,
     Stray,
@@ -56,11 +56,11 @@ from zacoustic.core.wire.goals import (
 from zacoustic.core.wire.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
 from zacoustic.core.wire.objects import (
     NO_FRAGMENT,
-    Call,
     Complete,
     Fragment,
     Headless,
     Lacks,
+    ListenHint,
     Refused,
 )
 from zacoustic.core.wire.subscriptions import PAGE_STREAMS, Subscribe, streams_of
@@ -74,10 +74,10 @@ _WHY_STRAY = {
 
 
 _CALL_TEXTS = {
-    Call.ANSWER: "; its sender listens now, until it is answered",
-    Call.ANSWER_NEXT: "; its sender listens after the next, until it is answered",
-    Call.WINDOW: "; a listen window begins now",
-    Call.NONE: "",
+    ListenHint.ANSWER: "; its sender listens now, until it is answered",
+    ListenHint.ANSWER_NEXT: "; its sender listens after the next, until it is answered",
+    ListenHint.WINDOW: "; a listen window begins now",
+    ListenHint.NONE: "",
 }
 
 
@@ -127,8 +127,8 @@ class FrameDecoder:
         for item in parse_frame(records, reader.measure, CONTROLS, unicast=unicast):
             if isinstance(item, Hello | Tag) and self._overheard is not None:
                 self._overheard.introduced(source, item.epoch)
-            if isinstance(item, DenseString):
-                items += reader.explain_dense(item.string, self._overheard)
+            if isinstance(item, DenseBlock):
+                items += reader.explain_dense(item.block, self._overheard)
             else:
                 items.append(reader.explain(item))
         return items
@@ -150,17 +150,17 @@ class _Reader:
             raise KeyError(stream_id)
         return measure_content(stream, buffer, offset, prefixes, self._source)
 
-    def explain_dense(self, string: bytes, overheard: Overheard | None) -> list[DecodedItem]:
-        head = f"dense string of {len(string)} bytes: {string.hex()}"
+    def explain_dense(self, block: bytes, overheard: Overheard | None) -> list[DecodedItem]:
+        head = f"dense string of {len(block)} bytes: {block.hex()}"
         fault = ""
         samples: tuple[tuple[int, dict[str, Any]], ...] = ()
         if overheard is not None:
             try:
-                samples = overheard.read(self._source, string)
+                samples = overheard.read(self._source, block)
             except PayloadError as error:
                 fault = str(error)
                 head += f" is not decoded: {fault}"
-        first = DecodedItem(kind="dense", text=head, value=string.hex(), fault=fault)
+        first = DecodedItem(kind="dense", text=head, value=block.hex(), fault=fault)
         return [first, *(self._dense_sample(*each) for each in samples)]
 
     def _dense_sample(self, stream_id: int, value: Mapping[str, Any]) -> DecodedItem:

@@ -1,6 +1,6 @@
 """Dense strings as they were sent, one after the other: what they refer to is known if it was seen.
 
-Whoever sees all frames of a source, in their order, holds what its listeners hold. A string that
+Whoever sees all frames of a source, in their order, holds what its listeners hold. A block that
 stands for itself needs none of that.
 """
 
@@ -12,7 +12,7 @@ from zacoustic.core.values.payload import PayloadError
 
 
 class Overheard:
-    """The dense strings of all sources.
+    """The dense blocks of all sources.
 
     Args:
         table: The streams, with the model.
@@ -29,8 +29,8 @@ class Overheard:
             self._epochs[source] = epoch
             self._listeners.pop(source, None)
 
-    def read(self, source: int, string: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
-        """Read a string; gives stream ids and values.
+    def read(self, source: int, block: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
+        """Read a block; gives stream ids and values.
 
         Raises:
             PayloadError: It cannot be read; with the reason.
@@ -46,4 +46,4 @@ class Overheard:
                 raise PayloadError(f"node {source} has no dense streams")
             codec = DenseCodec(types, model=self._table.model, digest=self._table.digest)
             listener = self._listeners[source] = Listener(codec)
-        return listener.decode(string).samples
+        return listener.decode(block).samples

@@ -76,7 +76,7 @@ _WHOSE: Final = re.compile(r"/(?:@acoustic/)?([0-9]{1,3})/.+")
 _PEER: Final = re.compile(r"/@acoustic/([0-9]{1,3})/peer/([0-9]{1,3})/range")
 
 _COMMANDS: Final = (
-    "demand.want", "ranging.request", "ranging.repeat", "orders.send", "silence.begin",
+    "subscriptions.want", "ranging.request", "ranging.repeat", "commands.send", "silence.begin",
     "silence.resume",
 )  # fmt: skip
 

@@ -28,7 +28,7 @@ from zacoustic.core.engine.tap import call_engine
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.core.transport.actions.news import GoalReceived
+from zacoustic.core.transport.actions.events import GoalReceived
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.run.recording.calls import plain
 from zacoustic.run.recording.channels import Channel
@@ -121,7 +121,7 @@ class Trial:
             self._at(asked.at_ns, partial(self._ask, asked))
             self._learn(asked)
         for command in facts.commands:
-            self._at(command.at_ns, partial(self._obey, command))
+            self._at(command.at_ns, partial(self._execute, command))
         first: set[int] = set()
         for at_ns, life in facts.births:
             if life.address in first:
@@ -158,7 +158,7 @@ class Trial:
             arguments["timeout_s"] = was.timeout_s
         self._give(was.node, name, was.stream_id, arguments)
 
-    def _obey(self, was: Command) -> None:
+    def _execute(self, was: Command) -> None:
         arguments = dict(was.arguments)
         stream_id = arguments.pop("stream_id", None)
         self._give(was.node, was.name, stream_id, arguments)

@@ -9,8 +9,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.transport.objects.gate import Gate
-from zacoustic.core.transport.objects.receiving.replies import Place
+from zacoustic.core.transport.objects.admission import AdmissionControl
+from zacoustic.core.transport.objects.receiving.replies import TransferKey
 from zacoustic.core.transport.objects.stored import StoredEnd, done_key
 from zacoustic.core.wire.objects import (
     CHECK_BYTES,
@@ -38,25 +38,25 @@ class Endings:
     """What has ended at one node.
 
     Args:
-        gate: Knows the admitted objects.
+        admission: Knows the admitted objects.
         journal: Keeps delivered objects.
     """
 
-    def __init__(self, gate: Gate, journal: JournalPort) -> None:
-        self._gate = gate
+    def __init__(self, admission: AdmissionControl, journal: JournalPort) -> None:
+        self._admission = admission
         self._journal = journal
-        self._ended: dict[Place, StoredEnd] = {}
-        self._former: dict[Place, StoredEnd] = {}
-        self._refused: dict[Place, Refusal] = {}
+        self._ended: dict[TransferKey, StoredEnd] = {}
+        self._former: dict[TransferKey, StoredEnd] = {}
+        self._refused: dict[TransferKey, Refusal] = {}
 
-    def restore(self, place: Place, end: StoredEnd) -> None:
+    def restore(self, key: TransferKey, end: StoredEnd) -> None:
         """Restore the end of an object that a former boot epoch delivered."""
-        self._ended[place] = end
+        self._ended[key] = end
 
-    def handed_on(self, place: Place, end: StoredEnd) -> bool:
+    def handed_on(self, key: TransferKey, end: StoredEnd) -> bool:
         """An object has ended; returns whether the same was handed on before."""
-        self._ended[place] = end
-        former = self._former.pop(place, None)
+        self._ended[key] = end
+        former = self._former.pop(key, None)
         while len(self._ended) > _MOST_FORMER:
             oldest = next(iter(self._ended))
             del self._ended[oldest]
@@ -65,50 +65,50 @@ class Endings:
             del self._former[next(iter(self._former))]
         return former is not None and former.digest == end.digest
 
-    def refuse(self, place: Place, refusal: Refusal) -> None:
+    def refuse(self, key: TransferKey, refusal: Refusal) -> None:
         """An object is not taken."""
-        self._refused[place] = refusal
+        self._refused[key] = refusal
         while len(self._refused) > _MOST_FORMER:
             del self._refused[next(iter(self._refused))]
 
     def forget(self, source: int) -> None:
         """Forget what has ended of a source."""
-        for place in [place for place in self._ended if place[0] == source]:
-            del self._ended[place]
-            self._journal.write(done_key(*place), None)
+        for key in [key for key in self._ended if key[0] == source]:
+            del self._ended[key]
+            self._journal.write(done_key(*key), None)
         for known in (self._former, self._refused):
-            for place in [place for place in known if place[0] == source]:
-                del known[place]
+            for key in [key for key in known if key[0] == source]:
+                del known[key]
 
-    def end(self, place: Place) -> StoredEnd | None:
+    def end(self, key: TransferKey) -> StoredEnd | None:
         """Return how the last object from a source with a number was handed on, or None."""
-        return self._ended.get(place)
+        return self._ended.get(key)
 
-    def __contains__(self, place: Place) -> bool:
+    def __contains__(self, key: TransferKey) -> bool:
         """Tell whether the last object from a source with a number was handed on."""
-        return place in self._ended
+        return key in self._ended
 
-    def refusal(self, place: Place) -> Refusal | None:
+    def refusal(self, key: TransferKey) -> Refusal | None:
         """Return why the last object from a source with a number is not taken, or None."""
-        return self._refused.get(place)
+        return self._refused.get(key)
 
-    def is_of_ended(self, place: Place, fragment: Fragment) -> bool:
+    def is_of_ended(self, key: TransferKey, fragment: Fragment) -> bool:
         """Tell whether a fragment is of an object that has ended; else that is forgotten."""
-        return self._is_of_handed_on(place, fragment) or self._is_of_refused(place, fragment)
+        return self._is_of_handed_on(key, fragment) or self._is_of_refused(key, fragment)
 
-    def feedback(self, place: Place) -> Complete | Refused | None:
+    def feedback(self, key: TransferKey) -> Complete | Refused | None:
         """Return the feedback for an object that has ended, or None."""
-        transfer = place[1]
-        end = self._ended.get(place)
+        transfer = key[1]
+        end = self._ended.get(key)
         if end is not None:
             return Complete(transfer, end.digest[:CHECK_BYTES])
-        refusal = self._refused.get(place)
+        refusal = self._refused.get(key)
         return Refused(transfer, refusal.reason) if refusal is not None else None
 
     # Below the methods above
 
-    def _is_of_handed_on(self, place: Place, fragment: Fragment) -> bool:
-        end = self._ended.get(place)
+    def _is_of_handed_on(self, key: TransferKey, fragment: Fragment) -> bool:
+        end = self._ended.get(key)
         if end is None:
             return False
         head = end.head
@@ -117,18 +117,18 @@ class Endings:
         ):
             return True
         # The number stands for another object now, or a frame was altered.
-        self._former[place] = self._ended.pop(place)
+        self._former[key] = self._ended.pop(key)
         return False
 
-    def _is_of_refused(self, place: Place, fragment: Fragment) -> bool:
-        refusal = self._refused.get(place)
+    def _is_of_refused(self, key: TransferKey, fragment: Fragment) -> bool:
+        refusal = self._refused.get(key)
         if refusal is None:
             return False
         known = refusal.head.get(fragment.index)
         is_same = known == fragment.data if known is not None else fragment.index != 0
         unwanted_of = refusal.unwanted_of
-        if is_same and not (unwanted_of and self._gate.admit(place[0], unwanted_of).is_wanted):
+        if is_same and not (unwanted_of and self._admission.admit(key[0], unwanted_of).is_wanted):
             return True
         # The number stands for another object now, or this one is wanted now.
-        del self._refused[place]
+        del self._refused[key]
         return False

@@ -11,7 +11,7 @@ from typing import Final
 from zacoustic.core.base.linktypes import ReceivedFrame
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.receiving.incoming import IncomingObject
-from zacoustic.core.transport.objects.receiving.replies import Place
+from zacoustic.core.transport.objects.receiving.replies import TransferKey
 
 _MOST_AT_A_TIME: Final = 64
 
@@ -38,15 +38,15 @@ class Transfers:
 
     def __init__(self, limits: ObjectLimits) -> None:
         self._limits = limits
-        self._transfers: dict[Place, Transfer] = {}
+        self._transfers: dict[TransferKey, Transfer] = {}
 
     def __len__(self) -> int:
         return len(self._transfers)
 
-    def __contains__(self, place: Place) -> bool:
-        return place in self._transfers
+    def __contains__(self, key: TransferKey) -> bool:
+        return key in self._transfers
 
-    def __iter__(self) -> Iterator[tuple[Place, Transfer]]:
+    def __iter__(self) -> Iterator[tuple[TransferKey, Transfer]]:
         return iter(self._transfers.items())
 
     @property
@@ -54,21 +54,21 @@ class Transfers:
         """Bytes that they take, at most."""
         return sum(each.incoming.memory_bytes for each in self._transfers.values())
 
-    def get(self, place: Place) -> Transfer | None:
+    def get(self, key: TransferKey) -> Transfer | None:
         """Return the transfer from a source with a number, or None."""
-        return self._transfers.get(place)
+        return self._transfers.get(key)
 
-    def open(self, place: Place, fragment_bytes: int) -> Transfer:
+    def open(self, key: TransferKey, fragment_bytes: int) -> Transfer:
         """Begin with an object."""
-        incoming = IncomingObject(place[1], fragment_bytes, self._limits.largest_bytes)
-        transfer = self._transfers[place] = Transfer(incoming)
+        incoming = IncomingObject(key[1], fragment_bytes, self._limits.largest_bytes)
+        transfer = self._transfers[key] = Transfer(incoming)
         return transfer
 
-    def remove(self, place: Place) -> Transfer:
+    def remove(self, key: TransferKey) -> Transfer:
         """Take an object out."""
-        return self._transfers.pop(place)
+        return self._transfers.pop(key)
 
-    def make_room(self, newest: Place) -> Iterator[Place]:
+    def make_room(self, newest: TransferKey) -> Iterator[TransferKey]:
         """Yield the transfers to give up, one by one; remove each before the next.
 
         Args:
@@ -76,9 +76,9 @@ class Transfers:
         """
         while self._is_full and newest in self._transfers:
             idle = [
-                (transfer.heard_at, place)
-                for place, transfer in self._transfers.items()
-                if not transfer.is_ending and place != newest
+                (transfer.heard_at, key)
+                for key, transfer in self._transfers.items()
+                if not transfer.is_ending and key != newest
             ]
             yield self._last_of_key(min(idle)[1]) if idle else newest
 
@@ -88,16 +88,16 @@ class Transfers:
             return True
         return self.memory_bytes > self._limits.incoming_bytes
 
-    def _last_of_key(self, place: Place) -> Place:
-        manifest = self._transfers[place].incoming.manifest
+    def _last_of_key(self, key: TransferKey) -> TransferKey:
+        manifest = self._transfers[key].incoming.manifest
         if manifest is None:
-            return place
-        key = (place[0], manifest.stream_id, manifest.instance, manifest.lineage)
+            return key
+        sample_key = (key[0], manifest.stream_id, manifest.instance, manifest.lineage)
         of_key = [
             (each.number, other)
             for other, transfer in self._transfers.items()
             if (each := transfer.incoming.manifest) is not None
-            and (other[0], each.stream_id, each.instance, each.lineage) == key
+            and (other[0], each.stream_id, each.instance, each.lineage) == sample_key
             and not transfer.is_ending
         ]
         return max(of_key)[1]

@@ -30,11 +30,11 @@ from zacoustic.core.wire.objects import (
     MOST_BLOCKS,
     NO_FRAGMENT,
     WITHDRAWN,
-    Call,
     Complete,
     Feedback,
     Fragment,
     Headless,
+    ListenHint,
     Reason,
     Refused,
 )
@@ -144,14 +144,14 @@ class OutgoingObject:
         self._asked = self._waiting() if self.is_withdrawn else self._lacking()
         if self.is_withdrawn:
             self.listens = True
-            return Fragment(self.transfer, Call.ANSWER, NO_FRAGMENT, WITHDRAWN)
+            return Fragment(self.transfer, ListenHint.ANSWER, NO_FRAGMENT, WITHDRAWN)
         if not self._round:
             self._round.extend(self._plan(timing))
         index = self._round.popleft()
         left = len(self._round)
-        call = Call.WINDOW if window_follows else Call.NONE
+        call = ListenHint.WINDOW if window_follows else ListenHint.NONE
         if left <= 1:
-            call = Call.ANSWER_NEXT if left else Call.ANSWER
+            call = ListenHint.ANSWER_NEXT if left else ListenHint.ANSWER
         layout = self.fragments.layout
         block = layout.block_of(index)
         if index == self.next_source < layout.fragments:
@@ -171,7 +171,7 @@ class OutgoingObject:
         self._asked = [view]
         self.listens = True
         check = self.manifest.digest[:CHECK_BYTES]
-        return Fragment(self.transfer, Call.ANSWER, NO_FRAGMENT, check)
+        return Fragment(self.transfer, ListenHint.ANSWER, NO_FRAGMENT, check)
 
     def transmitted_until(self, finished_at: int, timing: Timing) -> None:
         """What was just taken has been on the air."""

@@ -18,7 +18,7 @@ from zacoustic.core.transport.objects.manifest import Manifest, encode_object
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.sending.outgoing import OutgoingObject
 from zacoustic.core.transport.objects.sending.planning import LossEstimate
-from zacoustic.core.transport.objects.stored import StoredObject, StoredPlace, out_key, sent_key
+from zacoustic.core.transport.objects.stored import StoredObject, StoredProgress, out_key, sent_key
 from zacoustic.core.transport.objects.timing import Timing
 from zacoustic.core.wire.objects import CHECK_BYTES, MOST_TRANSFERS, Feedback, Fragment
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
@@ -43,9 +43,9 @@ class Sending(msgspec.Struct, kw_only=True):
     """It survives a restart."""
     may_go: bool
     """It is in the journal, or need not be: nothing is sent before."""
-    source_kept: int = 0
+    source_journalled: int = 0
     """Source fragments below are noted as sent."""
-    seed_kept: int = 0
+    seed_journalled: int = 0
     """Seeds below are noted as sent."""
     told_bytes: int = 0
     """Bytes reported as transmitted."""
@@ -184,12 +184,12 @@ class OutgoingObjects:
                 lambda at: self._stored(sending, at),
             )
 
-    def restore(self, transfer: int, order: StoredObject, place: StoredPlace) -> None:
+    def restore(self, transfer: int, order: StoredObject, place: StoredProgress) -> None:
         """Resume an object of a former boot epoch."""
         self.add(order, 0, transfer=transfer)
         sending = self._sendings[transfer]
         sending.outgoing.resume(place.next_source, place.next_seed)
-        sending.source_kept, sending.seed_kept = place.next_source, place.next_seed
+        sending.source_journalled, sending.seed_journalled = place.next_source, place.next_seed
 
     def forget(self, transfer: int) -> None:
         """Forget an object of a former boot epoch."""
@@ -236,12 +236,12 @@ class OutgoingObjects:
                 before.transfer, losses, before.manifest, fragments, self._rng
             )
             sending.outgoing.due_at = now
-            sending.source_kept = sending.seed_kept = sending.told_bytes = 0
+            sending.source_journalled = sending.seed_journalled = sending.told_bytes = 0
             if sending.keeps:
-                place = msgspec.msgpack.encode(StoredPlace(0, 0))
+                place = msgspec.msgpack.encode(StoredProgress(0, 0))
                 self._journal.write(sent_key(before.transfer), place)
 
-    def tune(self, stream_id: int, priority: Priority, *, on: bool) -> None:
+    def override(self, stream_id: int, priority: Priority, *, on: bool) -> None:
         """Let the objects of a stream go with this priority, or wait."""
         self._priorities[stream_id] = priority
         (self._off.discard if on else self._off.add)(stream_id)
@@ -296,7 +296,7 @@ class OutgoingObjects:
             return self.take(now, timing, frames_before_pause)
         else:
             fragment = outgoing.take(timing, window_follows=window_follows)
-        self._keep_place(sending)
+        self._keep_progress(sending)
         return sending, fragment
 
     def next_bytes(self, sending: Sending, now: int) -> int:
@@ -396,7 +396,7 @@ class OutgoingObjects:
         self._next_transfer = (transfer + 1) % MOST_TRANSFERS
         return transfer
 
-    def _keep_place(self, sending: Sending) -> None:
+    def _keep_progress(self, sending: Sending) -> None:
         """Note ahead of time what will have been sent."""
         if not sending.keeps:
             return
@@ -404,11 +404,13 @@ class OutgoingObjects:
         fragments = outgoing.fragments.layout.fragments
         step = max(1, fragments // _STEP_DIVISOR)
         next_source, next_seed = outgoing.next_source, outgoing.next_seeds()
-        if next_source > sending.source_kept or next_seed > sending.seed_kept:
-            if next_source > sending.source_kept:
-                sending.source_kept = min(fragments, next_source - 1 + step)
-            sending.seed_kept = max(sending.seed_kept, next_seed + step) if next_seed else 0
-            place = StoredPlace(sending.source_kept, sending.seed_kept)
+        if next_source > sending.source_journalled or next_seed > sending.seed_journalled:
+            if next_source > sending.source_journalled:
+                sending.source_journalled = min(fragments, next_source - 1 + step)
+            sending.seed_journalled = (
+                max(sending.seed_journalled, next_seed + step) if next_seed else 0
+            )
+            place = StoredProgress(sending.source_journalled, sending.seed_journalled)
             self._journal.write(sent_key(outgoing.transfer), msgspec.msgpack.encode(place))
 
     def _withdraw(self, sending: Sending, state: ObjectState, detail: str, now: int) -> None:

@@ -20,7 +20,7 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.reliable.receiving.positions import LaneKey, Positions
 from zacoustic.core.transport.reliable.receiving.receivelane import ReceiveLane
-from zacoustic.core.transport.reliable.sending.places import Place
+from zacoustic.core.transport.reliable.sending.slots import SequenceSlot
 from zacoustic.core.wire.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.wire.numbers import Ack, resolve, resolve_floor
 
@@ -191,7 +191,7 @@ class ReliableReceiving:
         stream: Stream,
         source: int,
         instance: Instance,
-        place: Place,
+        slot: SequenceSlot,
         now: int,
         *,
         is_turn: bool,
@@ -204,23 +204,23 @@ class ReliableReceiving:
             stream: The topic.
             source: Who published it.
             instance: Which of the topic's keys.
-            place: Where it stands.
+            slot: Where it stands.
             now: The instant.
             is_turn: The publisher says that nothing before it will come.
         """
         key = (source, stream.stream_id, instance)
         lane = self._lanes.get(key)
         ready: list[SampleReceived] = []
-        if lane is None or lane.lineage != place.lineage:
+        if lane is None or lane.lineage != slot.lineage:
             # Of two lineages nobody but the publisher knows which one is over.
-            if lane is not None and place.lineage in lane.former:
+            if lane is not None and slot.lineage in lane.former:
                 return Claim.FORMER
-            if not is_turn and (place.number or lane is not None):
+            if not is_turn and (slot.number or lane is not None):
                 return Claim.LATER
-            lane, ready = ReceiveLane.behind(lane, place.lineage, place.number)
+            lane, ready = ReceiveLane.behind(lane, slot.lineage, slot.number)
             lane.in_sync = False
             self._lanes[key] = lane
-        number = resolve_floor(place.number, lane.expected)
+        number = resolve_floor(slot.number, lane.expected)
         if number < lane.expected:
             return Claim.OVER
         ready += lane.hand_on(number if is_turn else number - stream.qos.depth + 1)
@@ -236,12 +236,12 @@ class ReliableReceiving:
             self._positions.forget(key)
         self._watch_changed()
 
-    def expect(self, source: int, stream_id: int, instance: Instance, place: Place) -> None:
+    def expect(self, source: int, stream_id: int, instance: Instance, slot: SequenceSlot) -> None:
         """A large sample is on its way: nothing is in rhythm before it is handed on, or over."""
         lane = self._lanes.get((source, stream_id, instance))
-        if lane is None or lane.lineage != place.lineage:
+        if lane is None or lane.lineage != slot.lineage:
             return
-        lane.large_end = max(lane.large_end, resolve_floor(place.number, lane.expected) + 1)
+        lane.large_end = max(lane.large_end, resolve_floor(slot.number, lane.expected) + 1)
         if lane.awaits_large:
             lane.watch.forget()
             self._watch_changed()
@@ -250,7 +250,7 @@ class ReliableReceiving:
         self,
         stream: Stream,
         key: tuple[int, int, Instance],
-        place: Place,
+        slot: SequenceSlot,
         sample: SampleReceived | None,
         now: int,
     ) -> None:
@@ -259,14 +259,14 @@ class ReliableReceiving:
         Args:
             stream: The topic.
             key: Source, stream, instance.
-            place: Where it stands.
+            slot: Where it stands.
             sample: The sample; None: it cannot be read, but nothing waits for it any longer.
             now: The instant.
         """
         lane = self._lanes.get(key)
-        if lane is None or lane.lineage != place.lineage:
+        if lane is None or lane.lineage != slot.lineage:
             return
-        number = resolve_floor(place.number, lane.expected)
+        number = resolve_floor(slot.number, lane.expected)
         if number != lane.expected:
             return
         lane.is_settled = True
@@ -282,15 +282,17 @@ class ReliableReceiving:
         if sample is not None:
             self._emit(sample, now)
 
-    def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:
+    def recover_slot(
+        self, stream_id: int, source: int, instance: Instance, slot: SequenceSlot
+    ) -> None:
         """A former life has written down that it handed a large sample on."""
         key = (source, stream_id, instance)
         lane = self._lanes.get(key)
         if lane is None:
-            lane = ReceiveLane(place.lineage, place.number, is_settled=False)
+            lane = ReceiveLane(slot.lineage, slot.number, is_settled=False)
             self._lanes[key] = lane
-        number = resolve_floor(place.number, lane.expected)
-        if lane.lineage == place.lineage and lane.expected <= number:
+        number = resolve_floor(slot.number, lane.expected)
+        if lane.lineage == slot.lineage and lane.expected <= number:
             lane.expected = lane.kept = number + 1
 
     # Below the methods above

@@ -74,7 +74,7 @@ class Contradictions:
         is_former = self._forget_former(lane, source)
         if not is_former:
             self._begin_anew(lane, source)
-        if lane.is_kept:
+        if lane.is_journalled:
             self._keeping.keep_count(stream, lane)
         self._doubt.told(
             f"node {source} has later samples of {stream.name} (lineage {sync.lineage:04x}, "

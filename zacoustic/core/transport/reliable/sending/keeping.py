@@ -14,14 +14,14 @@ import msgspec
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
-from zacoustic.core.transport.reliable.sending.sendlane import KeptSample, Outgoing, SendLane
+from zacoustic.core.transport.reliable.sending.sendlane import JournalledSample, Outgoing, SendLane
 from zacoustic.core.transport.reliable.spans import Span
 from zacoustic.errors import JournalUnavailableError
 
 _JOURNAL: Final = "out"
 
 
-class _KeptCount(msgspec.Struct, frozen=True, array_like=True):
+class _JournalledCount(msgspec.Struct, frozen=True, array_like=True):
     """A lane as the journal has it."""
 
     digest: bytes
@@ -30,7 +30,7 @@ class _KeptCount(msgspec.Struct, frozen=True, array_like=True):
     own: dict[int, Span] = {}
 
 
-class KeptLane(msgspec.Struct, frozen=True, kw_only=True):
+class JournalledLane(msgspec.Struct, frozen=True, kw_only=True):
     """A lane that a former life has left."""
 
     stream_id: int
@@ -38,7 +38,7 @@ class KeptLane(msgspec.Struct, frozen=True, kw_only=True):
     next_number: int
     spans: tuple[Span, ...]
     own: dict[int, Span]
-    samples: tuple[tuple[int, KeptSample], ...]
+    samples: tuple[tuple[int, JournalledSample], ...]
     """With their numbers, in that order."""
 
 
@@ -59,7 +59,7 @@ class Keeping:
         stream: Stream,
         lane: SendLane,
         sample: Outgoing,
-        kept: KeptSample,
+        kept: JournalledSample,
         then: Callable[[int], None],
     ) -> None:
         """Write a sample down, and the count behind it."""
@@ -70,7 +70,7 @@ class Keeping:
     def keep_count(self, stream: Stream, lane: SendLane) -> None:
         """Write down where the count of a lane stands."""
         spans = lane.spans
-        count = _KeptCount(stream.digest, lane.next_number, tuple(spans.all), spans.own)
+        count = _JournalledCount(stream.digest, lane.next_number, tuple(spans.all), spans.own)
         self._journal.write(_name(lane), msgspec.msgpack.encode(count))
 
     def check(self, stream: Stream) -> None:
@@ -97,7 +97,7 @@ class Keeping:
         stored: Mapping[str, bytes],
         table: StreamTable,
         emit: Callable[[DeliveryEnded], None],
-    ) -> Iterator[KeptLane]:
+    ) -> Iterator[JournalledLane]:
         """Yield what a former life has left.
 
         Args:
@@ -113,10 +113,10 @@ class Keeping:
                 of_lane += [int(number) for number in parts[3:]]
         for name in sorted(numbers):
             _, stream_id, instance = name.split("/")
-            count = msgspec.msgpack.decode(stored[name], type=_KeptCount)
+            count = msgspec.msgpack.decode(stored[name], type=_JournalledCount)
             stream = table.get(int(stream_id))
             samples = [
-                (number, msgspec.msgpack.decode(stored[f"{name}/{number}"], type=KeptSample))
+                (number, msgspec.msgpack.decode(stored[f"{name}/{number}"], type=JournalledSample))
                 for number in sorted(numbers[name])
             ]
             self.highest_id = max([self.highest_id, *(each.delivery_id for _, each in samples)])
@@ -125,7 +125,7 @@ class Keeping:
                 for number, sample in samples:
                     self._give_up(f"{name}/{number}", int(stream_id), sample.delivery_id, emit)
                 continue
-            yield KeptLane(
+            yield JournalledLane(
                 stream_id=int(stream_id),
                 instance=tuple(bytes.fromhex(instance)),
                 next_number=count.next_number,

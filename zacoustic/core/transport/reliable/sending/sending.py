@@ -29,17 +29,17 @@ from zacoustic.core.transport.deliveries import (
 from zacoustic.core.transport.reliable.sending.contradictions import Contradictions
 from zacoustic.core.transport.reliable.sending.keeping import Keeping
 from zacoustic.core.transport.reliable.sending.pacing import Pacing
-from zacoustic.core.transport.reliable.sending.places import LargePlaces
 from zacoustic.core.transport.reliable.sending.sendlane import (
     AT_ONCE,
-    KeptSample,
+    JournalledSample,
     Outgoing,
     SampleWaiting,
     SendLane,
     Stage,
 )
 from zacoustic.core.transport.reliable.sending.sendlanes import SendLanes
-from zacoustic.core.transport.subscriptions.demand import NOBODY, Demand
+from zacoustic.core.transport.reliable.sending.slots import LargeSlots
+from zacoustic.core.transport.subscriptions.subscriptions import NOBODY, Subscriptions
 from zacoustic.core.wire.frame import Sync
 from zacoustic.core.wire.numbers import Ack, resolve_expected
 
@@ -54,7 +54,7 @@ class ReliableSending:
         table: Its streams.
         queue: Takes records.
         handshake: Knows the boot epoch, and who defines a stream in another way.
-        demand: Knows who has subscribed to on-demand topics.
+        subscriptions: Knows who has subscribed to on-demand topics.
         journal: Keeps what is to survive.
         doubt: Whether something of former lives is forgotten.
         generators: One for each component that draws.
@@ -70,7 +70,7 @@ class ReliableSending:
         queue: TransmitQueue,
         peers: Peers,
         handshake: Handshake,
-        demand: Demand,
+        subscriptions: Subscriptions,
         journal: JournalPort,
         doubt: Doubt,
         timers: Timers,
@@ -88,8 +88,8 @@ class ReliableSending:
             self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
         )
         self._emit = emit
-        self._lanes = SendLanes(address, table, handshake, demand)
-        self.places = LargePlaces(
+        self._lanes = SendLanes(address, table, handshake, subscriptions)
+        self.slots = LargeSlots(
             self._lanes,
             self._keeping,
             end=self._end,
@@ -130,9 +130,9 @@ class ReliableSending:
         """Take a sample that `check` has not refused; returns its delivery id."""
         lane = self._lanes.of(stream, instance)
         delivery_id = self.next_delivery_id()
-        kept = KeptSample(delivery_id, prefix, payload, stamped)
+        kept = JournalledSample(delivery_id, prefix, payload, stamped)
         sample = lane.add(stream, kept, queued_at=queued_at, expires_at=expires_at)
-        if lane.is_kept:
+        if lane.is_journalled:
             # Before what it pushes out is deleted: a journal that ends here has one of the two.
             self._keeping.keep(
                 stream, lane, sample, kept, lambda at: self._stored(lane, sample, at)
@@ -141,7 +141,7 @@ class ReliableSending:
             sample.stage = Stage.BEHIND
         # By the number: a receiver reckons so, where it may hear of this one before what it lacks.
         while (first := lane.samples[0]).number <= sample.number - stream.qos.depth:
-            end = self.places.give_up if first.number < lane.born else self._end
+            end = self.slots.give_up if first.number < lane.born else self._end
             end(lane, first, DeliveryOutcome.SUPERSEDED, now)
         self._go_on(lane, now)
         return delivery_id
@@ -256,19 +256,19 @@ class ReliableSending:
             self._pacing.timing(source).quiet_until = 0
             self._mark(lane, source, expected, ack.held, now)
             self._pacing.asked(lane, source, now)
-            self.places.acknowledged(lane, source, expected, now)
+            self.slots.acknowledged(lane, source, expected, now)
         self._go_on(lane, now)
         return None
 
-    def audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+    def subscribers_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         """Others subscribe to an on-demand topic than before."""
         for lane in self._lanes:
             if lane.key[0] == stream.stream_id:
-                for sample in [] if lane.audience else list(lane.samples):
-                    self.places.give_up(lane, sample, DeliveryOutcome.REFUSED, now, NOBODY)
+                for sample in [] if lane.subscribers else list(lane.samples):
+                    self.slots.give_up(lane, sample, DeliveryOutcome.REFUSED, now, NOBODY)
                 for address in newcomers & lane.receptions.keys():
                     self._out_of_sync(lane, address)
-                self.places.audience_changed(lane)
+                self.slots.subscribers_changed(lane)
                 self._refresh(lane)
                 self._go_on(lane, now)
 
@@ -276,7 +276,7 @@ class ReliableSending:
         """Records fit no frame of the link any more: they go as objects."""
         for record in records:
             if isinstance(record, SampleWaiting):
-                self.places.enlarge(record.lane, record.sample, now)
+                self.slots.enlarge(record.lane, record.sample, now)
         self._changed()
 
     # The journal
@@ -315,7 +315,7 @@ class ReliableSending:
         for lane in self._lanes:
             for sample in list(lane.samples):
                 if sample.expires_at is not None and sample.expires_at <= now:
-                    self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
+                    self.slots.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
             self._advance(lane, now)
         self._repeat(now)
 
@@ -357,8 +357,8 @@ class ReliableSending:
             sample.stage = Stage.SENT
             sample.due_at = now + self._pacing.pause_ns(lane, sample)
             return
-        if self.places.is_large(sample, self._queue.largest_bytes):
-            self.places.enlarge(lane, sample, now)
+        if self.slots.is_large(sample, self._queue.largest_bytes):
+            self.slots.enlarge(lane, sample, now)
             return
         sample.stage = Stage.QUEUED
         lane.address(sample, lacking)
@@ -469,10 +469,10 @@ class ReliableSending:
         leaves_gap = lane.remove(sample)
         lane.closing += lane.is_closing(sample, outcome)
         if sample.stage is Stage.OBJECT:
-            self.places.left(sample, outcome, now)
+            self.slots.left(sample, outcome, now)
         sample.stage = Stage.ENDED
         ended = lane.ended(sample, outcome, now, detail, missing)
-        if lane.is_kept:  # no later life is to find the sample, and tell another end of it
+        if lane.is_journalled:  # no later life is to find the sample, and tell another end of it
             self._keeping.forget(lane, sample, lambda at: self._forgotten(lane, sample, ended, at))
         else:
             self._emit(ended)

@@ -44,7 +44,7 @@ class Stage(enum.Enum):
     """Its publisher has been told what became of it."""
 
 
-class KeptSample(msgspec.Struct, frozen=True, array_like=True):
+class JournalledSample(msgspec.Struct, frozen=True, array_like=True):
     """What is needed to make the record of a sample, in this life or in the next."""
 
     delivery_id: int
@@ -122,8 +122,8 @@ class SendLane:
         receivers: Addresses that are to have each sample.
         spans: Their lineages.
         next_number: The number of the next sample.
-        is_kept: Its samples and its count are in the journal.
-        audience: Of the receivers those that want samples, as they change; None: all.
+        is_journalled: Its samples and its count are in the journal.
+        subscribers: Of the receivers those that want samples, as they change; None: all.
         rhythm: Learns the rhythm of the samples; None: whatever it is, each one is answered.
     """
 
@@ -134,13 +134,13 @@ class SendLane:
         spans: Spans,
         next_number: int = 0,
         *,
-        is_kept: bool = False,
-        audience: Set[int] | None = None,
+        is_journalled: bool = False,
+        subscribers: Set[int] | None = None,
         rhythm: SendRhythm | None = None,
     ) -> None:
         self.key = key
-        self.is_kept = is_kept
-        self.audience = audience
+        self.is_journalled = is_journalled
+        self.subscribers = subscribers
         self.rhythm = rhythm
         self.spans = spans
         self.born = 0
@@ -195,7 +195,7 @@ class SendLane:
         return next(lacking, self.next_number)
 
     def add(
-        self, stream: Stream, kept: KeptSample, *, queued_at: int, expires_at: int | None
+        self, stream: Stream, kept: JournalledSample, *, queued_at: int, expires_at: int | None
     ) -> Outgoing:
         """Give a sample the next number."""
         number = self.next_number
@@ -215,7 +215,7 @@ class SendLane:
         self.samples.append(sample)
         return sample
 
-    def insert(self, stream: Stream, kept: KeptSample, number: int) -> Outgoing:
+    def insert(self, stream: Stream, kept: JournalledSample, number: int) -> Outgoing:
         """Give a sample of a former life its number again, in the place of what has it."""
         end, self.next_number = self.next_number, number
         sample = self.add(stream, kept, queued_at=0, expires_at=None)
@@ -256,7 +256,7 @@ class SendLane:
         del self.samples[index]
         fixed = (Stage.ON_AIR, Stage.OBJECT)
         was_sent = any(each.tries or each.stage in fixed for each in (sample, *behind))
-        if self.is_kept or was_sent:
+        if self.is_journalled or was_sent:
             return True
         for other in behind:
             other.number -= 1
@@ -302,7 +302,7 @@ class SendLane:
         Else a life that finds it again would take what is heard of that lineage for its delivery.
         """
         is_given_up = outcome is not DeliveryOutcome.DELIVERED
-        return self.is_kept and sample.number < self.born and is_given_up
+        return self.is_journalled and sample.number < self.born and is_given_up
 
     def _waits(self, address: int, first: int) -> bool:
         """Tell whether a receiver lacks something of a lineage before that of this number."""
@@ -322,7 +322,7 @@ class SendLane:
             address
             for address in self.receptions
             if address not in sample.acknowledged
-            and (self.audience is None or address in self.audience)
+            and (self.subscribers is None or address in self.subscribers)
         ]
 
     def is_marked(self, sample: Outgoing, now: int) -> bool:

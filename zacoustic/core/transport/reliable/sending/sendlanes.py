@@ -9,10 +9,10 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.reliable.rhythm import SendRhythm
-from zacoustic.core.transport.reliable.sending.keeping import KeptLane
+from zacoustic.core.transport.reliable.sending.keeping import JournalledLane
 from zacoustic.core.transport.reliable.sending.sendlane import SendLane, Stage
 from zacoustic.core.transport.reliable.spans import Span, Spans
-from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.errors import LocalError
 
 
@@ -23,16 +23,16 @@ class SendLanes:
         address: Address of the node.
         table: Its streams.
         handshake: Knows the boot epoch.
-        demand: Knows who has subscribed to on-demand topics.
+        subscriptions: Knows who has subscribed to on-demand topics.
     """
 
     def __init__(
-        self, address: int, table: StreamTable, handshake: Handshake, demand: Demand
+        self, address: int, table: StreamTable, handshake: Handshake, subscriptions: Subscriptions
     ) -> None:
         self._address = address
         self._table = table
         self._handshake = handshake
-        self._demand = demand
+        self._subscriptions = subscriptions
         self._lanes: dict[LaneKey, SendLane] = {}
 
     def __iter__(self) -> Iterator[SendLane]:
@@ -58,7 +58,7 @@ class SendLanes:
         spans: Spans,
         number: int,
         *,
-        is_kept: bool | None = None,
+        is_journalled: bool | None = None,
     ) -> SendLane:
         """Begin a lane with this number; in the journal as its topic says, or as it was."""
         lane = SendLane(
@@ -66,19 +66,19 @@ class SendLanes:
             self._receivers(stream),
             spans,
             number,
-            is_kept=stream.spec.journal if is_kept is None else is_kept,
-            audience=self._demand.audience(stream),
+            is_journalled=stream.spec.journal if is_journalled is None else is_journalled,
+            subscribers=self._subscriptions.subscribers(stream),
             rhythm=self._rhythm(stream),
         )
         self._lanes[lane.key] = lane
         return lane
 
-    def restore(self, stream: Stream, kept: KeptLane) -> SendLane:
+    def restore(self, stream: Stream, kept: JournalledLane) -> SendLane:
         """Go on with a lane of a former life; returns it with its samples, all to be sent."""
         first = min((number for number, _ in kept.samples), default=kept.next_number)
         spans = Spans(kept.spans, kept.own)
         spans.forget_before(first)
-        lane = self.begin(stream, kept.instance, spans, first, is_kept=True)
+        lane = self.begin(stream, kept.instance, spans, first, is_journalled=True)
         lane.is_former = True
         for number, each in kept.samples:
             lane.next_number = number

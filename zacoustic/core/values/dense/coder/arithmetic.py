@@ -1,7 +1,7 @@
-"""An arithmetic coder: symbols of any probability as one string, to a fraction of a bit each.
+"""An arithmetic coder: symbols of any probability as one block, to a fraction of a bit each.
 
 The problem: a field whose next value is almost known is worth a tenth of a bit, and whole bits per
-field cost ten times that. The idea: the string is a number between 0 and 1; every symbol narrows
+field cost ten times that. The idea: the block is a number between 0 and 1; every symbol narrows
 the interval of that number to the symbol's share of it. With the same shares, a reader finds the
 symbols again: it looks in which share the number lies.
 
@@ -13,7 +13,7 @@ All arithmetic is on integers. The writer keeps the lower end as one integer of 
 carry needs no care; the width is kept at 48 bits, 28 of which a symbol's share may divide. Numbers
 on a curve divide it by the sum of all their shares.
 
-The end. A string of n bytes stands for the number that is followed by zeros. Of the strings of the
+The end. A block of n bytes stands for the number that is followed by zeros. Of the blocks of the
 shortest sufficient length, several may lie in the interval: the choice among them costs nothing,
 and is used as a check (`Writer.finish`, `Reader.check`): a number of at least `ways` values and as
 many as there happen to be, mod a hash of both ends' knowledge.

@@ -1,4 +1,4 @@
-"""Reads symbols out of one string (`zacoustic.core.values.dense.coder.arithmetic`)."""
+"""Reads symbols out of one block (`zacoustic.core.values.dense.coder.arithmetic`)."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from zacoustic.core.values.dense.coder.shares import (
 from zacoustic.core.values.payload import PayloadError
 
 _POINT_MASK: Final = (1 << POINT_BITS) - 1
-_ZEROS: Final = SPARED_BITS + WIDTH_BITS  # that many are looked at behind the end of a string
+_ZEROS: Final = SPARED_BITS + WIDTH_BITS  # that many are looked at behind the end of a block
 _IN_A_GAP: Final = "a string in the gap between the symbols"
 _ENDS_INSIDE: Final = "the string ends inside a value"
 
@@ -39,16 +39,16 @@ class Reader:
     """Reads what a `Writer` wrote.
 
     Args:
-        string: Received, at least one byte; zeros follow its end.
+        block: Received, at least one byte; zeros follow its end.
     """
 
     is_reader = True
 
-    def __init__(self, string: bytes) -> None:
-        self._size = size = len(string)
+    def __init__(self, block: bytes) -> None:
+        self._size = size = len(block)
         bits = 8 * size - MARKER_BITS
-        # With all the zeros that may be read, so that nobody needs to look where the string ends.
-        self._code = code = (int.from_bytes(string, "big") & (1 << bits) - 1) << _ZEROS
+        # With all the zeros that may be read, so that nobody needs to look where the block ends.
+        self._code = code = (int.from_bytes(block, "big") & (1 << bits) - 1) << _ZEROS
         self._bits = self._left = left = bits + SPARED_BITS
         self._width = 1 << WIDTH_BITS
         self._value = code >> left
@@ -213,7 +213,7 @@ class Reader:
         """Verify the end.
 
         Raises:
-            PayloadError: The string is not the one that `Writer.finish` returns.
+            PayloadError: The block is not the one that `Writer.finish` returns.
         """
         value, width, left = self._value, self._width, self._left
         spent = self._bits - left

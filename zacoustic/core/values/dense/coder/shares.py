@@ -16,7 +16,7 @@ MARKER: Final = 0xC0
 MARKER_BITS: Final = 2
 
 SPARED_BITS: Final = 64
-"""A string ends where only zeros would follow, but for no more than this: so a short string cannot
+"""A block ends where only zeros would follow, but for no more than this: so a short block cannot
 make its reader work for long."""
 
 WIDTH_BITS: Final = 48
@@ -39,5 +39,5 @@ def ends_of(*shares: int) -> tuple[int, ...]:
 
 
 def shortest_bytes(bits: int) -> int:
-    """Least size of a string that holds that many bits, the marker and zeros spared, bytes."""
+    """Least size of a block that holds that many bits, the marker and zeros spared, bytes."""
     return max(1, (bits + MARKER_BITS - SPARED_BITS + 7) // 8)

@@ -1,4 +1,4 @@
-"""Writes symbols as one string (`zacoustic.core.values.dense.coder.arithmetic`)."""
+"""Writes symbols as one block (`zacoustic.core.values.dense.coder.arithmetic`)."""
 
 from collections.abc import Sequence
 from typing import Final

@@ -20,7 +20,7 @@ A frame is, in this order (shares in `_KINDS`; the first two bits are the marker
 
 The samples of one stream keep their order; those of different streams do not.
 
-A received frame gives a `PayloadError` or samples within their bounds, in bounded time: a string is
+A received frame gives a `PayloadError` or samples within their bounds, in bounded time: a block is
 read at most 64 bits beyond its end, and there are at most 255 samples of each stream.
 
 Nothing here remembers: `references` knows the snapshots, and who has acknowledged which.

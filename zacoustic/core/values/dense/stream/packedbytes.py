@@ -2,7 +2,7 @@
 
 The problem: a log line, or a payload in JSON or CBOR, takes three times its information, and its
 stream has no type. The idea: the model of texts that the package ships (`text`: English, the sea,
-names of fields) predicts the next octet, and an arithmetic coder makes a string of that. What does
+names of fields) predicts the next octet, and an arithmetic coder makes a block of that. What does
 not shrink goes unchanged.
 
 Each payload is independent: nothing is learnt from one for the next, so it may be lost, late or
@@ -12,7 +12,7 @@ repeated, and streams of every kind can use it.
 first byte                 contents
 =========================  =======================================================================
 none                       no octets
-`C0`…`FF`                  a string of `arithmetic` with this marker: the octets, in the form of
+`C0`…`FF`                  a block of `arithmetic` with this marker: the octets, in the form of
                            `text`
 `00`                       the octets follow; only if their first one is one of the above
 other                      the octets themselves
@@ -46,8 +46,8 @@ class PackedBytesCodec(OpaqueCodec):
             return plain
         writer = Writer()
         model.code(writer, octets, (), None)
-        string = writer.finish(1, 0)
-        return string if len(string) < len(plain) else plain
+        block = writer.finish(1, 0)
+        return block if len(block) < len(plain) else plain
 
     def decode(self, payload: bytes) -> bytes:
         """Return the octets.

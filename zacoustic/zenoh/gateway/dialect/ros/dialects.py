@@ -8,7 +8,6 @@ from zacoustic.core.base.clock import Clock
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.ros.streams import RosAction, RosService, RosTopic
-from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.dialects import (
     Declared,
     Dialects,
@@ -19,6 +18,7 @@ from zacoustic.zenoh.gateway.dialect.ros.actions import RosActionForm, putter
 from zacoustic.zenoh.gateway.dialect.ros.graph import Graph
 from zacoustic.zenoh.gateway.dialect.ros.services import RosServiceDialect
 from zacoustic.zenoh.gateway.dialect.ros.topics import RosTopicDialect
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.jobs import FORWARD, PROXY
 from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey
 from zacoustic.zenoh.session.session import Island
@@ -32,7 +32,7 @@ class RosDialects(Dialects):
         table: All streams.
         ros: Which of them are of ROS.
         island: Their session.
-        complaints: Takes what does not fit.
+        input_errors: Takes what does not fit.
         ring: Wakes the loop, which then calls `settle`.
         wall_clock: What time it is, ns since 1970.
     """
@@ -43,7 +43,7 @@ class RosDialects(Dialects):
         table: StreamTable,
         ros: RosConfig,
         island: Island,
-        complaints: Complaints,
+        input_errors: InputErrors,
         ring: Callable[[], None],
         *,
         wall_clock: Clock = time.time_ns,
@@ -52,9 +52,9 @@ class RosDialects(Dialects):
         self._address = address
         self._table = table
         self._ros = ros.streams
-        self._complaints = complaints
+        self._input_errors = input_errors
         self._wall_clock = wall_clock
-        self._graph = Graph(ros.domain, address, island, complaints, ring)
+        self._graph = Graph(ros.domain, address, island, input_errors, ring)
         self._topics: dict[int, RosTopicDialect] = {}
         self._services: dict[int, RosServiceDialect] = {}
         self._actions: dict[int, RosActionForm] = {}
@@ -66,7 +66,7 @@ class RosDialects(Dialects):
         if not isinstance(ros, RosTopic):
             return super().topic(stream)
         made = self._topics[stream.stream_id] = RosTopicDialect(
-            stream, self._island, ros, self._graph, self._complaints, self._wall_clock
+            stream, self._island, ros, self._graph, self._input_errors, self._wall_clock
         )
         made.expect(tuple(self._table.nodes))
         return made

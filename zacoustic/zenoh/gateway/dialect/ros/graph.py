@@ -19,7 +19,7 @@ import zenoh
 from zacoustic.ros.names import RosKey, interface_of
 from zacoustic.ros.qos import RosQos
 from zacoustic.ros.tokens import PREFIX, Entity, RosNode, Token, gid_of, read_token
-from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.session import Island
 
 ENCLAVE: Final = "/acoustic"
@@ -42,7 +42,7 @@ class Graph:
         domain: ``ROS_DOMAIN_ID``.
         address: Acoustic address of this gateway.
         island: Its session.
-        complaints: Takes what does not fit.
+        input_errors: Takes what does not fit.
         ring: Wakes the loop, which then calls `take`.
     """
 
@@ -51,12 +51,12 @@ class Graph:
         domain: int,
         address: int,
         island: Island,
-        complaints: Complaints,
+        input_errors: InputErrors,
         ring: Callable[[], None],
     ) -> None:
         self.domain = domain
         self._island = island
-        self._complaints = complaints
+        self._input_errors = input_errors
         self._ring = ring
         self.node = RosNode(
             domain=domain,
@@ -192,4 +192,4 @@ class Graph:
             text = f"{who} as {said.name.lower()}, the stream is {stated.name.lower()}"
         else:
             return
-        self._complaints.add(stream, "graph", text)
+        self._input_errors.add(stream, "graph", text)

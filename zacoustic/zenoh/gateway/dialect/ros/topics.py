@@ -12,11 +12,11 @@ from zacoustic.ros.attachment import Attachment, read_attachment
 from zacoustic.ros.names import RosKey
 from zacoustic.ros.streams import RosTopic
 from zacoustic.ros.tokens import Entity, Token, gid_of
-from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.dialects import Declared, Reading, TopicDialect, Written
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
 from zacoustic.zenoh.gateway.dialect.mailbox import Parcel
 from zacoustic.zenoh.gateway.dialect.ros.graph import Graph
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.session import Island
 
 CDR: Final = "application/cdr"
@@ -62,7 +62,7 @@ class RosTopicDialect(TopicDialect):
         island: The session.
         topic: What it is in ROS.
         graph: Its endpoints.
-        complaints: Takes the errors of stamps.
+        input_errors: Takes the errors of stamps.
         wall_clock: What time it is, ns since 1970.
     """
 
@@ -72,13 +72,13 @@ class RosTopicDialect(TopicDialect):
         island: Island,
         topic: RosTopic,
         graph: Graph,
-        complaints: Complaints,
+        input_errors: InputErrors,
         wall_clock: Clock,
     ) -> None:
         super().__init__(stream, island)
         self._topic = topic
         self._graph = graph
-        self._complaints = complaints
+        self._input_errors = input_errors
         self._wall_clock = wall_clock
         whole = topic.key(graph.domain, "x")
         self._before, self._behind = f"{whole.domain}/", f"/{whole.type}/{whole.hash}"
@@ -110,7 +110,7 @@ class RosTopicDialect(TopicDialect):
             age_ns = self._wall_clock() - stamp_ns
             if not -_AHEAD_NS <= age_ns <= _OLDEST_NS:
                 text = f"header.stamp is {age_ns / 1e9:.0f} s old by the clock of this computer"
-                self._complaints.add(self.stream.name, "stamp", text)
+                self._input_errors.add(self.stream.name, "stamp", text)
                 age_ns = None
         return Reading(value=value, age_ns=None if age_ns is None else max(age_ns, 0))
 

@@ -1,9 +1,9 @@
 """The document about what was dropped: receptions, local input, samples that waited too long."""
 
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.streams.topics import Topics
-from zacoustic.zenoh.session.asking.queries import QueryDesk
+from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import Island
 
 Counts = dict[str, dict[str, int]]
@@ -15,7 +15,7 @@ class Dropped:
 
     Args:
         runner: Whose engine.
-        complaints: Counts the errors of local input.
+        input_errors: Counts the errors of local input.
         topics: Counts the samples that were too many.
         queries: Counts the queries that were too many.
         island: Counts what the session did not take.
@@ -24,13 +24,13 @@ class Dropped:
     def __init__(
         self,
         runner: LinkRunner,
-        complaints: Complaints,
+        input_errors: InputErrors,
         topics: Topics,
-        queries: QueryDesk,
+        queries: QueryHandler,
         island: Island,
     ) -> None:
         self._runner = runner
-        self._complaints = complaints
+        self._input_errors = input_errors
         self._topics = topics
         self._queries = queries
         self._island = island
@@ -49,7 +49,7 @@ class Dropped:
         }
 
     def _of_local_input(self) -> Counts:
-        found = {name: dict(counts) for name, counts in self._complaints.counts.items()}
+        found = {name: dict(counts) for name, counts in self._input_errors.counts.items()}
         for name, counts in self._topics.losses().items():
             found.setdefault(name, {}).update(counts)
         if self._queries.refused:

@@ -14,7 +14,7 @@ class LinkStatus:
     Args:
         runner: Whose engine and link.
         about: What does not change.
-        is_journal_kept: The journal outlives the process.
+        has_journal: The journal outlives the process.
         clock: Where the instants of the engine come from.
     """
 
@@ -23,12 +23,12 @@ class LinkStatus:
         runner: LinkRunner,
         about: Mapping[str, object],
         *,
-        is_journal_kept: bool,
+        has_journal: bool,
         clock: Clock,
     ) -> None:
         self._runner = runner
         self._about = dict(about)
-        self._is_journal_kept = is_journal_kept
+        self._has_journal = has_journal
         self._clock = clock
 
     def documents(self) -> dict[str, object]:
@@ -39,7 +39,7 @@ class LinkStatus:
             "link": self._link(),
             "ledger": self._ledger(),
             "journal": {
-                "kept": self._is_journal_kept,
+                "kept": self._has_journal,
                 "failure": self._engine.journal_failure,
                 "doubt": doubt,
             },
@@ -70,7 +70,7 @@ class LinkStatus:
         """Return why nothing is transmitted; empty: no such command, and the time is known."""
         engine = self._engine
         state = engine.silence.state(self._clock())
-        if state.is_ordered:
+        if state.is_commanded:
             return f"ordered; {state.doubt}" if state.doubt else "ordered"
         return engine.clock.doubt or ("a quiet window" if state.is_silent else "")
 

@@ -76,8 +76,8 @@ class StreamStatus:
                     **self._traffic.of_stream(stream.stream_id),
                     **self._missed(stream),
                     **self._deliveries(stream),
-                    **self._tuning(stream),
-                    **self._demands(stream),
+                    **self._override(stream),
+                    **self._subscriptions(stream),
                 }
                 for stream in engine.table
             ],
@@ -104,22 +104,22 @@ class StreamStatus:
             "delivering": self._engine.delivering(stream.stream_id)
         }
 
-    def _tuning(self, stream: Stream) -> dict[str, object]:
+    def _override(self, stream: Stream) -> dict[str, object]:
         """Return how the samples of a topic of this node are sent, with its overrides."""
         if not (isinstance(stream.spec, TopicSpec) and stream.may_publish(self._engine.address)):
             return {}
-        on, qos = self._engine.orders.tunings.effective(stream)
+        on, qos = self._engine.commands.overrides.effective(stream)
         priority = qos.priority.name.lower()
         return {"tuning": {"on": on, "min_interval_s": qos.min_interval_s, "priority": priority}}
 
-    def _demands(self, stream: Stream) -> dict[str, list[int]]:
+    def _subscriptions(self, stream: Stream) -> dict[str, list[int]]:
         """Return subscribers and publishers of an on-demand topic."""
-        demand = self._engine.demand
-        audience = demand.audience(stream)
-        if audience is None:
+        subscriptions = self._engine.subscriptions
+        subscribers = subscriptions.subscribers(stream)
+        if subscribers is None:
             return {}
-        asked = demand.wanted(stream.stream_id)
-        return {"subscribers": sorted(audience), "subscribed_to": sorted(asked)}
+        asked = subscriptions.wanted(stream.stream_id)
+        return {"subscribers": sorted(subscribers), "subscribed_to": sorted(asked)}
 
     def _name(self, stream_id: int) -> str:
         stream = self._engine.table.get(stream_id)

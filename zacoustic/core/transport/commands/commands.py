@@ -10,19 +10,19 @@ from zacoustic.core.base.qos import Priority
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.commands import (
-    ORDERS_STREAM_ID,
+    COMMANDS_STREAM_ID,
     SERIALS,
-    Order,
-    OrderKind,
-    OrderState,
+    CommandKind,
+    CommandState,
+    RemoteCommand,
     check_timeout,
 )
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.calls.answering import ANSWER_LANE
 from zacoustic.core.transport.calls.calls import RequestReceived
 from zacoustic.core.transport.calls.services import Services
-from zacoustic.core.transport.commands.ledger import Ledger, Standing
-from zacoustic.core.transport.commands.tunings import Tunings
+from zacoustic.core.transport.commands.deduplication import DeduplicationTable, Freshness
+from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 
@@ -30,7 +30,7 @@ NOBODY: Final = 0
 """In place of an address: a command of the node's own network, or program."""
 
 
-class StreamTuned(msgspec.Struct, frozen=True, kw_only=True):
+class StreamOverridden(msgspec.Struct, frozen=True, kw_only=True):
     """A command has overridden how a topic of this node is sent, and the journal has it."""
 
     stream_id: int
@@ -41,13 +41,13 @@ class StreamTuned(msgspec.Struct, frozen=True, kw_only=True):
     """Minimum time between two transmitted samples of one key, s."""
     priority: Priority
     """Zenoh's priority."""
-    ordered_by: int
+    commanded_by: int
     """Address of the commanding node; 0: commanded here."""
     changed_at: int
     """Instant, ns."""
 
 
-class Orders:
+class Commands:
     """What a node commands others to do, and does for them.
 
     Args:
@@ -55,11 +55,12 @@ class Orders:
         table: Its streams.
         services: They carry commands.
         handshake: Knows how long an answer may take.
-        tunings: The overrides of topics.
-        ledger: The executed commands.
+        overrides: The overrides of topics.
+        deduplication: The executed commands.
         silence: The gate in front of all transmissions.
-        obeys: Addresses of the nodes whose commands it executes; None: those of the table's list.
-        emit: Takes `StreamTuned`.
+        executes: Addresses of the nodes whose commands it executes; None: those of the table's
+            list.
+        emit: Takes `StreamOverridden`.
     """
 
     def __init__(
@@ -68,36 +69,38 @@ class Orders:
         table: StreamTable,
         services: Services,
         handshake: Handshake,
-        tunings: Tunings,
-        ledger: Ledger,
+        overrides: Overrides,
+        deduplication: DeduplicationTable,
         silence: Silence,
-        obeys: frozenset[int] | None,
-        emit: Callable[[StreamTuned], None],
+        executes: frozenset[int] | None,
+        emit: Callable[[StreamOverridden], None],
     ) -> None:
-        self.tunings = tunings
+        self.overrides = overrides
         """The overrides of topics; read only."""
         self._address = address
         self._table = table
-        self._obeys = obeys
+        self._executes = executes
         self._services = services
         self._handshake = handshake
         self._silence = silence
-        self._ledger = ledger
+        self._deduplication = deduplication
         self._emit = emit
         self._serial = 0
-        stream = table.get(ORDERS_STREAM_ID)
+        stream = table.get(COMMANDS_STREAM_ID)
         if stream is not None and stream.is_built_in:  # else the id is another service's
-            self._services.serve_here(ORDERS_STREAM_ID, self._receive)
+            self._services.serve_here(COMMANDS_STREAM_ID, self._receive)
 
-    def send(self, node: int, order: Order, now: int, *, timeout_s: float | None = None) -> int:
+    def send(
+        self, node: int, command: RemoteCommand, now: int, *, timeout_s: float | None = None
+    ) -> int:
         """Give a command to another node; return the call id of its answer.
 
-        The answer is a `ResponseReceived` of stream `ORDERS_STREAM_ID`, to be read by
-        `OrderState.from_wire`, or a `CallFailed`: HANDLER when it is refused, with the reason.
+        The answer is a `ResponseReceived` of stream `COMMANDS_STREAM_ID`, to be read by
+        `CommandState.from_wire`, or a `CallFailed`: HANDLER when it is refused, with the reason.
 
         Args:
             node: Address of the node.
-            order: The command.
+            command: The command.
             now: The instant.
             timeout_s: How long to try, s, at most 600; None: 600.
 
@@ -110,25 +113,27 @@ class Orders:
             raise LocalError(f"node {node}; allowed: 1..254")
         if timeout_s is not None:
             check_timeout(timeout_s)
-        rival = self._table.get(ORDERS_STREAM_ID)
+        rival = self._table.get(COMMANDS_STREAM_ID)
         if rival is None:
-            raise LocalError(f"no orders cross a link with wire: {self._table.wire.value}")
+            raise LocalError(f"no commands cross a link with wire: {self._table.wire.value}")
         if not rival.is_built_in:
             raise LocalError(
-                f"stream {ORDERS_STREAM_ID} is {rival.name}, so no orders cross the water",
+                f"stream {COMMANDS_STREAM_ID} is {rival.name}, so no commands cross the water",
                 hint="give that stream another id",
             )
-        if order.changes:
+        if command.changes:
             self._serial = (self._serial + 1) % SERIALS
         return self._services.call(
-            ORDERS_STREAM_ID, order.to_wire(self._serial), now, timeout_s=timeout_s, server=node
+            COMMANDS_STREAM_ID, command.to_wire(self._serial), now, timeout_s=timeout_s, server=node
         )
 
-    def obey(self, order: Order, now: int, then: Callable[[OrderState], None]) -> None:
+    def execute(
+        self, command: RemoteCommand, now: int, then: Callable[[CommandState], None]
+    ) -> None:
         """Execute a local command.
 
         Args:
-            order: The command.
+            command: The command.
             now: The instant.
             then: Takes what holds, when it is written down.
 
@@ -137,26 +142,26 @@ class Orders:
         """
 
         def kept(at: int) -> None:
-            self._tell(order, NOBODY, at)
-            then(self.state(order, at))
+            self._tell(command, NOBODY, at)
+            then(self.state(command, at))
 
-        self._do(order, now, kept)
+        self._do(command, now, kept)
 
-    def state(self, order: Order, now: int) -> OrderState:
+    def state(self, command: RemoteCommand, now: int) -> CommandState:
         """Return the state of the objects of a command.
 
         Raises:
             LocalError: It speaks of a topic that this node does not publish.
         """
         silence = self._silence.state(now)
-        state = OrderState(
+        state = CommandState(
             silent=silence.is_silent,
-            ordered=silence.is_ordered,
+            commanded=silence.is_commanded,
             left_s=None if silence.ends_at is None else ns_to_seconds(silence.ends_at - now),
         )
-        if order.stream_id is None:
+        if command.stream_id is None:
             return state
-        on, qos = self.tunings.effective(self.tunings.check(order.stream_id))
+        on, qos = self.overrides.effective(self.overrides.check(command.stream_id))
         return msgspec.structs.replace(
             state, on=on, min_interval_s=qos.min_interval_s, priority=qos.priority
         )
@@ -166,89 +171,89 @@ class Orders:
     def _receive(self, request: RequestReceived, now: int) -> None:
         """Take a command of another node."""
         call, age_s = request.call, request.age_s or 0.0
-        obeys = self._table.nodes if self._obeys is None else self._obeys
-        if call.client not in obeys:
+        executes = self._table.nodes if self._executes is None else self._executes
+        if call.client not in executes:
             self._refuse(call, f"node {self._address} takes no orders of node {call.client}", now)
             return
         try:
-            serial, order = Order.from_wire(request.value)
-            if order.for_s is not None:
-                order = _for_the_rest(order, age_s)
-            if order.changes:
-                self._obey_once(call, serial, order, now)
+            serial, command = RemoteCommand.from_wire(request.value)
+            if command.for_s is not None:
+                command = _for_the_rest(command, age_s)
+            if command.changes:
+                self._execute_once(call, serial, command, now)
             else:
-                self._answer(call, order, now)
+                self._answer(call, command, now)
         except (ValueError, LocalError) as error:
             self._refuse(call, str(error), now)
 
-    def _obey_once(self, call: CallKey, serial: int, order: Order, now: int) -> None:
+    def _execute_once(self, call: CallKey, serial: int, command: RemoteCommand, now: int) -> None:
         """Execute a command, unless it or a later one has been executed."""
-        standing = self._ledger.standing(call.client, order.subject, call.epoch, serial)
-        if standing is Standing.OVERTAKEN:
+        freshness = self._deduplication.freshness(call.client, command.subject, call.epoch, serial)
+        if freshness is Freshness.OVERTAKEN:
             raise LocalError("overtaken by a later order")
-        if standing is Standing.SAME:
-            self._answer(call, order, now)
+        if freshness is Freshness.SAME:
+            self._answer(call, command, now)
             return
-        begins_silence = order.kind is OrderKind.SILENCE and not self._silence.is_silent(now)
-        self._do(order, now, lambda at: self._tell(order, call.client, at))
+        begins_silence = command.kind is CommandKind.SILENCE and not self._silence.is_silent(now)
+        self._do(command, now, lambda at: self._tell(command, call.client, at))
 
         def kept(at: int) -> None:
-            self._answer(call, order, at)
+            self._answer(call, command, at)
             if begins_silence:
-                lane = (ORDERS_STREAM_ID, ANSWER_LANE, call.client)
+                lane = (COMMANDS_STREAM_ID, ANSWER_LANE, call.client)
                 self._silence.grant(lane, until=at + self._handshake.patience_ns)
 
         # Behind what it did, so that both are there when this is.
-        self._ledger.enter(call.client, order.subject, call.epoch, serial, kept)
+        self._deduplication.enter(call.client, command.subject, call.epoch, serial, kept)
 
-    def _answer(self, call: CallKey, order: Order, now: int) -> None:
-        self._services.reply(call, self.state(order, now).to_wire(), now)
+    def _answer(self, call: CallKey, command: RemoteCommand, now: int) -> None:
+        self._services.reply(call, self.state(command, now).to_wire(), now)
 
     def _refuse(self, call: CallKey, reason: str, now: int) -> None:
         self._services.reply_error(call, CallFailure.HANDLER, reason, now)
 
     # Below the methods above
 
-    def _do(self, order: Order, now: int, then: Callable[[int], None]) -> None:
-        match order.kind:
-            case OrderKind.ASK:
-                self.state(order, now)  # raises here what it would raise later
+    def _do(self, command: RemoteCommand, now: int, then: Callable[[int], None]) -> None:
+        match command.kind:
+            case CommandKind.ASK:
+                self.state(command, now)  # raises here what it would raise later
                 then(now)
-            case OrderKind.SILENCE:
-                self._silence.begin(now, duration_s=order.for_s, then=then)
-            case OrderKind.RESUME:
+            case CommandKind.SILENCE:
+                self._silence.begin(now, duration_s=command.for_s, then=then)
+            case CommandKind.RESUME:
                 self._silence.resume(now, then=then)
-            case OrderKind.TUNE | OrderKind.RESET:
-                self.tunings.change(order, then)
+            case CommandKind.OVERRIDE | CommandKind.RESET:
+                self.overrides.change(command, then)
             case _:
-                assert_never(order.kind)
+                assert_never(command.kind)
 
-    def _tell(self, order: Order, by: int, now: int) -> None:
+    def _tell(self, command: RemoteCommand, by: int, now: int) -> None:
         """Report a changed topic to the application; `Silence` reports itself."""
-        if order.kind not in (OrderKind.TUNE, OrderKind.RESET):
+        if command.kind not in (CommandKind.OVERRIDE, CommandKind.RESET):
             return
-        assert order.stream_id is not None
-        on, qos = self.tunings.effective(self._table.by_id(order.stream_id))
+        assert command.stream_id is not None
+        on, qos = self.overrides.effective(self._table.by_id(command.stream_id))
         self._emit(
-            StreamTuned(
-                stream_id=order.stream_id,
+            StreamOverridden(
+                stream_id=command.stream_id,
                 on=on,
                 min_interval_s=qos.min_interval_s,
                 priority=qos.priority,
-                ordered_by=by,
+                commanded_by=by,
                 changed_at=now,
             )
         )
 
 
-def _for_the_rest(order: Order, age_s: float) -> Order:
+def _for_the_rest(command: RemoteCommand, age_s: float) -> RemoteCommand:
     """Return a silence that ends on time, however long the command took.
 
     Raises:
         LocalError: That is over.
     """
-    assert order.for_s is not None
+    assert command.for_s is not None
     try:
-        return Order(kind=order.kind, for_s=order.for_s - age_s)
+        return RemoteCommand(kind=command.kind, for_s=command.for_s - age_s)
     except ValueError:
         raise LocalError("it came when its time was over") from None

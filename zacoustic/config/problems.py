@@ -56,7 +56,7 @@ class Place:
         step = f"[{key}]" if isinstance(key, int) else f".{key}"
         return Place(self.source, self._whole, self.path + step)
 
-    def complain(self, what: str | None = None, *, allowed: str = "", hint: str = "") -> NoReturn:
+    def refuse(self, what: str | None = None, *, allowed: str = "", hint: str = "") -> NoReturn:
         """Raise the complaint about this place.
 
         Args:
@@ -78,7 +78,7 @@ class Place:
         """
         key, colon, rest = str(error.args[0]).partition(": ")
         place = self if not colon or not _WRITTEN_KEY.fullmatch(key) else self.at(key)
-        place.complain(rest if place is not self else str(error.args[0]), hint=error.hint)
+        place.refuse(rest if place is not self else str(error.args[0]), hint=error.hint)
 
     def convert(self, record: type[Entry]) -> Entry:
         """Convert the value here.
@@ -108,7 +108,7 @@ def unknown_key(place: Place, key: str, keys: tuple[str, ...]) -> NoReturn:
         ConfigError: Always.
     """
     close = get_close_matches(key, keys, 1)
-    place.at(_printable(key)).complain(
+    place.at(_printable(key)).refuse(
         "unknown key",
         allowed=", ".join(keys),
         hint=f'did you mean "{close[0]}"?' if close else "",
@@ -151,10 +151,10 @@ def _translate(
         unknown_key(below, unknown[1], table.__struct_encode_fields__)
     if missing:
         key = below.at(missing[1])
-        key.complain("is missing", allowed=allowed_at(key.path))
+        key.refuse("is missing", allowed=allowed_at(key.path))
     if isinstance(error.__cause__, ConfigError):
         below.repeat(error.__cause__)
-    below.complain(allowed=allowed_at(below.path) or _one_line(message.replace("`", "")))
+    below.refuse(allowed=allowed_at(below.path) or _one_line(message.replace("`", "")))
 
 
 def _walk(written: object, path: str) -> Any:  # noqa: ANN401 (a file can hold anything)

@@ -14,7 +14,7 @@ QUIET_S: Final = 10.0
 _logger = logging.getLogger(__name__)
 
 
-class Complaints:
+class InputErrors:
     """Counts and warns; for the loop.
 
     Args:

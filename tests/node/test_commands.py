@@ -10,22 +10,22 @@ from tests.node.test_across import three_nodes
 from tests.runtime.loop_checks import run
 from zacoustic import (
     CallTimeoutError,
+    CommandKind,
     ConfigError,
     DeliveryError,
     LinkClosedError,
     LocalError,
     Node,
-    Order,
-    OrderKind,
     Priority,
+    RemoteCommand,
     ServiceError,
     blocking,
 )
-from zacoustic.core.engine.events import SilenceChanged, StreamTuned
+from zacoustic.core.engine.events import SilenceChanged, StreamOverridden
 
-SILENCE = Order(kind=OrderKind.SILENCE, for_s=1800.0)
-RESUME = Order(kind=OrderKind.RESUME)
-OFF = Order(kind=OrderKind.TUNE, stream_id=11, on=False, min_interval_s=5.0)
+SILENCE = RemoteCommand(kind=CommandKind.SILENCE, for_s=1800.0)
+RESUME = RemoteCommand(kind=CommandKind.RESUME)
+OFF = RemoteCommand(kind=CommandKind.OVERRIDE, stream_id=11, on=False, min_interval_s=5.0)
 
 
 def test_node_is_silenced_and_resumed_and_hears_of_it() -> None:
@@ -35,10 +35,10 @@ def test_node_is_silenced_and_resumed_and_hears_of_it() -> None:
                 Node("shore", config=config(), link=medium.link(1)) as shore,
                 Node("auv1", config=config(), link=medium.link(2)) as auv,
             ):
-                found = await shore.order("auv1", SILENCE)
-                assert (found.silent, found.ordered) == (True, True)
+                found = await shore.command("auv1", SILENCE)
+                assert (found.silent, found.commanded) == (True, True)
                 assert found.left_s == pytest.approx(1800, abs=60)
-                assert not (await shore.order(2, RESUME)).silent
+                assert not (await shore.command(2, RESUME)).silent
                 changes = []
                 async for event in auv.events():
                     if isinstance(event, SilenceChanged):
@@ -50,31 +50,33 @@ def test_node_is_silenced_and_resumed_and_hears_of_it() -> None:
     run(main())
 
 
-def test_topic_is_tuned_beyond_the_water_and_here(tmp_path: Path) -> None:
+def test_topic_is_overridden_beyond_the_water_and_here(tmp_path: Path) -> None:
     async def main() -> None:
         with water() as medium:
             async with (
                 Node("shore", config=config(), link=medium.link(1)) as shore,
                 Node("auv1", config=config(), link=medium.link(2), journal=tmp_path) as auv,
             ):
-                found = await shore.order("auv1", OFF)
+                found = await shore.command("auv1", OFF)
                 assert (found.on, found.min_interval_s, found.priority) == (
                     False, 5.0, Priority.DATA,
                 )  # fmt: skip
-                assert await auv.order("auv1", Order(stream_id=11)) == found
-                assert (await auv.order(2, Order(kind=OrderKind.RESET, stream_id=11))).on
-                tuned = []
+                assert await auv.command("auv1", RemoteCommand(stream_id=11)) == found
+                assert (
+                    await auv.command(2, RemoteCommand(kind=CommandKind.RESET, stream_id=11))
+                ).on
+                overridden = []
                 async for event in auv.events():
-                    if isinstance(event, StreamTuned):
-                        tuned.append((event.on, event.ordered_by))
-                        if len(tuned) == 2:
+                    if isinstance(event, StreamOverridden):
+                        overridden.append((event.on, event.commanded_by))
+                        if len(overridden) == 2:
                             break
-                assert tuned == [(False, 1), (True, 0)]
+                assert overridden == [(False, 1), (True, 0)]
 
     run(main())
 
 
-def test_order_that_is_refused_raises_with_the_reason() -> None:
+def test_command_that_is_refused_raises_with_the_reason() -> None:
     async def main() -> None:
         with water() as medium:
             async with (
@@ -82,26 +84,26 @@ def test_order_that_is_refused_raises_with_the_reason() -> None:
                 Node("auv1", config=config(), link=medium.link(2)),
             ):
                 with pytest.raises(ServiceError, match="is refused: node 2 has no stream 99"):
-                    await shore.order(2, Order(kind=OrderKind.RESET, stream_id=99))
+                    await shore.command(2, RemoteCommand(kind=CommandKind.RESET, stream_id=99))
                 with pytest.raises(LocalError, match="stream 20 is no topic"):
-                    await shore.order(1, Order(stream_id=20))
+                    await shore.command(1, RemoteCommand(stream_id=20))
                 with pytest.raises(LocalError, match=r"node 300; allowed: 1\.\.254"):
-                    await shore.order(300, RESUME)
+                    await shore.command(300, RESUME)
                 with pytest.raises(LocalError, match="timeout_s is 3600; allowed: at most 600"):
-                    await shore.order(2, RESUME, timeout_s=3600)
+                    await shore.command(2, RESUME, timeout_s=3600)
                 with pytest.raises(ConfigError, match='no node is called "boat"'):
-                    await shore.order("boat", RESUME)
+                    await shore.command("boat", RESUME)
                 with pytest.raises(CallTimeoutError, match="no answer before the deadline"):
-                    await shore.order(3, RESUME, timeout_s=0.1)
+                    await shore.command(3, RESUME, timeout_s=0.1)
 
     run(main())
 
 
-def test_order_under_way_fails_when_the_node_is_closed() -> None:
+def test_command_under_way_fails_when_the_node_is_closed() -> None:
     async def main() -> None:
         with water() as medium:
             async with Node("shore", config=config(), link=medium.link(1)) as shore:
-                waits = asyncio.ensure_future(shore.order(3, SILENCE))
+                waits = asyncio.ensure_future(shore.command(3, SILENCE))
                 await asyncio.sleep(0)
             with pytest.raises(LinkClosedError):
                 await waits
@@ -109,31 +111,33 @@ def test_order_under_way_fails_when_the_node_is_closed() -> None:
     run(main())
 
 
-def test_orders_from_zenoh_reach_all_nodes() -> None:
+def test_commands_from_zenoh_reach_all_nodes() -> None:
     async def main() -> None:
         async with three_nodes() as (shore, auv, _):
-            found = await shore.order("auv2", SILENCE)
-            assert (found.silent, found.ordered) == (True, True)
+            found = await shore.command("auv2", SILENCE)
+            assert (found.silent, found.commanded) == (True, True)
             assert found.left_s == pytest.approx(1800, abs=60)
-            assert not (await auv.order("auv2", RESUME)).silent
-            found = await shore.order("auv1", OFF)
+            assert not (await auv.command("auv2", RESUME)).silent
+            found = await shore.command("auv1", OFF)
             assert (found.on, found.min_interval_s, found.priority) == (False, 5.0, Priority.DATA)
-            assert (await auv.order("auv1", Order(kind=OrderKind.RESET, stream_id=11))).on
+            assert (
+                await auv.command("auv1", RemoteCommand(kind=CommandKind.RESET, stream_id=11))
+            ).on
             with pytest.raises(ServiceError, match="is refused: node 2 has no stream 99"):
-                await shore.order(2, Order(stream_id=99))
+                await shore.command(2, RemoteCommand(stream_id=99))
             with pytest.raises(DeliveryError, match="does not publish stream 10"):
-                await shore.order(1, Order(stream_id=10))
+                await shore.command(1, RemoteCommand(stream_id=10))
             with pytest.raises(DeliveryError, match="no gateway here knows node 9"):
-                await shore.order(9, RESUME)
+                await shore.command(9, RESUME)
 
     run_on_zenoh(main())
 
 
-def test_orders_without_asyncio() -> None:
+def test_commands_without_asyncio() -> None:
     with (
         WaterServer() as locator,
         blocking.Node("shore", config=config(), link=locator) as shore,
         blocking.Node("auv1", config=config(), link=locator),
     ):
-        assert shore.order("auv1", SILENCE).silent
-        assert not shore.order("auv1", RESUME).silent
+        assert shore.command("auv1", SILENCE).silent
+        assert not shore.command("auv1", RESUME).silent

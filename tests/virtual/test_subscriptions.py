@@ -50,7 +50,7 @@ class Watched:
         """What the present life of each node wants: node → stream → publishers."""
         self.published: dict[bytes, int] = {}
         self.calm: list[TraceRecord] = []
-        self.complaints: list[str] = []
+        self.violations: list[str] = []
         keeps = self.rng.random() < 0.6
         faults = story.scenario.faults
         if not keeps:
@@ -88,7 +88,9 @@ class Watched:
 
     def want(self, address: int, stream_id: int, sources: frozenset[int]) -> None:
         self.wanted[address][stream_id] = sources
-        self.network.apply(address, lambda engine, now: engine.demand.want(stream_id, now, sources))
+        self.network.apply(
+            address, lambda engine, now: engine.subscriptions.want(stream_id, now, sources)
+        )
 
     def publish(self, address: int) -> None:
         if self.network.is_running(address):
@@ -113,8 +115,10 @@ class Watched:
             return
         engine = self.network.engine(record.node)
         for stream_id in record.streams:
-            if stream_id in VIEWS and not engine.demand.audience(engine.table.by_id(stream_id)):
-                self.complaints.append(f"{record}: sent to nobody")
+            if stream_id in VIEWS and not engine.subscriptions.subscribers(
+                engine.table.by_id(stream_id)
+            ):
+                self.violations.append(f"{record}: sent to nobody")
         self.calm.append(record)
 
     def deliver(self, address: int, event: Event) -> None:
@@ -143,10 +147,10 @@ class Watched:
                     for address, wants in self.wanted.items()
                     if publisher in wants.get(stream_id, ())
                 }
-                audience = engine.demand.audience(engine.table.by_id(stream_id))
-                if audience != wanted:
+                subscribers = engine.subscriptions.subscribers(engine.table.by_id(stream_id))
+                if subscribers != wanted:
                     found.append(
-                        f"node {publisher}, stream {stream_id}: {audience}; wanted by {wanted}"
+                        f"node {publisher}, stream {stream_id}: {subscribers}; wanted by {wanted}"
                     )
         return found
 
@@ -158,7 +162,7 @@ def test_in_the_end_every_publisher_knows_who_wants_what(
     for seed in range(number, count(1_000), len(BLOCKS)):
         watched = Watched(seed)
         watched.run()
-        assert not watched.complaints, f"seed {seed}: {watched.complaints[:3]}"
+        assert not watched.violations, f"seed {seed}: {watched.violations[:3]}"
         assert not watched.differences(), f"seed {seed}: {watched.differences()}"
         for address in watched.network.addresses:
             engine = watched.network.engine(address)

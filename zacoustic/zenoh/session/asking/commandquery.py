@@ -6,8 +6,8 @@ from typing import Final
 import zenoh
 
 from zacoustic.core.engine.events import CallFailure
-from zacoustic.core.streams.commands import Order
-from zacoustic.zenoh.session.asking.orders import selector
+from zacoustic.core.streams.commands import RemoteCommand
+from zacoustic.zenoh.session.asking.commands import selector
 from zacoustic.zenoh.session.asking.replies import read_error
 from zacoustic.zenoh.session.session import Island
 from zacoustic.zenoh.session.wake_up import tell_loop
@@ -16,22 +16,22 @@ from zacoustic.zenoh.session.wake_up import tell_loop
 _BEHIND_S: Final = 2.0
 
 
-class OrderQuestion:
+class CommandQuery:
     """One `get` and its replies, which come on threads of Zenoh's; for the loop.
 
     Args:
         node: Address; None: the nodes of all local gateways.
-        order: The question or the command.
+        command: The question or the command.
         timeout_s: How long to try, s.
     """
 
-    def __init__(self, node: int | None, order: Order, timeout_s: float) -> None:
-        self.order = order
+    def __init__(self, node: int | None, command: RemoteCommand, timeout_s: float) -> None:
+        self.command = command
         self.payloads: list[bytes] = []
         """The good answers."""
         self.failures: list[tuple[CallFailure, str]] = []
         """The other ones."""
-        self._key, self._parameters = selector(node, order, timeout_s)
+        self._key, self._parameters = selector(node, command, timeout_s)
         self._timeout_s = timeout_s
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[None] = self._loop.create_future()

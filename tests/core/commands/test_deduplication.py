@@ -1,9 +1,9 @@
-"""Which orders are new."""
+"""Which commands are new."""
 
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.transport.commands.ledger import Ledger, Standing
+from zacoustic.core.transport.commands.deduplication import DeduplicationTable, Freshness
 
-NEW, SAME, OVERTAKEN = Standing.NEW, Standing.SAME, Standing.OVERTAKEN
+NEW, SAME, OVERTAKEN = Freshness.NEW, Freshness.SAME, Freshness.OVERTAKEN
 
 
 class Book:
@@ -12,7 +12,7 @@ class Book:
     def __init__(self, stored: dict[str, bytes] | None = None) -> None:
         self.journal = JournalPort()
         self.stored = stored or {}
-        self.ledger = Ledger(self.stored, self.journal)
+        self.ledger = DeduplicationTable(self.stored, self.journal)
         self.kept: list[int] = []
 
     def enter(self, epoch: int, serial: int, *, client: int = 1, subject: int = 0) -> None:
@@ -22,8 +22,8 @@ class Book:
             self.stored[write.key] = write.value
             self.journal.committed(write.write_id, 7)
 
-    def of(self, epoch: int, serial: int, *, client: int = 1, subject: int = 0) -> Standing:
-        return self.ledger.standing(client, subject, epoch, serial)
+    def of(self, epoch: int, serial: int, *, client: int = 1, subject: int = 0) -> Freshness:
+        return self.ledger.freshness(client, subject, epoch, serial)
 
 
 def test_in_one_life_each_is_new_once_and_not_behind_a_later_one() -> None:
@@ -44,7 +44,7 @@ def test_serials_go_round() -> None:
     assert book.of(5, 65535) is OVERTAKEN
 
 
-def test_former_lives_give_no_orders() -> None:
+def test_former_lives_give_no_commands() -> None:
     book = Book()
     for epoch in (5, 3, 900):
         assert book.of(epoch, 1) is NEW

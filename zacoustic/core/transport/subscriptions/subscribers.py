@@ -7,7 +7,7 @@ from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.core.transport.subscriptions.wishes import VERSIONS
+from zacoustic.core.transport.subscriptions.own import VERSIONS
 from zacoustic.core.wire.subscriptions import Subscribe, page_of, streams_of
 
 _KEY: Final = "demand"
@@ -19,28 +19,28 @@ _KEPT_BYTES: Final = 8
 class _Held:
     """The letter of one node about one page."""
 
-    __slots__ = ("epoch", "is_kept", "read_at", "streams", "version")
+    __slots__ = ("epoch", "is_journalled", "read_at", "streams", "version")
 
     def __init__(self, epoch: int, version: int, streams: int, read_at: int | None) -> None:
         self.epoch = epoch
-        self.is_kept = read_at is None
+        self.is_journalled = read_at is None
         """The journal has it."""
         self.version = version
         self.streams = streams
         self.read_at = read_at
         """Instant at which it came first, ns; None: in a former boot epoch."""
 
-    def is_same(self, epoch: int, letter: Subscribe) -> bool:
+    def is_same(self, epoch: int, message: Subscribe) -> bool:
         """Tell whether it is this letter."""
         known = (self.epoch, self.version, self.streams)
-        return known == (epoch, letter.version, letter.streams)
+        return known == (epoch, message.version, message.streams)
 
 
 Changed = Callable[[Stream, Set[int], int], None]
 """``(topic, newcomers, now)``: the audience of a topic has changed."""
 
 
-class Audiences:
+class Subscribers:
     """Who wants what of one node.
 
     Args:
@@ -69,18 +69,18 @@ class Audiences:
         self._changed = changed
         self._answer = answer
         self._held: dict[tuple[int, int], _Held] = {}
-        self._audiences: dict[int, set[int]] = {}
+        self._subscribers: dict[int, set[int]] = {}
 
     def of(self, stream: Stream) -> Set[int]:
         """Return the nodes that have subscribed to an on-demand topic; it changes as they do."""
-        return self._audiences.setdefault(stream.stream_id, set())
+        return self._subscribers.setdefault(stream.stream_id, set())
 
-    def receive(self, source: int, letter: Subscribe, readable: Set[int], now: int) -> str | None:
+    def receive(self, source: int, message: Subscribe, readable: Set[int], now: int) -> str | None:
         """Take a letter.
 
         Args:
             source: Who wants.
-            letter: What it wants.
+            message: What it wants.
             readable: The streams that both ends are known to define in the same way.
             now: The instant.
 
@@ -92,21 +92,21 @@ class Audiences:
             return "unconfirmed"
         if not self._is_listed(source):
             return "not_subscriber"
-        if not self._is_of_use(source, letter.page):
-            self._answer(source, letter, now)  # nothing is kept of it, but its writer can stop
+        if not self._is_of_use(source, message.page):
+            self._answer(source, message, now)  # nothing is kept of it, but its writer can stop
             return None
-        held = self._held.get((source, letter.page))
-        if held is None or not held.is_same(life, letter):
-            if held is not None and self._is_older(held, life, letter.version, now):
-                return "stale_letter"
-            held = self._held[source, letter.page] = _Held(
-                life, letter.version, letter.streams, now
+        held = self._held.get((source, message.page))
+        if held is None or not held.is_same(life, message):
+            if held is not None and self._is_older(held, life, message.version, now):
+                return "stale_subscribe"
+            held = self._held[source, message.page] = _Held(
+                life, message.version, message.streams, now
             )
-            self._keep(source, held, letter)
-        elif held.is_kept:
-            self._answer(source, letter, now)
+            self._keep(source, held, message)
+        elif held.is_journalled:
+            self._answer(source, message, now)
         # Also of one that came before: its streams may be readable only now.
-        self._settle(source, letter, readable, now)
+        self._settle(source, message, readable, now)
         return None
 
     def peer_forgotten(self, source: int, now: int) -> None:
@@ -114,9 +114,9 @@ class Audiences:
         for place in [place for place in self._held if place[0] == source]:
             del self._held[place]
             self._journal.write(_name(*place), None)
-        for stream_id, audience in self._audiences.items():
-            if source in audience:
-                audience.discard(source)
+        for stream_id, subscribers in self._subscribers.items():
+            if source in subscribers:
+                subscribers.discard(source)
                 self._changed(self._table.by_id(stream_id), set(), now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
@@ -135,20 +135,20 @@ class Audiences:
             for stream_id in streams_of(page, streams):
                 if self._is_possible(source, stream_id):
                     self.of(self._table.by_id(stream_id))
-                    self._audiences[stream_id].add(source)
+                    self._subscribers[stream_id].add(source)
 
     # Below the methods above
 
-    def _keep(self, source: int, held: _Held, letter: Subscribe) -> None:
+    def _keep(self, source: int, held: _Held, message: Subscribe) -> None:
         """Write a letter down, and answer it then."""
 
         def kept(at: int) -> None:
-            held.is_kept = True
-            if self._held[source, letter.page] is held:
-                self._answer(source, letter, at)
+            held.is_journalled = True
+            if self._held[source, message.page] is held:
+                self._answer(source, message, at)
 
         value = held.epoch.to_bytes(2, "big") + bytes((held.version, held.streams))
-        self._journal.write(_name(source, letter.page), value + self._table.digest, kept)
+        self._journal.write(_name(source, message.page), value + self._table.digest, kept)
 
     def _is_older(self, held: _Held, life: int, version: int, now: int) -> bool:
         """Tell whether a message was sent before the held one."""
@@ -179,19 +179,19 @@ class Audiences:
             and stream.may_subscribe(source)
         )
 
-    def _settle(self, source: int, letter: Subscribe, readable: Set[int], now: int) -> None:
+    def _settle(self, source: int, message: Subscribe, readable: Set[int], now: int) -> None:
         """Set the subscribers by a message."""
-        wanted = set(streams_of(letter.page, letter.streams)) & readable
+        wanted = set(streams_of(message.page, message.streams)) & readable
         for stream in self._table:
             stream_id = stream.stream_id
-            if page_of(stream_id) != letter.page or not self._is_possible(source, stream_id):
+            if page_of(stream_id) != message.page or not self._is_possible(source, stream_id):
                 continue
-            audience = self._audiences.setdefault(stream_id, set())
-            if stream_id in wanted and source not in audience:
-                audience.add(source)
+            subscribers = self._subscribers.setdefault(stream_id, set())
+            if stream_id in wanted and source not in subscribers:
+                subscribers.add(source)
                 self._changed(stream, {source}, now)
-            elif stream_id not in wanted and source in audience:
-                audience.discard(source)
+            elif stream_id not in wanted and source in subscribers:
+                subscribers.discard(source)
                 self._changed(stream, set(), now)
 
 

@@ -6,8 +6,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.base.qos import UNTUNED, Qos, Tuning
-from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.base.qos import NO_OVERRIDE, Override, Qos
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import LocalError
@@ -15,13 +15,13 @@ from zacoustic.errors import LocalError
 _JOURNAL: Final = "tune"
 
 
-class Tunings:
+class Overrides:
     """The topics of one node that were tuned.
 
     Args:
         address: Address of the node.
         table: Its streams.
-        tune: Lays an override over the QoS of what waits.
+        override: Lays an override over the QoS of what waits.
         stored: What the journal has kept.
         journal: Keeps the rest.
     """
@@ -31,28 +31,28 @@ class Tunings:
         address: int,
         table: StreamTable,
         *,
-        tune: Callable[[Stream, Tuning], None],
+        override: Callable[[Stream, Override], None],
         stored: Mapping[str, bytes],
         journal: JournalPort,
     ) -> None:
         self._address = address
         self._table = table
-        self._tune = tune
+        self._override = override
         self._journal = journal
-        self._tunings: dict[int, Tuning] = {}
+        self._overrides: dict[int, Override] = {}
         for name, value in stored.items():
             head, _, stream_id = name.partition("/")
             if head == _JOURNAL:
                 self._recover(int(stream_id), value)
 
-    def of(self, stream_id: int) -> Tuning:
+    def of(self, stream_id: int) -> Override:
         """Return the override of a stream."""
-        return self._tunings.get(stream_id, UNTUNED)
+        return self._overrides.get(stream_id, NO_OVERRIDE)
 
     def effective(self, stream: Stream) -> tuple[bool, Qos]:
         """Return whether the samples of a topic go, and its QoS with the override."""
-        tuning = self.of(stream.stream_id)
-        return tuning.on, tuning.over(stream.qos)
+        override = self.of(stream.stream_id)
+        return override.on, override.over(stream.qos)
 
     def check(self, stream_id: int) -> Stream:
         """Return a topic that can be tuned here.
@@ -69,26 +69,26 @@ class Tunings:
             raise LocalError(f"node {self._address} does not publish stream {stream_id}")
         return stream
 
-    def change(self, order: Order, then: Callable[[int], None]) -> None:
+    def change(self, command: RemoteCommand, then: Callable[[int], None]) -> None:
         """Execute a TUNE or RESET; `then` is called when it is written down.
 
         Raises:
             LocalError: As `check`.
         """
-        assert order.stream_id is not None
-        stream = self.check(order.stream_id)
-        tuning = UNTUNED
-        if order.kind is OrderKind.TUNE:
+        assert command.stream_id is not None
+        stream = self.check(command.stream_id)
+        override = NO_OVERRIDE
+        if command.kind is CommandKind.OVERRIDE:
             wanted = {
-                "on": order.on,
-                "min_interval_s": order.min_interval_s,
-                "priority": order.priority,
+                "on": command.on,
+                "min_interval_s": command.min_interval_s,
+                "priority": command.priority,
             }
             changes = {name: value for name, value in wanted.items() if value is not None}
-            tuning = msgspec.structs.replace(self.of(stream.stream_id), **changes)
-        self._apply(stream, tuning)
+            override = msgspec.structs.replace(self.of(stream.stream_id), **changes)
+        self._apply(stream, override)
         name = f"{_JOURNAL}/{stream.stream_id}"
-        value = None if tuning == UNTUNED else msgspec.msgpack.encode(tuning)
+        value = None if override == NO_OVERRIDE else msgspec.msgpack.encode(override)
         self._journal.write(name, value, then)
 
     # Below the methods above
@@ -96,13 +96,13 @@ class Tunings:
     def _recover(self, stream_id: int, value: bytes) -> None:
         try:
             stream = self.check(stream_id)
-            tuning = msgspec.msgpack.decode(value, type=Tuning)
+            override = msgspec.msgpack.decode(value, type=Override)
         except (LocalError, msgspec.MsgspecError):
             # The table is new now.
             self._journal.write(f"{_JOURNAL}/{stream_id}", None)
             return
-        self._apply(stream, tuning)
+        self._apply(stream, override)
 
-    def _apply(self, stream: Stream, tuning: Tuning) -> None:
-        self._tunings[stream.stream_id] = tuning
-        self._tune(stream, tuning)
+    def _apply(self, stream: Stream, override: Override) -> None:
+        self._overrides[stream.stream_id] = override
+        self._override(stream, override)

@@ -30,7 +30,7 @@ def on_demand() -> Rig:
 
 
 def want(water: Rig, node: int, *sources: int) -> None:
-    water[node].engine.demand.want(LOG, water.now, sources)
+    water[node].engine.subscriptions.want(LOG, water.now, sources)
 
 
 def values(water: Rig, node: int) -> list[object]:

@@ -30,7 +30,7 @@ class Admission(msgspec.Struct, frozen=True):
     """This node has subscribed; otherwise it keeps nothing of it, and sends no feedback."""
     is_open: bool = True
     """It may be delivered now; otherwise the tables are not yet known to agree."""
-    place: int = 0
+    rank: int = 0
     """Rank of this node among the receivers of the stream: so many answer before it."""
     others: int = 0
     """Number of the other receivers."""
@@ -42,7 +42,7 @@ class Admission(msgspec.Struct, frozen=True):
     """Of the stream; empty: not known."""
 
 
-class Gate(Protocol):
+class AdmissionControl(Protocol):
     """Knows the table and the counts, and takes complete objects."""
 
     def admit(self, source: int, stream_id: int) -> Admission:

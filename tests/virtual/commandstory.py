@@ -1,7 +1,8 @@
-"""Random stories of orders: two nodes give them, one obeys, and everything goes wrong for a while.
+"""Random stories of commands: two nodes give them, one executes, and everything goes wrong for a
+while.
 
-What the node does is looked at where it does it (`_Spy`), and compared with what was ordered, with
-what it transmits and with what the others are told.
+What the node does is looked at where it does it (`_Spy`), and compared with what was commanded,
+with what it transmits and with what the others are told.
 """
 
 import random
@@ -18,7 +19,12 @@ from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, Event, ResponseReceived
-from zacoustic.core.streams.commands import ORDERS_STREAM_ID, Order, OrderKind, OrderState
+from zacoustic.core.streams.commands import (
+    COMMANDS_STREAM_ID,
+    CommandKind,
+    CommandState,
+    RemoteCommand,
+)
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import QueueFullError
@@ -43,15 +49,15 @@ class Given(msgspec.Struct):
     life: int
     epoch: int
     serial: int
-    order: Order
+    command: RemoteCommand
     at: int
     is_calm: bool
     ends: list[tuple[int, Event]]
     """With the instants at which they came."""
 
 
-class Obeyed(msgspec.Struct):
-    """An order that the vehicle obeyed."""
+class Executed(msgspec.Struct):
+    """A command that the vehicle executed."""
 
     giver: int
     subject: int
@@ -72,7 +78,7 @@ class Hush(msgspec.Struct):
     """Frames after its beginning."""
 
 
-class OrderStory:
+class CommandStory:
     """One story.
 
     Args:
@@ -82,10 +88,10 @@ class OrderStory:
     def __init__(self, seed: int) -> None:
         self._rng = rng = random.Random(f"orders/{seed}")
         self.seed = seed
-        self.complaints: list[str] = []
+        self.violations: list[str] = []
         self.given: dict[tuple[int, int, int], Given] = {}
         """By giver, its life and the call id."""
-        self.obeyed: list[Obeyed] = []
+        self.executed: list[Executed] = []
         self.outcomes: dict[str, int] = {}
         self.crashes: list[int] = []
         self._serials: dict[tuple[int, int], int] = {}
@@ -123,12 +129,12 @@ class OrderStory:
         for stream_id, period_s in ((NAV, 15.0), (LOG, 90.0)):
             network.every(period_s, partial(self._publish, stream_id), first_s=rng.uniform(0, 20))
         calm_s = self._busy_s + _CALM_S
-        resume = partial(self._give, GIVERS[0], Order(kind=OrderKind.RESUME))
+        resume = partial(self._give, GIVERS[0], RemoteCommand(kind=CommandKind.RESUME))
         network.at(calm_s, resume)
-        network.at(calm_s + 650, partial(self._give, GIVERS[0], Order(stream_id=NAV)))
+        network.at(calm_s + 650, partial(self._give, GIVERS[0], RemoteCommand(stream_id=NAV)))
         network.run(until_s=calm_s + 1300)
         self._judge()
-        return self.complaints
+        return self.violations
 
     # What the nodes do
 
@@ -136,46 +142,48 @@ class OrderStory:
         if self.network.is_running(VEHICLE):
             self.network.publish(VEHICLE, stream_id, b"sample")
 
-    def _give(self, giver: int, order: Order | None = None) -> None:
-        network, is_calm = self.network, order is not None
+    def _give(self, giver: int, command: RemoteCommand | None = None) -> None:
+        network, is_calm = self.network, command is not None
         if not network.is_running(giver):
             return
-        order = order or self._draw()
+        command = command or self._draw()
         timeout_s = 600.0 if is_calm else self._rng.choice((20.0, 60.0, 600.0))
         life = network.life(giver)
 
         def begin(engine: Engine, now: int) -> None:
-            call_id = engine.orders.send(VEHICLE, order, now, timeout_s=timeout_s)
-            serial = self._serials.get((giver, life), 0) + order.changes
+            call_id = engine.commands.send(VEHICLE, command, now, timeout_s=timeout_s)
+            serial = self._serials.get((giver, life), 0) + command.changes
             self._serials[giver, life] = serial
             self.given[giver, life, call_id] = Given(
-                giver, life, engine.epoch, serial, order, network.now, is_calm, []
+                giver, life, engine.epoch, serial, command, network.now, is_calm, []
             )
 
         try:
             network.apply(giver, begin)
         except QueueFullError:
-            self._serials[giver, life] = self._serials.get((giver, life), 0) + order.changes
+            self._serials[giver, life] = self._serials.get((giver, life), 0) + command.changes
             self._count("full")
 
-    def _draw(self) -> Order:
+    def _draw(self) -> RemoteCommand:
         rng = self._rng
-        kind = rng.choice((*OrderKind, OrderKind.SILENCE, OrderKind.SILENCE, OrderKind.RESUME))
-        if kind is OrderKind.SILENCE:
+        kind = rng.choice(
+            (*CommandKind, CommandKind.SILENCE, CommandKind.SILENCE, CommandKind.RESUME)
+        )
+        if kind is CommandKind.SILENCE:
             for_s = rng.choice((None, *(round(rng.uniform(5, 400), 1) for _ in range(4))))
-            return Order(kind=kind, for_s=for_s)
+            return RemoteCommand(kind=kind, for_s=for_s)
         topic = rng.choice((NAV, LOG))
-        if kind is OrderKind.TUNE:
-            return Order(
+        if kind is CommandKind.OVERRIDE:
+            return RemoteCommand(
                 kind=kind,
                 stream_id=topic,
                 on=rng.choice((None, True, False)),
                 min_interval_s=round(rng.uniform(0, 60), 2),
                 priority=rng.choice((None, *Priority)),
             )
-        if kind is OrderKind.RESET:
-            return Order(kind=kind, stream_id=topic)
-        return Order(kind=kind)
+        if kind is CommandKind.RESET:
+            return RemoteCommand(kind=kind, stream_id=topic)
+        return RemoteCommand(kind=kind)
 
     def _build(self, **arguments: Any) -> Engine:
         engine = Engine(**arguments)
@@ -185,12 +193,12 @@ class OrderStory:
 
     def _spy(self, engine: Engine) -> None:
         """Look at what the vehicle does with orders."""
-        ledger, silence = engine.orders._ledger, engine.silence
+        ledger, silence = engine.commands._deduplication, engine.silence
         enter, begin, resume = ledger.enter, silence.begin, silence.resume
 
         def entered(giver: int, subject: int, epoch: int, serial: int, then: Any) -> None:
             until = None if self._hush is None else self._hush.ends_at
-            self._obeys(Obeyed(giver, subject, epoch, serial, self.network.now, until))
+            self._executes(Executed(giver, subject, epoch, serial, self.network.now, until))
             enter(giver, subject, epoch, serial, then)
 
         def begun(now: int, **options: Any) -> None:
@@ -227,7 +235,7 @@ class OrderStory:
         hush.words += 1
         if hush.was_silent or hush.words > 1:
             self._complain(f"node {VEHICLE} sends {record.frame} in a silence")
-        elif ORDERS_STREAM_ID not in record.streams:
+        elif COMMANDS_STREAM_ID not in record.streams:
             self._complain(f"the last word is {record.frame}")
         elif now - hush.begun_at > 16 * self._unit_ns + PROMPT_NS + 4 * self._commit_s * NS_PER_S:
             self._complain(f"the last word comes {(now - hush.begun_at) / NS_PER_S:.1f} s late")
@@ -262,21 +270,21 @@ class OrderStory:
         settled_at = at + int((2 * self._commit_s + 0.001) * NS_PER_S)
         return not any(at <= crash <= settled_at for crash in self.crashes)
 
-    def _obeys(self, obeyed: Obeyed) -> None:
-        """Compare an order that is obeyed with those before, about the same thing."""
+    def _executes(self, executed: Executed) -> None:
+        """Compare a command that is executed with those before, about the same thing."""
         before = [
             each
-            for each in self.obeyed
-            if (each.giver, each.subject) == (obeyed.giver, obeyed.subject)
+            for each in self.executed
+            if (each.giver, each.subject) == (executed.giver, executed.subject)
             and self._is_firm(each.at)
         ]
-        self.obeyed.append(obeyed)
+        self.executed.append(executed)
         epochs = [each.epoch for each in before]
-        if obeyed.epoch in epochs and epochs[-1] != obeyed.epoch:
-            self._complain(f"{obeyed} is of a former life")
-        same = [each.serial for each in before if each.epoch == obeyed.epoch]
-        if same and obeyed.serial <= max(same):
-            self._complain(f"{obeyed} is obeyed behind {max(same)}")
+        if executed.epoch in epochs and epochs[-1] != executed.epoch:
+            self._complain(f"{executed} is of a former life")
+        same = [each.serial for each in before if each.epoch == executed.epoch]
+        if same and executed.serial <= max(same):
+            self._complain(f"{executed} is executed behind {max(same)}")
 
     def _judge(self) -> None:
         for given in self.given.values():
@@ -288,8 +296,8 @@ class OrderStory:
                 self._complain(f"{given} has {len(given.ends)} ends")
             for at, event in given.ends:
                 self._judge_end(given, at, event)
-        for obeyed in self.obeyed:
-            self._judge_obeyed(obeyed)
+        for executed in self.executed:
+            self._judge_executed(executed)
         vehicle = self.network.engine(VEHICLE)
         now = self.network.local_ns(VEHICLE)
         if vehicle.silence.is_silent(now):
@@ -298,12 +306,12 @@ class OrderStory:
     def _judge_end(self, given: Given, at: int, event: Event) -> None:
         if isinstance(event, ResponseReceived):
             self._count("answered")
-            state = OrderState.from_wire(event.value, event.age_s or 0.0)
-            if given.order.changes and not self._found(given, before=at):
-                self._complain(f"{given} is answered and was not obeyed")
+            state = CommandState.from_wire(event.value, event.age_s or 0.0)
+            if given.command.changes and not self._found(given, before=at):
+                self._complain(f"{given} is answered and was not executed")
             if given.is_calm and state.silent:
                 self._complain(f"{given} is answered by a silent node")
-            if (state.on is None) != (given.order.stream_id is None):
+            if (state.on is None) != (given.command.stream_id is None):
                 self._complain(f"{given} is answered by {state}")
             return
         assert isinstance(event, CallFailed)
@@ -316,42 +324,42 @@ class OrderStory:
         elif event.failure is not CallFailure.TIMED_OUT:
             self._complain(f"{given} fails: {event}")
 
-    def _judge_obeyed(self, obeyed: Obeyed) -> None:
+    def _judge_executed(self, executed: Executed) -> None:
         """Look whether it was given, and whether a silence is over when it was to be over."""
         given = next(
             (
                 each
                 for each in self.given.values()
                 if (each.giver, each.epoch, each.serial)
-                == (obeyed.giver, obeyed.epoch, obeyed.serial)
-                and each.order.changes
+                == (executed.giver, executed.epoch, executed.serial)
+                and each.command.changes
             ),
             None,
         )
         if given is None:
-            self._complain(f"{obeyed} was never ordered")
-        elif given.at > obeyed.at:
-            self._complain(f"{obeyed} is obeyed before it was ordered")
-        elif given.order.for_s is not None and obeyed.silent_until is not None:
-            wanted_s = given.at / NS_PER_S + given.order.for_s
-            error_s = _TIME_ERROR_S + _AGE_ERROR * (obeyed.at - given.at) / NS_PER_S
-            if obeyed.silent_until / NS_PER_S > wanted_s + error_s + self._again_s:
-                self._complain(f"{obeyed} lasts beyond {wanted_s:.1f} s")
-            if obeyed.silent_until / NS_PER_S < wanted_s - error_s:
-                self._complain(f"{obeyed} ends before {wanted_s:.1f} s")
+            self._complain(f"{executed} was never commanded")
+        elif given.at > executed.at:
+            self._complain(f"{executed} is executed before it was commanded")
+        elif given.command.for_s is not None and executed.silent_until is not None:
+            wanted_s = given.at / NS_PER_S + given.command.for_s
+            error_s = _TIME_ERROR_S + _AGE_ERROR * (executed.at - given.at) / NS_PER_S
+            if executed.silent_until / NS_PER_S > wanted_s + error_s + self._again_s:
+                self._complain(f"{executed} lasts beyond {wanted_s:.1f} s")
+            if executed.silent_until / NS_PER_S < wanted_s - error_s:
+                self._complain(f"{executed} ends before {wanted_s:.1f} s")
 
     def _found(self, given: Given, *, before: int) -> bool:
         return any(
             (each.giver, each.epoch, each.serial) == (given.giver, given.epoch, given.serial)
             and each.at <= before
-            for each in self.obeyed
+            for each in self.executed
         )
 
     def _count(self, outcome: str) -> None:
         self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
 
     def _complain(self, what: str) -> None:
-        self.complaints.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
+        self.violations.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
 
     def _weather(self, seed: int, modem: Modem) -> Scenario:
         rng, busy_s = self._rng, self._busy_s

@@ -5,13 +5,13 @@ import contextlib
 
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
-from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.errors import LinkClosedError, ServiceError
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import call_error
 
 
-class LinkOrders:
+class LinkCommands:
     """The commands that one node has given.
 
     Args:
@@ -20,9 +20,9 @@ class LinkOrders:
 
     def __init__(self, runner: LinkRunner) -> None:
         self._runner = runner
-        self._answers: dict[int, asyncio.Future[OrderState]] = {}
+        self._answers: dict[int, asyncio.Future[CommandState]] = {}
 
-    async def give(self, node: int, order: Order, timeout_s: float) -> OrderState:
+    async def give(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Give a command and wait for the answer; cancelling gives it up.
 
         Raises:
@@ -30,18 +30,18 @@ class LinkOrders:
             ServiceError: The node refuses it.
             CallTimeoutError: No answer in time; it may have been executed.
         """
-        answer: asyncio.Future[OrderState] = asyncio.get_running_loop().create_future()
+        answer: asyncio.Future[CommandState] = asyncio.get_running_loop().create_future()
         if node == self._runner.engine.address:
             self._runner.apply(
-                lambda engine, now: engine.orders.obey(
-                    order, now, lambda state: None if answer.done() else answer.set_result(state)
+                lambda engine, now: engine.commands.execute(
+                    command, now, lambda state: None if answer.done() else answer.set_result(state)
                 )
             )
             async with asyncio.timeout(timeout_s):
                 return await answer
 
         def begin(engine: Engine, now: int) -> int:
-            call_id = engine.orders.send(node, order, now, timeout_s=timeout_s)
+            call_id = engine.commands.send(node, command, now, timeout_s=timeout_s)
             self._answers[call_id] = answer  # before the events of the engine are polled
             return call_id
 
@@ -61,11 +61,11 @@ class LinkOrders:
         if answer.done():
             return True
         if isinstance(event, ResponseReceived):
-            answer.set_result(OrderState.from_wire(event.value, event.age_s or 0.0))
+            answer.set_result(CommandState.from_wire(event.value, event.age_s or 0.0))
         elif event.failure is CallFailure.HANDLER:
-            answer.set_exception(ServiceError(f"the order is refused: {event.text}"))
+            answer.set_exception(ServiceError(f"the command is refused: {event.text}"))
         else:
-            answer.set_exception(call_error("the order", event.failure, event.text))
+            answer.set_exception(call_error("the command", event.failure, event.text))
         return True
 
     def end_all(self, error: Exception) -> None:

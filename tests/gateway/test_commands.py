@@ -1,4 +1,4 @@
-"""Orders from the shore to a vehicle beyond the water: on Zenoh keys, and by the verbs."""
+"""Commands from the shore to a vehicle beyond the water: on Zenoh keys, and by the verbs."""
 
 import asyncio
 import json
@@ -23,9 +23,9 @@ from tests.gateway.islands import (
     zenoh_router,
 )
 from zacoustic.app.cli import main
-from zacoustic.zenoh.gateway.notices import RedundancyChanged, SilenceKept, TopicTuned
+from zacoustic.zenoh.gateway.notices import RedundancyChanged, SilenceJournalled, TopicOverridden
 
-NOT_OF_SHORE = SECTION | {"orders_from": [3]}
+NOT_OF_SHORE = SECTION | {"commands_from": [3]}
 SILENCE, STREAM = "@acoustic/2/silence", "@acoustic/2/stream/12"
 
 
@@ -74,25 +74,27 @@ def test_silence_crosses_the_water_and_so_does_its_end() -> None:
         async with pair() as found:
             heard = await hear(found.shore, "chat")
             assert await answer(found.shore, SILENCE) == {
-                "address": 2, "silent": False, "ordered": False, "until_utc": None,
+                "address": 2, "silent": False, "commanded": False, "until_utc": None,
             }  # fmt: skip
-            silent = await answer(found.shore, SILENCE, "?order=begin;for_s=1800")
-            assert (silent["silent"], silent["ordered"]) == (True, True)
+            silent = await answer(found.shore, SILENCE, "?command=begin;for_s=1800")
+            assert (silent["silent"], silent["commanded"]) == (True, True)
             local = await answer(found.auv, SILENCE)
             assert local["until_utc"][:16] == silent["until_utc"][:16]
             before = found.water.sent_by(2)
             found.auv.put("chat", b"later")
             await answer(found.auv, SILENCE)  # it has been taken in
             assert found.water.sent_by(2) == before
-            assert not (await answer(found.shore, SILENCE, "?order=resume"))["silent"]
+            assert not (await answer(found.shore, SILENCE, "?command=resume"))["silent"]
             assert await heard.payload() == b"later"
-            kept = [each for each in found.auv_island.notices if isinstance(each, SilenceKept)]
+            kept = [
+                each for each in found.auv_island.notices if isinstance(each, SilenceJournalled)
+            ]
             assert [each.silent for each in kept] == [True, False]
 
     run(scene())
 
 
-def test_topic_is_tuned_from_beyond_the_water() -> None:
+def test_topic_is_overridden_from_beyond_the_water() -> None:
     async def scene() -> None:
         async with pair() as found:
             heard = await hear(found.shore, "chat")
@@ -101,15 +103,15 @@ def test_topic_is_tuned_from_beyond_the_water() -> None:
                 "on": True, "min_interval_s": 0.0, "priority": "data",
             }  # fmt: skip
             assert await answer(found.shore, STREAM) == as_it_was
-            tuned = await answer(
+            overridden = await answer(
                 found.shore, STREAM, "?on=false;min_interval_s=0.05;priority=background"
             )
             changed = {"on": False, "min_interval_s": 0.05, "priority": "background"}
-            assert tuned == as_it_was | changed
-            assert await answer(found.auv, STREAM) == tuned
+            assert overridden == as_it_was | changed
+            assert await answer(found.auv, STREAM) == overridden
             document = await answer(found.auv, "@acoustic/2/streams")
             (row,) = [each for each in document["streams"] if each["id"] == 12]
-            assert row["tuning"] == changed
+            assert row["override"] == changed
             digest = (await answer(found.shore, "@acoustic/1/streams"))["digest"]
             assert document["digest"] == digest
             found.auv.put("chat", b"waits")
@@ -118,8 +120,10 @@ def test_topic_is_tuned_from_beyond_the_water() -> None:
             await answer(found.shore, STREAM, "?on=true")
             assert await heard.payload() == b"waits"
             assert await answer(found.shore, STREAM, "?reset=true") == as_it_was
-            notices = [each for each in found.auv_island.notices if isinstance(each, TopicTuned)]
-            assert [(each.on, each.ordered_by) for each in notices] == [
+            notices = [
+                each for each in found.auv_island.notices if isinstance(each, TopicOverridden)
+            ]
+            assert [(each.on, each.commanded_by) for each in notices] == [
                 (False, 1), (True, 1), (True, 1),
             ]  # fmt: skip
             assert notices[0].lines() == [
@@ -130,7 +134,7 @@ def test_topic_is_tuned_from_beyond_the_water() -> None:
 
 
 @pytest.mark.parametrize(
-    ("query", "complaint"),
+    ("query", "input_error"),
     [
         ("@acoustic/2/stream/12?on=yes", "BAD_REQUEST: on is yes; allowed: true, false"),
         ("@acoustic/2/stream/12?priority=urgent", "priority is urgent; allowed: real_time, "),
@@ -143,19 +147,19 @@ def test_topic_is_tuned_from_beyond_the_water() -> None:
         ("@acoustic/2/stream/20?on=true", "HANDLER: stream 20 is no topic"),
         ("@acoustic/2/stream/11?on=true", "HANDLER: node 2 does not publish stream 11"),
         ("@acoustic/1/stream/10?on=true", "BAD_REQUEST: node 1 does not publish stream 10"),
-        ("@acoustic/1/silence?order=stop", "order is stop; allowed: begin, "),
+        ("@acoustic/1/silence?command=stop", "command is stop; allowed: begin, "),
         ("@acoustic/2/ping?within_s=soon", "within_s is soon; allowed: seconds above 0"),
         ("@acoustic/2/ping?within_s=١", "within_s is ١; allowed: seconds above 0"),
         ("@acoustic/2/silence?within_s=soon", "within_s is soon; allowed: seconds above 0"),
         ("@acoustic/2/silence?within_s=601", "within_s is 601; allowed: seconds above 0, at most"),
     ],
 )
-def test_order_that_is_wrong_is_refused_with_the_reason(query: str, complaint: str) -> None:
+def test_command_that_is_wrong_is_refused_with_the_reason(query: str, input_error: str) -> None:
     async def scene() -> None:
         async with pair() as found:
             replies = await get(found.shore, query)
             assert not replies.good
-            assert complaint in replies.errors[0]
+            assert input_error in replies.errors[0]
             assert len(replies.errors) == 1, replies.errors
 
     run(scene())
@@ -176,7 +180,7 @@ def test_order_that_is_wrong_is_refused_with_the_reason(query: str, complaint: s
         "@acoustic/2/stream/" + 5000 * "1",
     ],
 )
-def test_what_is_no_order_is_answered_by_nobody(key: str) -> None:
+def test_what_is_no_command_is_answered_by_nobody(key: str) -> None:
     async def scene() -> None:
         async with pair() as found:
             replies = await get(found.shore, key)
@@ -186,11 +190,11 @@ def test_what_is_no_order_is_answered_by_nobody(key: str) -> None:
     run(scene())
 
 
-def test_looking_around_orders_nothing_beyond_the_water() -> None:
+def test_looking_around_commands_nothing_beyond_the_water() -> None:
     async def scene() -> None:
         async with pair() as found:
             before = len(found.water.emissions)
-            for query in ("@acoustic/*/silence?order=begin", "@acoustic/**"):
+            for query in ("@acoustic/*/silence?command=begin", "@acoustic/**"):
                 replies = await get(found.shore, query)
                 assert not any(key.startswith("@acoustic/2/") for key in replies.good)
             assert "@acoustic/1/silence" not in (await get(found.shore, "@acoustic/**")).good
@@ -201,7 +205,7 @@ def test_looking_around_orders_nothing_beyond_the_water() -> None:
     run(scene())
 
 
-def test_of_two_gateways_one_passes_an_order_on_and_each_obeys_its_own() -> None:
+def test_of_two_gateways_one_passes_a_command_on_and_each_executes_its_own() -> None:
     async def scene() -> None:
         async with AsyncExitStack() as stack:
             water = Water()
@@ -214,20 +218,20 @@ def test_of_two_gateways_one_passes_an_order_on_and_each_obeys_its_own() -> None
             )
             await stack.enter_async_context(island(2, water))
             shore = stack.enter_context(first.client())
-            replies = await get(shore, f"{SILENCE}?order=begin")
+            replies = await get(shore, f"{SILENCE}?command=begin")
             assert list(replies.good) == [SILENCE]
             assert water.sent_by(3) == 0
             assert await answer(shore, "@acoustic/3/silence") == {
-                "address": 3, "silent": False, "ordered": False, "until_utc": None,
+                "address": 3, "silent": False, "commanded": False, "until_utc": None,
             }  # fmt: skip
-            found = await answer(shore, "@acoustic/3/silence", "?order=begin")
+            found = await answer(shore, "@acoustic/3/silence", "?command=begin")
             assert found["silent"]
             assert water.sent_by(3) == 0
 
     run(scene())
 
 
-def test_verbs_order_and_tell_how_it_ended(
+def test_verbs_command_and_tell_how_it_ended(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     async def scene() -> list[int]:
@@ -247,7 +251,7 @@ def test_verbs_order_and_tell_how_it_ended(
     captured = capsys.readouterr()
     free, silent, resumed, off, reset = captured.out.splitlines()
     assert free == resumed == "node 2: transmits"
-    assert json.loads(silent)["ordered"] is True
+    assert json.loads(silent)["commanded"] is True
     assert off == "node 2, stream 12 chat: off, every 10 s at most, priority data"
     assert json.loads(reset) == {
         "address": 2, "stream": 12, "name": "chat",
@@ -257,7 +261,7 @@ def test_verbs_order_and_tell_how_it_ended(
     assert "no gateway that knows node 9 is on this island" in captured.err
 
 
-def test_node_that_takes_no_orders_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_node_that_takes_no_commands_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     async def scene() -> int:
         async with pair(NOT_OF_SHORE) as found:
             return await verb("silence", "--node", "2", "--for", "30m", *found.where)
@@ -282,12 +286,12 @@ def test_node_that_does_not_answer_in_time_is_exit_code_3(
     captured = capsys.readouterr()
     assert captured.out == ""
     first, _, last = captured.err.splitlines()
-    assert "node 2 has not answered in time, and may have obeyed" in first
+    assert "node 2 has not answered in time, and may have executed it" in first
     assert last.endswith("node 2 has not answered in time")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "input_error"),
     [
         (["resume", "--node", "0"], "--node 0; allowed: 1..254"),
         (["resume", "--timeout", "601"], "--timeout 601; allowed: at most 600"),
@@ -303,13 +307,13 @@ def test_node_that_does_not_answer_in_time_is_exit_code_3(
     ],
 )
 def test_arguments_that_are_wrong(
-    arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], input_error: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(arguments) == 2
-    assert complaint in capsys.readouterr().err
+    assert input_error in capsys.readouterr().err
 
 
-def test_tuning_outlives_a_restart_of_the_gateway(tmp_path: Path) -> None:
+def test_override_outlives_a_restart_of_the_gateway(tmp_path: Path) -> None:
     async def scene() -> None:
         section = SECTION | {"journal": str(tmp_path)}
         for expected in (True, False):

@@ -8,14 +8,14 @@ from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.transport.repeating import Repeater, Repetition
 from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of, page_of
 
-LETTER_LANE = 0
+SUBSCRIBE_LANE = 0
 ANSWER_LANE = 1
-LETTER_QOS = Qos(priority=Priority.INTERACTIVE_HIGH)
+SUBSCRIBE_QOS = Qos(priority=Priority.INTERACTIVE_HIGH)
 """Somebody waits for what a letter asks for."""
 VERSIONS = 256
 
 
-class _Letter:
+class _Message:
     """The subscribe messages to one node about one page."""
 
     __slots__ = (
@@ -50,7 +50,7 @@ class _Letter:
         return 1 if self.said_version is None else (self.said_version + 1) % VERSIONS
 
 
-class Wishes:
+class Own:
     """What one node wants.
 
     Args:
@@ -62,7 +62,7 @@ class Wishes:
         self._repeater = repeater
         self._settling_ns = settling_ns
         self._wanted: dict[int, frozenset[int]] = {}
-        self._letters: dict[tuple[int, int], _Letter] = {}
+        self._messages: dict[tuple[int, int], _Message] = {}
 
     def wanted(self, stream_id: int) -> frozenset[int]:
         """Return the publishers at which this node subscribes to a topic."""
@@ -77,14 +77,14 @@ class Wishes:
 
     def answered(self, source: int, answer: Subscribe, now: int) -> str | None:
         """Take an answer; returns why it is dropped, or None."""
-        letter = self._letters.get((source, answer.page))
-        if letter is None or letter.repetition is None or not letter.repetition.tries:
+        message = self._messages.get((source, answer.page))
+        if message is None or message.repetition is None or not message.repetition.tries:
             return "unexpected_ack"  # an answer to an unsent message is of a former boot epoch
-        if (answer.version, answer.streams) != (letter.version, letter.bits):
+        if (answer.version, answer.streams) != (message.version, message.bits):
             return "unexpected_ack"
-        self._stop(letter, letter.repetition, now, answered=True)
-        letter.known_version, letter.known_bits = answer.version, answer.streams
-        letter.known_at = now
+        self._stop(message, message.repetition, now, answered=True)
+        message.known_version, message.known_bits = answer.version, answer.streams
+        message.known_at = now
         return None
 
     def sample_received(self, source: int, stream_id: int, now: int, *, is_alone: bool) -> None:
@@ -92,28 +92,28 @@ class Wishes:
         if source in self.wanted(stream_id):
             return
         key = (source, page_of(stream_id))
-        letter = self._letters.setdefault(key, _Letter())
-        if letter.repetition is not None or (letter.said_version is not None and not is_alone):
+        message = self._messages.setdefault(key, _Message())
+        if message.repetition is not None or (message.said_version is not None and not is_alone):
             return
-        if letter.is_known and now < letter.known_at + self._settling_ns():
+        if message.is_known and now < message.known_at + self._settling_ns():
             return  # it was sent before the node knew
-        self._say(key, letter, letter.next_version, now)
+        self._say(key, message, message.next_version, now)
 
     def publisher_restarted(self, source: int, now: int) -> None:
         """A node has begun a new epoch, and may have forgotten the messages."""
-        for key, letter in self._letters.items():
+        for key, message in self._messages.items():
             if key[0] == source:
-                letter.known_version = None
-                if letter.repetition is None and letter.bits:
-                    assert letter.said_version is not None
-                    self._say(key, letter, letter.said_version, now)
+                message.known_version = None
+                if message.repetition is None and message.bits:
+                    assert message.said_version is not None
+                    self._say(key, message, message.said_version, now)
 
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing is to be kept of a node, nor what it was told."""
-        for place in [place for place in self._letters if place[0] == source]:
-            letter = self._letters.pop(place)
-            if letter.repetition is not None:
-                self._stop(letter, letter.repetition, now)
+        for place in [place for place in self._messages if place[0] == source]:
+            message = self._messages.pop(place)
+            if message.repetition is not None:
+                self._stop(message, message.repetition, now)
 
     # Below the methods above
 
@@ -125,37 +125,37 @@ class Wishes:
             if page_of(stream_id) == page and source in sources
         )
         key = (source, page)
-        letter = self._letters.get(key)
-        if letter is None:
-            letter = self._letters[key] = _Letter()
-        elif letter.bits == bits:
+        message = self._messages.get(key)
+        if message is None:
+            message = self._messages[key] = _Message()
+        elif message.bits == bits:
             return
-        if letter.repetition is not None:
-            self._stop(letter, letter.repetition, now)
-        letter.bits = bits
-        if not letter.is_known and (bits or letter.said_version is not None):
-            self._say(key, letter, letter.next_version, now)
+        if message.repetition is not None:
+            self._stop(message, message.repetition, now)
+        message.bits = bits
+        if not message.is_known and (bits or message.said_version is not None):
+            self._say(key, message, message.next_version, now)
 
-    def _say(self, key: tuple[int, int], letter: _Letter, version: int, now: int) -> None:
+    def _say(self, key: tuple[int, int], message: _Message, version: int, now: int) -> None:
         source, page = key
-        letter.version = version
+        message.version = version
         record = Waiting(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,
             destination=source,
-            payload=Subscribe(page, version, letter.bits).body,
+            payload=Subscribe(page, version, message.bits).body,
             delimits_itself=True,
             for_one_node=True,
             cause=Cause.SUBSCRIBE,
             queued_at=now,
         )
-        lane = (NO_STREAM, LETTER_LANE, source, page)
-        letter.repetition = self._repeater.start(lane, record, LETTER_QOS, until=None)
+        lane = (NO_STREAM, SUBSCRIBE_LANE, source, page)
+        message.repetition = self._repeater.start(lane, record, SUBSCRIBE_QOS, until=None)
 
     def _stop(
-        self, letter: _Letter, repetition: Repetition, now: int, *, answered: bool = False
+        self, message: _Message, repetition: Repetition, now: int, *, answered: bool = False
     ) -> None:
         if repetition.tries:
-            letter.said_version = letter.version
+            message.said_version = message.version
         self._repeater.stop(repetition, now, answered=answered)
-        letter.repetition = None
+        message.repetition = None

@@ -1,6 +1,6 @@
 """Remote commands from the local network: executed here for this node, else sent to the other one.
 
-The keys are those of `zacoustic.zenoh.session.asking.orders`. Each gateway answers for its own
+The keys are those of `zacoustic.zenoh.session.asking.commands`. Each gateway answers for its own
 node. For a remote node the lowest local gateway asks, unless that node's own gateway is here; a
 command for an unknown node is left to others. A query with a wildcard in place of the address is
 for the local gateways only: browsing commands no remote node.
@@ -18,14 +18,14 @@ import msgspec
 from zacoustic.core.base.clock import Clock, ns_to_seconds, seconds_to_ns
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived, SilenceChanged
-from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError
 from zacoustic.run.permitlog import utc_text
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
-from zacoustic.zenoh.session.asking.orders import (
+from zacoustic.zenoh.session.asking.commands import (
     PREFIX,
     SUBJECTS,
     Asked,
@@ -39,7 +39,7 @@ from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 _EVERYWHERE: Final = tuple(f"{PREFIX}/*/{subject}" for subject in SUBJECTS)
 
 
-class OrderDesk:
+class CommandHandler:
     """Takes commands of the local network; for the loop.
 
     Args:
@@ -64,7 +64,7 @@ class OrderDesk:
         self._redundant = redundant
         self._clock = clock
         self._wall_clock = wall_clock
-        self._sent: dict[int, tuple[HeldQuery, int, Order]] = {}
+        self._sent: dict[int, tuple[HeldQuery, int, RemoteCommand]] = {}
 
     @property
     def own_keys(self) -> tuple[str, ...]:
@@ -83,11 +83,13 @@ class OrderDesk:
         if asked is None:
             return
 
-        def obey(engine: Engine, now: int) -> None:
-            engine.orders.obey(asked.order, now, partial(self._answer, held, own, asked.order))
+        def execute(engine: Engine, now: int) -> None:
+            engine.commands.execute(
+                asked.command, now, partial(self._answer, held, own, asked.command)
+            )
 
         try:
-            self._runner.apply(obey)
+            self._runner.apply(execute)
         except LocalError as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
 
@@ -99,8 +101,8 @@ class OrderDesk:
         node = asked.node
 
         def send(engine: Engine, now: int) -> None:
-            call_id = engine.orders.send(node, asked.order, now, timeout_s=asked.within_s)
-            self._sent[call_id] = held, node, asked.order
+            call_id = engine.commands.send(node, asked.command, now, timeout_s=asked.within_s)
+            self._sent[call_id] = held, node, asked.command
 
         try:
             self._runner.apply(send)
@@ -112,15 +114,15 @@ class OrderDesk:
         sent = self._sent.pop(event.call_id, None)
         if sent is None:
             return False
-        held, node, order = sent
+        held, node, command = sent
         if isinstance(event, ResponseReceived):
-            state = OrderState.from_wire(event.value, event.age_s or 0.0)
-            self._answer(held, node, order, state)
+            state = CommandState.from_wire(event.value, event.age_s or 0.0)
+            self._answer(held, node, command, state)
             return True
         text = event.text
         if event.failure is CallFailure.TIMED_OUT:
             text = f"node {node} has not answered in time"
-            text += ", and may have obeyed" if order.changes else ""
+            text += ", and may have executed it" if command.changes else ""
         held.refuse(event.failure, text)
         return True
 
@@ -129,7 +131,7 @@ class OrderDesk:
         left_s = None
         if event.ends_at is not None:
             left_s = ns_to_seconds(event.ends_at - self._clock())
-        state = OrderState(silent=event.is_silent, ordered=event.is_ordered, left_s=left_s)
+        state = CommandState(silent=event.is_silent, commanded=event.is_commanded, left_s=left_s)
         return self._silence(self._redundant.address, state)
 
     # Below the methods above
@@ -157,15 +159,17 @@ class OrderDesk:
         is_known = 1 <= node <= 254 and (not self._table.nodes or node in self._table.nodes)
         return is_known and node not in alive and self._redundant.address == alive[0]
 
-    def _answer(self, held: HeldQuery, node: int, order: Order, state: OrderState) -> None:
+    def _answer(
+        self, held: HeldQuery, node: int, command: RemoteCommand, state: CommandState
+    ) -> None:
         document: SilenceState | StreamState
-        if order.stream_id is None:
+        if command.stream_id is None:
             document = self._silence(node, state)
         else:
-            stream = self._table.get(order.stream_id)
+            stream = self._table.get(command.stream_id)
             document = StreamState(
                 address=node,
-                stream=order.stream_id,
+                stream=command.stream_id,
                 name="" if stream is None else stream.name,
                 on=bool(state.on),
                 min_interval_s=state.min_interval_s or 0.0,
@@ -174,7 +178,7 @@ class OrderDesk:
         key = str(held.query.key_expr).replace(f"{PREFIX}/*/", f"{PREFIX}/{node}/")
         held.answer([Answer(key=key, payload=msgspec.json.encode(document), encoding=JSON)])
 
-    def _silence(self, node: int, state: OrderState) -> SilenceState:
+    def _silence(self, node: int, state: CommandState) -> SilenceState:
         until_utc, why = None, ""
         if state.left_s is not None:
             until_utc = utc_text(self._wall_clock() + seconds_to_ns(state.left_s))
@@ -184,7 +188,7 @@ class OrderDesk:
         return SilenceState(
             address=node,
             silent=state.silent or bool(why),
-            ordered=state.ordered,
+            commanded=state.commanded,
             until_utc=until_utc,
             left_s=state.left_s,
             why=why,

@@ -54,10 +54,10 @@ def acquainted(nodes: int = 2) -> Rig:
 
 
 def want(water: Rig, node: int, stream_id: int, *sources: int) -> None:
-    water[node].engine.demand.want(stream_id, water.now, sources)
+    water[node].engine.subscriptions.want(stream_id, water.now, sources)
 
 
-def letters(frames: list[bytes]) -> list[Subscribe]:
+def messages(frames: list[bytes]) -> list[Subscribe]:
     """Return the letters and answers in frames without records of other streams before them."""
     return [
         item
@@ -69,9 +69,9 @@ def letters(frames: list[bytes]) -> list[Subscribe]:
 
 def subscribers(water: Rig, node: int, stream_id: int) -> set[int]:
     engine = water[node].engine
-    audience = engine.demand.audience(engine.table.by_id(stream_id))
-    assert audience is not None
-    return set(audience)
+    subscribers = engine.subscriptions.subscribers(engine.table.by_id(stream_id))
+    assert subscribers is not None
+    return set(subscribers)
 
 
 def test_nothing_crosses_before_somebody_subscribes() -> None:
@@ -87,7 +87,7 @@ def test_subscription_crosses_once_and_samples_go_to_the_subscriber() -> None:
     water = rig()
     want(water, 1, 10, 2)
     frames = water.run(1)
-    assert letters(frames) == [Subscribe(1, 1, 0b100), Subscribe(1, 1, 0b100, is_answer=True)]
+    assert messages(frames) == [Subscribe(1, 1, 0b100), Subscribe(1, 1, 0b100, is_answer=True)]
     water.publish(2, 10, b"sample")
     water.run(100)
     assert [each.value for each in water[1].got(SampleReceived)] == [b"sample"]
@@ -109,13 +109,13 @@ def test_withdrawn_subscription_ends_the_samples_that_wait() -> None:
     want(water, 1, 10, 2)
     water.run(100)
     want(water, 1, 10)
-    letter = water[1].send(water.now)
-    assert letter is not None
+    message = water[1].send(water.now)
+    assert message is not None
     water.publish(2, 10, b"too late")
-    water.deliver(1, letter)
+    water.deliver(1, message)
     assert SampleReceived not in {type(each) for each in water[1].events}
     frames = water.run(100)
-    assert letters(frames)[-1] == Subscribe(1, 2, 0, is_answer=True)
+    assert messages(frames)[-1] == Subscribe(1, 2, 0, is_answer=True)
     assert water[1].got(SampleReceived) == []
     assert water[2].engine.stats.unsubscribed == {10: 1}
     assert water[2].got(SubscribersChanged)[-1].subscribers == ()
@@ -129,7 +129,7 @@ def test_what_changes_before_it_was_said_is_not_said() -> None:
     want(water, 1, 10, 2)
     want(water, 1, 11, 2)
     want(water, 1, 17, 2)
-    assert [each.streams for each in letters(water.run(100))] == [0b1100, 0b10, 0b1100, 0b10]
+    assert [each.streams for each in messages(water.run(100))] == [0b1100, 0b10, 0b1100, 0b10]
     want(water, 1, 10)
     want(water, 1, 10, 2)
     assert water.run(100) == []
@@ -144,8 +144,8 @@ def test_each_publisher_is_asked_for_itself() -> None:
     water.publish(3, 17, b"three")
     water.run(10)
     assert [each.value for each in water[1].got(SampleReceived)] == [b"three"]
-    water[1].engine.demand.want(17, water.now)
-    assert water[1].engine.demand.wanted(17) == {2, 3}
+    water[1].engine.subscriptions.want(17, water.now)
+    assert water[1].engine.subscriptions.wanted(17) == {2, 3}
     water.run(100)
     water.publish(2, 17, b"two")
     water.run(10)
@@ -162,9 +162,9 @@ def test_samples_go_to_one_subscriber_alone_or_to_all() -> None:
     assert water[3].got(SampleReceived) == []
     water.publish(2, 10, b"waits")
     want(water, 3, 10, 2)
-    letter = water[3].send(water.now)
-    assert letter is not None
-    water[2].hear(letter.frame_bytes, water.now, source=3, destination=2)
+    message = water[3].send(water.now)
+    assert message is not None
+    water[2].hear(message.frame_bytes, water.now, source=3, destination=2)
     water.run(100)
     destinations = {sent.destination for _, sent in water.frames if b"waits" in sent.frame_bytes}
     assert destinations == {BROADCAST}
@@ -218,7 +218,7 @@ def test_answer_to_a_former_life_is_not_one_to_what_has_not_been_sent() -> None:
     want(water, 1, 10, 2)
     answer = b"\xbc" + Subscribe(1, 1, 0b100, is_answer=True).body
     water[1].hear(answer, water.now, source=2, destination=1)
-    assert letters(water.run(1))
+    assert messages(water.run(1))
     assert subscribers(water, 2, 10) == {1}
     water.restart(2, fleet())
     water.publish(2, 12, b"")
@@ -231,23 +231,23 @@ def test_answer_waits_for_the_journal() -> None:
     water[2].commits = False
     water[2].engine.poll_journal()
     want(water, 1, 10, 2)
-    letter = water[1].send(0)
-    assert letter is not None
-    water.deliver(1, letter)
+    message = water[1].send(0)
+    assert message is not None
+    water.deliver(1, message)
     again = water[1].engine.poll_timeout()
     assert again is not None
-    assert all(not each for each in letters([sent.frame_bytes for _, sent in water.frames]))
+    assert all(not each for each in messages([sent.frame_bytes for _, sent in water.frames]))
     assert subscribers(water, 2, 10) == {1}
     sent = water[2].send(0)
-    assert sent is None or letters([sent.frame_bytes]) == []
+    assert sent is None or messages([sent.frame_bytes]) == []
     water[2].commits = True
     water[2].settle()
     sent = water[2].send(0)
     assert sent is not None
-    assert letters([sent.frame_bytes]) == [Subscribe(1, 1, 0b100, is_answer=True)]
+    assert messages([sent.frame_bytes]) == [Subscribe(1, 1, 0b100, is_answer=True)]
 
 
-def test_late_letter_of_before_is_ignored_for_the_settling_time() -> None:
+def test_late_message_of_before_is_ignored_for_the_settling_time() -> None:
     water = acquainted()
     want(water, 1, 10, 2)
     (first, _) = water.run(10)
@@ -256,7 +256,7 @@ def test_late_letter_of_before_is_ignored_for_the_settling_time() -> None:
     assert subscribers(water, 2, 10) == set()
     water[2].hear(first, water.now, source=1, destination=2)
     assert subscribers(water, 2, 10) == set()
-    assert water[2].engine.stats.dropped == {"stale_letter": 1}
+    assert water[2].engine.stats.dropped == {"stale_subscribe": 1}
 
 
 def everything(source: int, node: int, transmission: Transmission) -> bool:
@@ -289,11 +289,11 @@ def test_version_that_was_said_in_a_former_life_of_the_publisher_says_nothing_el
     assert sent is not None
     water.deliver(2, sent)
     want(water, 1, 10)
-    said = {(each.version, each.streams) for each in letters(water.run(100))}
+    said = {(each.version, each.streams) for each in messages(water.run(100))}
     assert said == {(2, 0)}
 
 
-def test_letter_about_a_stream_that_differs_counts_for_nothing() -> None:
+def test_message_about_a_stream_that_differs_counts_for_nothing() -> None:
     specs = [each.spec for each in fleet() if each.stream_id != 10]
     specs.append(TopicSpec(stream_id=10, name="another", publishers=(2,), qos=ON_DEMAND))
     water = Rig({1: fleet(), 2: StreamTable(specs, nodes=fleet().nodes)})
@@ -304,13 +304,13 @@ def test_letter_about_a_stream_that_differs_counts_for_nothing() -> None:
     assert subscribers(water, 2, 11) == {1}
 
 
-def test_letter_that_nobody_may_write_counts_for_nothing() -> None:
+def test_message_that_nobody_may_write_counts_for_nothing() -> None:
     water = rig()
     for page, streams in ((1, 0b10000), (2, 0b10000), (31, 1), (21, 0xFF)):
-        letter = b"\xb0\x01\x00\x01" + fleet().digest + Subscribe(page, 1, streams).encode()
+        message = b"\xb0\x01\x00\x01" + fleet().digest + Subscribe(page, 1, streams).encode()
         for destination in (2, BROADCAST):
             water.now += NS_PER_S
-            water[2].hear(letter, water.now, source=1, destination=destination)
+            water[2].hear(message, water.now, source=1, destination=destination)
     assert water[2].got(SubscribersChanged) == []
     dropped = water[2].engine.stats.dropped
     assert dropped["not_for_us"] == 4
@@ -400,12 +400,12 @@ def test_object_is_for_those_who_subscribe_and_ends_with_the_last() -> None:
 
 def test_what_cannot_be_wanted_is_refused() -> None:
     engine = rig()[1].engine
-    engine.demand.want(12, 0)
+    engine.subscriptions.want(12, 0)
     with pytest.raises(UnknownStreamError, match="not a topic"):
-        engine.demand.want(20, 0)
+        engine.subscriptions.want(20, 0)
     table = StreamTable([TopicSpec(stream_id=1, name="a", subscribers=(2,), publishers=(1,))])
     with pytest.raises(LocalError, match="not a subscriber"):
-        Rig({1: table})[1].engine.demand.want(1, 0)
+        Rig({1: table})[1].engine.subscriptions.want(1, 0)
 
 
 def test_topic_that_nobody_could_be_asked_for_is_refused() -> None:

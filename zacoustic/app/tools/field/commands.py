@@ -6,18 +6,18 @@ import msgspec
 
 from zacoustic.config import Config
 from zacoustic.core.engine.events import CallFailure
-from zacoustic.core.streams.commands import Order
+from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.orderquestion import OrderQuestion
-from zacoustic.zenoh.session.asking.orders import SilenceState, StreamState
+from zacoustic.zenoh.session.asking.commandquery import CommandQuery
+from zacoustic.zenoh.session.asking.commands import SilenceState, StreamState
 from zacoustic.zenoh.session.session import Island
 
 
-async def give_order(
+async def give_command(
     config: Config | None,
     connect: Sequence[str] | None,
-    order: Order,
+    command: RemoteCommand,
     *,
     node: int | None,
     timeout_s: float,
@@ -27,7 +27,7 @@ async def give_order(
     Args:
         config: Tells where the router is, or None.
         connect: Endpoints of the router, instead of those.
-        order: The question or the command.
+        command: The question or the command.
         node: Acoustic address; None: the nodes of all local gateways.
         timeout_s: How long to try, s.
 
@@ -42,13 +42,13 @@ async def give_order(
     """
     island = await Island.open(session_config(config, connect))
     try:
-        question = OrderQuestion(node, order, timeout_s)
+        question = CommandQuery(node, command, timeout_s)
         await question.ask(island)
     finally:
         await island.close()
     if question.payloads:
         kind: type[SilenceState] | type[StreamState]
-        kind = SilenceState if order.stream_id is None else StreamState
+        kind = SilenceState if command.stream_id is None else StreamState
         states = [msgspec.json.decode(payload, type=kind) for payload in question.payloads]
         return sorted(states, key=lambda state: state.address)
     if question.failures:

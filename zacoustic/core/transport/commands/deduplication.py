@@ -19,7 +19,7 @@ _JOURNAL: Final = "order"
 _FORMER_LIVES: Final = 8
 
 
-class Standing(enum.Enum):
+class Freshness(enum.Enum):
     """A command compared with those before."""
 
     NEW = "new"
@@ -38,7 +38,7 @@ class _Last(msgspec.Struct, frozen=True, array_like=True):
     former: tuple[int, ...]
 
 
-class Ledger:
+class DeduplicationTable:
     """The commands that this node has executed.
 
     Args:
@@ -55,7 +55,7 @@ class Ledger:
                 client, subject = map(int, place.split("/"))
                 self._last[client, subject] = msgspec.msgpack.decode(value, type=_Last)
 
-    def standing(self, client: int, subject: int, epoch: int, serial: int) -> Standing:
+    def freshness(self, client: int, subject: int, epoch: int, serial: int) -> Freshness:
         """Tell whether a command is new.
 
         Args:
@@ -66,16 +66,16 @@ class Ledger:
         """
         last = self._last.get((client, subject))
         if last is None or (epoch != last.epoch and epoch not in last.former):
-            return Standing.NEW
+            return Freshness.NEW
         if epoch != last.epoch:
-            return Standing.OVERTAKEN
+            return Freshness.OVERTAKEN
         ahead = (serial - last.serial) % SERIALS
         if ahead == 0:
-            return Standing.SAME
-        return Standing.NEW if ahead < SERIALS // 2 else Standing.OVERTAKEN
+            return Freshness.SAME
+        return Freshness.NEW if ahead < SERIALS // 2 else Freshness.OVERTAKEN
 
     def peer_forgotten(self, client: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor which of its orders were obeyed."""
+        """Nothing is to be kept of a node, nor which of its commands were executed."""
         for place in [place for place in self._last if place[0] == client]:
             del self._last[place]
             self._journal.write(_name(*place), None)

@@ -15,8 +15,8 @@ from zacoustic.core.streams.specs import LAST_STREAM_ID, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.transport.repeating import Repeater
-from zacoustic.core.transport.subscriptions.audiences import Audiences, Changed
-from zacoustic.core.transport.subscriptions.wishes import ANSWER_LANE, LETTER_QOS, Wishes
+from zacoustic.core.transport.subscriptions.own import ANSWER_LANE, SUBSCRIBE_QOS, Own
+from zacoustic.core.transport.subscriptions.subscribers import Changed, Subscribers
 from zacoustic.core.wire.subscriptions import (
     PAGE_STREAMS,
     SUBSCRIBE_CODE,
@@ -41,7 +41,7 @@ class SubscribersChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of the change, ns."""
 
 
-class Demand:
+class Subscriptions:
     """The on-demand topics of one node.
 
     Args:
@@ -76,8 +76,8 @@ class Demand:
         self._pass_on = changed
         self._unsubscribed = unsubscribed
         self._emit = emit
-        self._wishes = Wishes(repeater, lambda: handshake.settling_ns)
-        self._audiences = Audiences(
+        self._own = Own(repeater, lambda: handshake.settling_ns)
+        self._subscribers = Subscribers(
             address,
             table,
             handshake=handshake,
@@ -112,8 +112,8 @@ class Demand:
         if stream.is_on_demand:
             publishers = self.publishers(stream)
             wanted = publishers if sources is None else publishers & frozenset(sources)
-            before = self._wishes.wanted(stream_id)
-            self._wishes.want(stream_id, wanted, now)
+            before = self._own.wanted(stream_id)
+            self._own.want(stream_id, wanted, now)
             if before - wanted:
                 self._unsubscribed(stream_id, before - wanted, now)
 
@@ -127,19 +127,19 @@ class Demand:
 
     def wanted(self, stream_id: int) -> frozenset[int]:
         """Return the publishers at which this node subscribes to an on-demand topic."""
-        return self._wishes.wanted(stream_id)
+        return self._own.wanted(stream_id)
 
-    def audience(self, stream: Stream) -> Set[int] | None:
+    def subscribers(self, stream: Stream) -> Set[int] | None:
         """Return the nodes that have subscribed to an on-demand topic; None for any other.
 
         The set changes as they do.
         """
-        return self._audiences.of(stream) if stream.is_on_demand else None
+        return self._subscribers.of(stream) if stream.is_on_demand else None
 
     def destination(self, stream: Stream) -> int:
         """Return the one node that has subscribed to an on-demand topic, or `BROADCAST`."""
-        audience = self._audiences.of(stream)
-        return next(iter(audience)) if len(audience) == 1 else BROADCAST
+        subscribers = self._subscribers.of(stream)
+        return next(iter(subscribers)) if len(subscribers) == 1 else BROADCAST
 
     # For the publisher
 
@@ -159,65 +159,65 @@ class Demand:
 
     # For the channel
 
-    def receive(self, heard: Heard, letter: Subscribe) -> str | None:
+    def receive(self, heard: Heard, message: Subscribe) -> str | None:
         """Take a subscribe message, or an answer; returns why it is dropped, or None."""
         heard.streams.append(NO_STREAM)
         if not heard.is_unicast:
             return "not_for_us"
-        if letter.page > LAST_STREAM_ID // PAGE_STREAMS:
+        if message.page > LAST_STREAM_ID // PAGE_STREAMS:
             return "payload"
         readable = set()
-        for stream_id in self._named(letter):
+        for stream_id in self._named(message):
             reason = heard.refusal(stream_id)
             if reason == "unconfirmed":
                 return reason
             if reason is None:
                 readable.add(stream_id)
-        if letter.is_answer:
-            return self._wishes.answered(heard.source, letter, heard.now)
-        return self._audiences.receive(heard.source, letter, readable, heard.now)
+        if message.is_answer:
+            return self._own.answered(heard.source, message, heard.now)
+        return self._subscribers.receive(heard.source, message, readable, heard.now)
 
     def sample_received(self, source: int, stream: Stream, now: int, *, is_alone: bool) -> None:
         """A sample came from `source`, for this node alone or for others too."""
         if stream.is_on_demand and source in self.publishers(stream):
-            self._wishes.sample_received(source, stream.stream_id, now, is_alone=is_alone)
+            self._own.sample_received(source, stream.stream_id, now, is_alone=is_alone)
 
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing is to be kept of a node."""
-        self._wishes.peer_forgotten(source, now)
-        self._audiences.peer_forgotten(source, now)
+        self._own.peer_forgotten(source, now)
+        self._subscribers.peer_forgotten(source, now)
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
         """A node has begun a new epoch."""
-        self._wishes.publisher_restarted(source, now)
+        self._own.publisher_restarted(source, now)
 
     # The journal
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the entries of a former boot epoch."""
-        self._audiences.recover(stored)
+        self._subscribers.recover(stored)
 
     # Below the methods above
 
-    def _named(self, letter: Subscribe) -> list[int]:
+    def _named(self, message: Subscribe) -> list[int]:
         """Return the streams by which a letter is judged: those it names, or all of its page."""
-        return list(streams_of(letter.page, letter.streams)) or [
+        return list(streams_of(message.page, message.streams)) or [
             stream.stream_id
             for stream in self._table
-            if stream.is_on_demand and page_of(stream.stream_id) == letter.page
+            if stream.is_on_demand and page_of(stream.stream_id) == message.page
         ]
 
     def _changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
-        audience = self._audiences.of(stream)
+        subscribers = self._subscribers.of(stream)
         self._pass_on(stream, newcomers, now)
         self._emit(
             SubscribersChanged(
-                stream_id=stream.stream_id, subscribers=tuple(sorted(audience)), changed_at=now
+                stream_id=stream.stream_id, subscribers=tuple(sorted(subscribers)), changed_at=now
             )
         )
 
-    def _answer(self, source: int, letter: Subscribe, now: int) -> None:
-        answer = Subscribe(letter.page, letter.version, letter.streams, is_answer=True)
+    def _answer(self, source: int, message: Subscribe, now: int) -> None:
+        answer = Subscribe(message.page, message.version, message.streams, is_answer=True)
         record = Waiting(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,
@@ -228,4 +228,4 @@ class Demand:
             cause=Cause.SUBSCRIBE,
             queued_at=now,
         )
-        self._queue.replace((NO_STREAM, ANSWER_LANE, source, letter.page), record, LETTER_QOS)
+        self._queue.replace((NO_STREAM, ANSWER_LANE, source, message.page), record, SUBSCRIBE_QOS)

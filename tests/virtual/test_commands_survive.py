@@ -1,18 +1,18 @@
-"""Orders survive the sea: each is obeyed once, in its order, in its time, and told honestly."""
+"""Commands survive the sea: each is executed once, in its order, in its time, and told honestly."""
 
 from collections.abc import Callable
 
 import pytest
 
+from tests.virtual.commandstory import CommandStory
 from tests.virtual.fleet import line
-from tests.virtual.orderstory import OrderStory
 from zacoustic.core.engine.events import ResponseReceived
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.silence import Silence
-from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.commands import orders
-from zacoustic.core.transport.commands.ledger import Ledger, Standing
+from zacoustic.core.transport.commands import commands as commands
+from zacoustic.core.transport.commands.deduplication import DeduplicationTable, Freshness
 from zacoustic.testing.virtual import VirtualNetwork
 
 BLOCKS = range(4)
@@ -21,14 +21,14 @@ BLOCKS = range(4)
 @pytest.mark.parametrize("number", BLOCKS)
 def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(800), len(BLOCKS)):
-        complaints = OrderStory(seed).run()
-        assert not complaints, f"{len(complaints)} complaints, {complaints[0]}"
+        violations = CommandStory(seed).run()
+        assert not violations, f"{len(violations)} complaints, {violations[0]}"
 
 
 def test_stories_tell_of_every_outcome() -> None:
     expected = {"answered", "TIMED_OUT", "overtaken by a later order"}
     for seed in range(30):
-        story = OrderStory(seed)
+        story = CommandStory(seed)
         story.run()
         expected -= set(story.outcomes)
         if not expected:
@@ -40,11 +40,11 @@ def test_stories_tell_of_every_outcome() -> None:
 
 
 def _everything_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Ledger, "standing", lambda *arguments: Standing.NEW)
+    monkeypatch.setattr(DeduplicationTable, "freshness", lambda *arguments: Freshness.NEW)
 
 
 def _ages_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(orders, "_for_the_rest", lambda order, age_s: order)
+    monkeypatch.setattr(commands, "_for_the_rest", lambda command, age_s: command)
 
 
 def _nobody_is_introduced(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,7 +58,7 @@ def _many_last_words(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("break_it", "expected", "first"),
     [
-        (_everything_is_new, "is obeyed behind", 0),
+        (_everything_is_new, "is executed behind", 0),
         (_ages_do_not_count, "lasts beyond", 6),
         (_nobody_is_introduced, "fails although all is calm", 0),
         (_many_last_words, "in a silence", 0),
@@ -72,17 +72,17 @@ def test_stories_find_what_is_wrong(
 ) -> None:
     break_it(monkeypatch)
     for seed in range(first, first + 100):
-        if any(expected in line for line in OrderStory(seed).run()):
+        if any(expected in line for line in CommandStory(seed).run()):
             return
     raise AssertionError(f'no story complains that something "{expected}"')
 
 
-def test_who_orders_is_silent_until_the_answer_could_be_there() -> None:
+def test_who_commands_is_silent_until_the_answer_could_be_there() -> None:
     """A silent node answers once: copies of the order would deafen the one that waits for it."""
     table = StreamTable(nodes={1: "shore", 2: "auv1"})
     water = VirtualNetwork(line(0.0, 1000.0, channel="none", seed=7), table)
-    silence = Order(kind=OrderKind.SILENCE, for_s=1800.0)
-    water.apply(1, lambda engine, now: engine.orders.send(2, silence, now, timeout_s=60.0))
+    silence = RemoteCommand(kind=CommandKind.SILENCE, for_s=1800.0)
+    water.apply(1, lambda engine, now: engine.commands.send(2, silence, now, timeout_s=60.0))
     water.run(until_s=10.0)
     answered = [event for at, event in water.events if isinstance(event, ResponseReceived)]
     assert len(answered) == 1

@@ -67,7 +67,7 @@ class _Repeated(Waiting):
         return self.heading()
 
 
-class GoalPost:
+class GoalOutbox:
     """Writes records about goals.
 
     Args:

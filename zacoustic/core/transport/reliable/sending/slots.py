@@ -18,7 +18,12 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryOutcome
 from zacoustic.core.transport.reliable.sending.keeping import Keeping
-from zacoustic.core.transport.reliable.sending.sendlane import KeptSample, Outgoing, SendLane, Stage
+from zacoustic.core.transport.reliable.sending.sendlane import (
+    JournalledSample,
+    Outgoing,
+    SendLane,
+    Stage,
+)
 from zacoustic.core.transport.reliable.sending.sendlanes import SendLanes
 from zacoustic.core.transport.reliable.spans import Span, Spans
 from zacoustic.core.wire.frame import SYNC_BYTES, Control
@@ -29,7 +34,7 @@ LEAST_ACK_BYTES: Final = 10
 samples go as objects."""
 
 
-class Place(msgspec.Struct, frozen=True):
+class SequenceSlot(msgspec.Struct, frozen=True):
     """Where a large sample stands in the count of its key."""
 
     lineage: int
@@ -39,7 +44,7 @@ class Place(msgspec.Struct, frozen=True):
 class Large(Protocol):
     """Who sends large samples."""
 
-    def enlarge(self, sample: Outgoing, stream_id: int, place: Place, now: int) -> str:
+    def enlarge(self, sample: Outgoing, stream_id: int, slot: SequenceSlot, now: int) -> str:
         """Send a sample that was published as a small one; returns why not, or nothing."""
 
     def handed_on(self, delivery_id: int, address: int, now: int) -> None:
@@ -49,7 +54,7 @@ class Large(Protocol):
         """The sample is over."""
 
 
-class LargePlaces:
+class LargeSlots:
     """The large samples in the lanes of one publisher.
 
     Args:
@@ -83,10 +88,10 @@ class LargePlaces:
 
     # What is published
 
-    def next_place(self, stream: Stream, instance: Instance) -> Place:
+    def next_slot(self, stream: Stream, instance: Instance) -> SequenceSlot:
         """Return where the next sample of a key will stand."""
         lane = self._lanes.of(stream, instance)
-        return Place(lane.lineage, lane.next_number)
+        return SequenceSlot(lane.lineage, lane.next_number)
 
     def take(self, stream: Stream, instance: Instance, delivery_id: int, now: int) -> None:
         """Give the next place to a sample that has become an object."""
@@ -94,8 +99,8 @@ class LargePlaces:
         sample = lane.add(stream, _placeholder(delivery_id), queued_at=now, expires_at=None)
         sample.stage = Stage.OBJECT
         self._large[delivery_id] = lane, sample
-        self._leave_out(lane, sample, lane.audience)
-        if lane.is_kept:
+        self._leave_out(lane, sample, lane.subscribers)
+        if lane.is_journalled:
             self._keeping.keep_count(stream, lane)
         # Receivers learn by its number what is over, but not before they have all of it.
         while lane.samples[0].number <= sample.number - stream.qos.depth:
@@ -115,15 +120,15 @@ class LargePlaces:
         """A sample turns out to fit no frame: it goes as an object, or is given up."""
         fault = "oversized"
         if self.sender is not None and sample.waiting.prefix[:1] != bytes((Control.DELETE,)):
-            place = Place(lane.lineage, sample.number)
-            fault = self.sender.enlarge(sample, lane.key[0], place, now)
+            slot = SequenceSlot(lane.lineage, sample.number)
+            fault = self.sender.enlarge(sample, lane.key[0], slot, now)
         if fault:
             self.give_up(lane, sample, DeliveryOutcome.CANCELLED, now, fault)
             return
         sample.stage = Stage.OBJECT
         sample.expires_at = None
         self._large[sample.delivery_id] = lane, sample
-        self._leave_out(lane, sample, lane.audience)
+        self._leave_out(lane, sample, lane.subscribers)
 
     # What becomes of it
 
@@ -133,7 +138,7 @@ class LargePlaces:
         if found is None:
             return False  # it is over
         lane, sample = found
-        if not (lane.is_kept and sample.waiting.payload):
+        if not (lane.is_journalled and sample.waiting.payload):
             return True
         self._keeping.forget(lane, sample)
         return False
@@ -171,14 +176,14 @@ class LargePlaces:
                 lane.skip(sample, address)
                 self._lose(lane, address)
 
-    def audience_changed(self, lane: SendLane) -> None:
+    def subscribers_changed(self, lane: SendLane) -> None:
         """Others subscribe than before: who leaves, waits for no large sample any more.
 
         Nor does who comes: an object is for those who had subscribed when it was made.
         """
         for sample in lane.samples:
             if sample.stage is Stage.OBJECT:
-                self._leave_out(lane, sample, lane.audience)
+                self._leave_out(lane, sample, lane.subscribers)
 
     def acknowledged(self, lane: SendLane, address: int, expected: int, now: int) -> None:
         """A receiver has acknowledged all before a number: large samples are among it.
@@ -242,32 +247,32 @@ class LargePlaces:
         self,
         stream: Stream,
         instance: Instance,
-        place: Place,
+        slot: SequenceSlot,
         delivery_id: int,
         receivers: tuple[int, ...],
     ) -> bool:
         """Give its place to a large sample of a former life; False: its count is over."""
         lane = self._lanes.find(stream, instance)
         if lane is None:
-            spans = Spans([Span(place.number, place.lineage)])
-            lane = self._lanes.begin(stream, instance, spans, place.number)
+            spans = Spans([Span(slot.number, slot.lineage)])
+            lane = self._lanes.begin(stream, instance, spans, slot.number)
             lane.is_former = True
-        if not lane.spans.knows(place.lineage):
+        if not lane.spans.knows(slot.lineage):
             return False
-        sample = lane.insert(stream, _placeholder(delivery_id), place.number)
-        lane.born = max(lane.born, place.number + 1)
+        sample = lane.insert(stream, _placeholder(delivery_id), slot.number)
+        lane.born = max(lane.born, slot.number + 1)
         sample.stage = Stage.OBJECT
         self._large[delivery_id] = lane, sample
         self._leave_out(lane, sample, frozenset(receivers))
-        self._leave_out(lane, sample, lane.audience)
+        self._leave_out(lane, sample, lane.subscribers)
         return True
 
     # Below the methods above
 
-    def _leave_out(self, lane: SendLane, sample: Outgoing, audience: Set[int] | None) -> None:
+    def _leave_out(self, lane: SendLane, sample: Outgoing, subscribers: Set[int] | None) -> None:
         """Let all receivers but those be without a large sample; None: it is for all."""
-        if audience is not None:
-            for address in lane.receptions.keys() - audience:
+        if subscribers is not None:
+            for address in lane.receptions.keys() - subscribers:
                 lane.skip(sample, address)
 
     def _has_handed_on(self, lane: SendLane, address: int, end: int, now: int) -> None:
@@ -279,5 +284,5 @@ class LargePlaces:
                     self.sender.handed_on(each.delivery_id, address, now)
 
 
-def _placeholder(delivery_id: int) -> KeptSample:
-    return KeptSample(delivery_id, b"", b"", stamped=False)
+def _placeholder(delivery_id: int) -> JournalledSample:
+    return JournalledSample(delivery_id, b"", b"", stamped=False)

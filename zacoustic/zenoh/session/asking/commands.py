@@ -3,9 +3,9 @@
 A `get` returns the state; with parameters it commands::
 
     @acoustic/2/silence                           is node 2 silent?
-    @acoustic/2/silence?order=begin;for_s=1800    silence for half an hour
-    @acoustic/2/silence?order=begin               silence until it is resumed
-    @acoustic/2/silence?order=resume              the end of it; quiet windows stay
+    @acoustic/2/silence?command=begin;for_s=1800    silence for half an hour
+    @acoustic/2/silence?command=begin               silence until it is resumed
+    @acoustic/2/silence?command=resume              the end of it; quiet windows stay
     @acoustic/2/stream/11                         how does node 2 send topic 11?
     @acoustic/2/stream/11?on=false                not at all
     @acoustic/2/stream/11?on=true;min_interval_s=10;priority=background
@@ -22,7 +22,12 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.qos import PRIORITY_NAMES
-from zacoustic.core.streams.commands import ORDERS_TIMEOUT_S, Order, OrderKind, OrderState
+from zacoustic.core.streams.commands import (
+    COMMANDS_TIMEOUT_S,
+    CommandKind,
+    CommandState,
+    RemoteCommand,
+)
 from zacoustic.text.digits import real_number, whole_number
 
 PREFIX: Final = "@acoustic"
@@ -36,20 +41,20 @@ _SILENCE: Final = "silence"
 _STREAM: Final = "stream"
 SUBJECTS: Final = (_SILENCE, f"{_STREAM}/*")
 """Key expressions of the commands for one node, without their beginning."""
-_KINDS: Final = {"begin": OrderKind.SILENCE, "resume": OrderKind.RESUME}
+_KINDS: Final = {"begin": CommandKind.SILENCE, "resume": CommandKind.RESUME}
 _FLAGS: Final = {"true": True, "false": False}
-_TEXTS: Final[dict[str, Callable[[Order], str | None]]] = {
-    "order": lambda order: {kind: word for word, kind in _KINDS.items()}.get(order.kind),
-    "for_s": lambda order: None if order.for_s is None else f"{order.for_s:.10g}",
-    "on": lambda order: None if order.on is None else str(order.on).lower(),
-    "min_interval_s": lambda order: (
-        None if order.min_interval_s is None else f"{order.min_interval_s:.10g}"
+_TEXTS: Final[dict[str, Callable[[RemoteCommand], str | None]]] = {
+    "command": lambda command: {kind: word for word, kind in _KINDS.items()}.get(command.kind),
+    "for_s": lambda command: None if command.for_s is None else f"{command.for_s:.10g}",
+    "on": lambda command: None if command.on is None else str(command.on).lower(),
+    "min_interval_s": lambda command: (
+        None if command.min_interval_s is None else f"{command.min_interval_s:.10g}"
     ),
-    "priority": lambda order: None if order.priority is None else order.priority.name.lower(),
-    "reset": lambda order: "true" if order.kind is OrderKind.RESET else None,
+    "priority": lambda command: None if command.priority is None else command.priority.name.lower(),
+    "reset": lambda command: "true" if command.kind is CommandKind.RESET else None,
 }
 _ALLOWED: Final = {
-    _SILENCE: ("order", "for_s"),
+    _SILENCE: ("command", "for_s"),
     _STREAM: ("on", "min_interval_s", "priority", "reset"),
 }
 
@@ -61,7 +66,7 @@ class SilenceState(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     """Of the node."""
     silent: bool
     """Nothing is transmitted now."""
-    ordered: bool
+    commanded: bool
     """By a command; otherwise, if silent, by a quiet window."""
     until_utc: str | None
     """End of the silence, as far as it is known."""
@@ -93,22 +98,24 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
 
     node: int | None
     """Address; None: each local gateway, for its own node."""
-    order: Order
+    command: RemoteCommand
     within_s: float
     """How long to try across the channel, s."""
 
 
-def selector(node: int | None, order: Order, within_s: float | None = None) -> tuple[str, str]:
+def selector(
+    node: int | None, command: RemoteCommand, within_s: float | None = None
+) -> tuple[str, str]:
     """Return key expression and parameters of a query.
 
     Args:
         node: Address; None: the nodes of all local gateways.
-        order: The command.
+        command: The command.
         within_s: How long to try across the channel, s; None: the gateway's choice.
     """
-    subject = _SILENCE if order.stream_id is None else f"{_STREAM}/{order.stream_id}"
+    subject = _SILENCE if command.stream_id is None else f"{_STREAM}/{command.stream_id}"
     key = f"{PREFIX}/{ANY_NODE if node is None else node}/{subject}"
-    words = [f"{name}={text}" for name, write in _TEXTS.items() if (text := write(order))]
+    words = [f"{name}={text}" for name, write in _TEXTS.items() if (text := write(command))]
     words += [] if within_s is None else [f"within_s={within_s:.10g}"]
     return key, ";".join(words)
 
@@ -149,47 +156,47 @@ def read_query(key: str, parameters: Mapping[str, str]) -> Asked | None:
         return None
     node, stream_id = target
     said = {name: text for name, text in parameters.items() if not name.startswith("_")}
-    within_s = _number(said, "within_s", ORDERS_TIMEOUT_S) or DEFAULT_WITHIN_S
+    within_s = _number(said, "within_s", COMMANDS_TIMEOUT_S) or DEFAULT_WITHIN_S
     said.pop("within_s", None)
     subject = _SILENCE if stream_id is None else _STREAM
     for name in said:
         if name not in _ALLOWED[subject]:
             allowed = ", ".join((*_ALLOWED[subject], "within_s"))
             raise ValueError(f"{name} is no parameter of {key}; allowed: {allowed}")
-    read = _read_silence if stream_id is None else _read_tuning
-    return Asked(node=node, order=read(said, stream_id), within_s=within_s)
+    read = _read_silence if stream_id is None else _read_override
+    return Asked(node=node, command=read(said, stream_id), within_s=within_s)
 
 
-def read_state(payload: bytes, order: Order) -> OrderState:
+def read_state(payload: bytes, command: RemoteCommand) -> CommandState:
     """Read an answer."""
-    if order.stream_id is not None:
+    if command.stream_id is not None:
         found = msgspec.json.decode(payload, type=StreamState)
-        return OrderState(
+        return CommandState(
             on=found.on,
             min_interval_s=found.min_interval_s,
             priority=PRIORITY_NAMES[found.priority],
         )
     state = msgspec.json.decode(payload, type=SilenceState)
-    return OrderState(silent=state.silent, ordered=state.ordered, left_s=state.left_s)
+    return CommandState(silent=state.silent, commanded=state.commanded, left_s=state.left_s)
 
 
-def _read_silence(said: Mapping[str, str], stream_id: int | None) -> Order:
-    word, written = said.get("order"), said.get("for_s")
+def _read_silence(said: Mapping[str, str], stream_id: int | None) -> RemoteCommand:
+    word, written = said.get("command"), said.get("for_s")
     if word is not None and word not in _KINDS:
-        raise ValueError(f"order is {word}; allowed: {', '.join(_KINDS)}")
+        raise ValueError(f"command is {word}; allowed: {', '.join(_KINDS)}")
     for_s = _number(said, "for_s", math.inf) if word == "begin" else None
     if written is not None and for_s is None:
-        raise ValueError(f"for_s is {written}; allowed: with order=begin, seconds above 0")
-    return Order(kind=OrderKind.ASK if word is None else _KINDS[word], for_s=for_s)
+        raise ValueError(f"for_s is {written}; allowed: with command=begin, seconds above 0")
+    return RemoteCommand(kind=CommandKind.ASK if word is None else _KINDS[word], for_s=for_s)
 
 
-def _read_tuning(said: Mapping[str, str], stream_id: int | None) -> Order:
+def _read_override(said: Mapping[str, str], stream_id: int | None) -> RemoteCommand:
     if "reset" in said:
         if said != {"reset": "true"}:
             raise ValueError(f"reset is {said['reset']}; allowed: true, and nothing beside it")
-        return Order(kind=OrderKind.RESET, stream_id=stream_id)
+        return RemoteCommand(kind=CommandKind.RESET, stream_id=stream_id)
     if not said:
-        return Order(stream_id=stream_id)
+        return RemoteCommand(stream_id=stream_id)
     on, written, name = said.get("on"), said.get("min_interval_s"), said.get("priority")
     if on is not None and on not in _FLAGS:
         raise ValueError(f"on is {on}; allowed: {', '.join(_FLAGS)}")
@@ -198,8 +205,8 @@ def _read_tuning(said: Mapping[str, str], stream_id: int | None) -> Order:
     interval_s = None if written is None else real_number(written)
     if written is not None and interval_s is None:
         raise ValueError(f"min_interval_s is {written}; allowed: seconds, 0 or more")
-    return Order(
-        kind=OrderKind.TUNE,
+    return RemoteCommand(
+        kind=CommandKind.OVERRIDE,
         stream_id=stream_id,
         on=None if on is None else _FLAGS[on],
         min_interval_s=interval_s,

@@ -4,7 +4,7 @@ from typing import Final
 
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.clientgoal import ClientGoal
-from zacoustic.core.transport.actions.post import GoalLane, GoalPost
+from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
 from zacoustic.core.transport.repeating import Repetition
 from zacoustic.core.values.payload import PayloadCodec
 from zacoustic.core.wire.goals import Operation, encode_cancel
@@ -12,17 +12,17 @@ from zacoustic.core.wire.goals import Operation, encode_cancel
 _NEVER: Final = 1 << 62
 
 
-class ClientLetters:
+class ClientRequests:
     """Sends for the goals of one client.
 
     Args:
         table: Its streams.
-        post: Takes the records.
+        outbox: Takes the records.
     """
 
-    def __init__(self, table: StreamTable, post: GoalPost) -> None:
+    def __init__(self, table: StreamTable, outbox: GoalOutbox) -> None:
         self._table = table
-        self._post = post
+        self._outbox = outbox
 
     def offer(self, goal: ClientGoal, payload: bytes, now: int) -> None:
         """Send a goal, until the server shows that it has it."""
@@ -32,13 +32,13 @@ class ClientLetters:
     def stop_offer(self, goal: ClientGoal, now: int, *, answered: bool = False) -> None:
         """Do not send the goal any more."""
         if goal.offer is not None:
-            self._post.stop(goal.offer, now, answered=answered)
+            self._outbox.stop(goal.offer, now, answered=answered)
             goal.offer = None
 
     def claim(self, goal: ClientGoal, now: int) -> None:
         """Ask what became of a goal, until it is answered."""
         goal.claim_at = None
-        self._post.stop(goal.claim, now)
+        self._outbox.stop(goal.claim, now)
         goal.claim = self._repeat(goal, Operation.CLAIM, GoalLane.CLAIM, now)
 
     def insist(self, goal: ClientGoal, now: int) -> None:
@@ -46,7 +46,7 @@ class ClientLetters:
         if goal.claim is None:
             self.claim(goal, now)
         else:
-            self._post.again(goal.claim)
+            self._outbox.again(goal.claim)
 
     def cancel(self, goal: ClientGoal, now: int) -> None:
         """Ask the server to stop a goal, until it has answered this attempt."""
@@ -63,7 +63,7 @@ class ClientLetters:
         codec: PayloadCodec | None = None,
     ) -> Repetition:
         until = _NEVER if lane is GoalLane.CANCEL else goal.deadline_at
-        repetition = self._post.repeat(
+        repetition = self._outbox.repeat(
             goal.key,
             self._table.by_id(goal.key.stream_id),
             goal.server,
