@@ -16,7 +16,6 @@ What can be known about the other side:
   says so; when DESERT has not read until the buffers are full, the connection is given up.
 """
 
-import asyncio
 import time
 from collections.abc import Mapping
 from typing import Any, Final, Self
@@ -33,6 +32,7 @@ from zacoustic.core.linktypes import (
 from zacoustic.core.values.rmw_desert.packets import PacketDecoder, encode_packet
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import Finding, Link, LinkConfig, LinkReceiver
+from zacoustic.link.alarm import Alarm
 from zacoustic_desert.config import DesertConfig
 from zacoustic_desert.pacing import Pacer
 
@@ -94,7 +94,7 @@ class DesertLink(Link):
         self._receiver: LinkReceiver | None = None
         self._state = LinkState.OPENING
         self._detail = ""
-        self._timer: asyncio.TimerHandle | None = None
+        self._alarm = Alarm(clock, lambda _: self._service())
         self._stream_reason = "no answer"
         self._frames_sent = 0
         # Frames written on this connection before anything was heard on it.
@@ -135,7 +135,7 @@ class DesertLink(Link):
         """Leave DESERT; report a frame without a report as ABORTED before."""
         # Without a receiver first: a report may make it transmit again, which must fail.
         receiver, self._receiver = self._receiver, None
-        self._disarm()
+        self._alarm.stop()
         now = self._clock()
         self._pacer.abort("link closed", now)
         while (report := self._pacer.poll_report(now)) is not None:
@@ -321,7 +321,7 @@ class DesertLink(Link):
 
     def _service(self) -> None:
         """Make due writes and reports, then arm the timer."""
-        self._disarm()
+        self._alarm.stop()
         now = self._clock()
         frame_bytes = self._pacer.poll_write(now) if self._state is LinkState.UP else None
         if frame_bytes is not None:
@@ -384,17 +384,7 @@ class DesertLink(Link):
         )
 
     def _arm(self) -> None:
-        """Set the one timer for the next due instant; it never fires at once."""
-        self._disarm()
-        if self._receiver is None:
-            return
-        instants = (self._flush_at, self._pacer.poll_timeout())
-        due_at = min((at for at in instants if at is not None), default=None)
-        if due_at is not None:
-            delay_s = max(0.0, ns_to_seconds(due_at - self._clock()))
-            self._timer = asyncio.get_running_loop().call_later(delay_s, self._service)
-
-    def _disarm(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        """Set the one timer for the next due instant."""
+        if self._receiver is not None:
+            instants = (self._flush_at, self._pacer.poll_timeout())
+            self._alarm.set(min((at for at in instants if at is not None), default=None))

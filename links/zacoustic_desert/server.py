@@ -18,6 +18,7 @@ from typing import Final
 
 from zacoustic.core.clock import Clock
 from zacoustic.errors import ConfigError, LinkOpenError
+from zacoustic.link.alarm import Alarm
 from zacoustic.link.serving import ScaledClock, cannot_listen, place_name
 from zacoustic_desert.standin import StandIn
 
@@ -59,7 +60,7 @@ class StandInServer:
         self._host = host
         self._clock = ScaledClock(time_scale, clock)
         self._ports = [_Port(self, node, port) for node, port in enumerate(wanted)]
-        self._timer: asyncio.TimerHandle | None = None
+        self._alarm = Alarm(self._clock.now, self._expire, time_scale=time_scale)
         self._start: asyncio.TimerHandle | None = None
 
     @property
@@ -107,9 +108,7 @@ class StandInServer:
             self._start.cancel()
             self._start = None
         await self._end()
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._alarm.stop()
 
     def now(self) -> int:
         """Instant of the stand-in, ns since the server was made."""
@@ -134,22 +133,15 @@ class StandInServer:
         for port in self._ports:
             await port.close()
 
-    def _expire(self) -> None:
-        self._timer = None
-        self.standin.handle_timeout(self.now())
+    def _expire(self, due_at: int) -> None:
+        self.standin.handle_timeout(max(self.now(), due_at))
         self._serve()
 
     def _serve(self) -> None:
         """Write arrived bytes, then arm the timer."""
         while (delivery := self.standin.poll_delivery()) is not None:
             self._ports[delivery.node].write(delivery.payload)
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-        due_at = self.standin.poll_timeout()
-        if due_at is not None:
-            delay_s = self._clock.delay_s(due_at)
-            self._timer = asyncio.get_running_loop().call_later(delay_s, self._expire)
+        self._alarm.set(self.standin.poll_timeout())
 
 
 class _Port:

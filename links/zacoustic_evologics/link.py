@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Self, assert_never
 
 from zacoustic.bytestream import ByteStream
-from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.core.clock import Clock
 from zacoustic.core.linktypes import LinkState, Transmission
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import Finding, Link, LinkConfig, LinkReceiver, LoggedFrame
+from zacoustic.link.alarm import Alarm
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.events import (
@@ -55,8 +56,7 @@ class EvologicsLink(Link):
         self._dialogue = AtDialogue(self._config, node_address=node_address, is_serial=is_serial)
         self._receiver: LinkReceiver | None = None
         self._opened: asyncio.Future[None] | None = None
-        self._timer: asyncio.TimerHandle | None = None
-        self._due_at = 0
+        self._alarm = Alarm(clock, self._expire)
         self._is_servicing = False
         self._service_pending = False
         self.capabilities = self._dialogue.capabilities
@@ -111,7 +111,7 @@ class EvologicsLink(Link):
             while (event := self._dialogue.poll_event()) is not None:
                 if isinstance(event, TransmissionEnded):
                     receiver.transmit_finished(event.report)
-        self._stop_timer()
+        self._alarm.stop()
         await self._stream.close()
 
     def transmit(self, transmission: Transmission) -> None:
@@ -236,28 +236,12 @@ class EvologicsLink(Link):
 
     def _arm(self) -> None:
         """Set the one timer to what the dialogue waits for."""
-        due_at = self._dialogue.poll_timeout()
-        if self._timer is not None and due_at == self._due_at:
-            return
-        self._stop_timer()
-        if due_at is None or self._receiver is None:
-            return
-        self._due_at = due_at
-        # Only differences are given to the loop: its clock need not be ours.
-        delay_s = max(0.0, ns_to_seconds(due_at - self._clock()))
-        self._timer = asyncio.get_running_loop().call_later(delay_s, self._expire)
+        self._alarm.set(None if self._receiver is None else self._dialogue.poll_timeout())
 
-    def _expire(self) -> None:
-        self._timer = None
-        # The loop may be early by its resolution: then it is the due instant that counts.
-        self._now = max(self._instant(), self._due_at)
+    def _expire(self, due_at: int) -> None:
+        self._now = max(self._instant(), due_at)
         self._dialogue.handle_timeout(self._now)
         self._service()
-
-    def _stop_timer(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
 
     def _instant(self) -> int:
         """Return the present instant; never decreases."""

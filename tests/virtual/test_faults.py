@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import line
+from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.nodefaults import ClockSpec, JournalSpec, JumpSpec, SpanSpec
 from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
 from zacoustic.core.base.qos import Qos
@@ -18,7 +19,6 @@ from zacoustic.core.linktypes import LinkState
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtual import NodeDownError, VirtualNetwork
 from zacoustic.testing.virtualclock import NodeClock
 from zacoustic.testing.virtualjournal import VirtualJournal

@@ -11,7 +11,8 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 `linkstack` is a node on one link, `commands` go by the link of their stream;
                 `events` is what it tells, `tap` every call of it, for whoever records it
 `profiles`      which transports a node speaks, and how a frame is taken apart: `native`,
-                `rmw_desert`; `rules` is what the config says, `entities` what discovery speaks of
+                `rmw_desert`, each a `profile`; `rules` is what the config says, `entities` what
+                discovery speaks of
 `transport`     what two nodes do with each other, end to end: `topics`, `reliable`, `objects`,
                 `subscriptions`, `calls`, `actions`, `commands`; `repeating` until there is an
                 answer, `deliveries` is what becomes of samples; `contract` for a transport of

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import math
 import os
 import queue
 import signal
@@ -13,7 +12,7 @@ import time
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any, Final, Self, TypeVar
 
-from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.base.clock import Clock
 from zacoustic.errors import ConfigError, LinkOpenError
 
 T = TypeVar("T")
@@ -85,11 +84,6 @@ class ScaledClock:
     def now(self) -> int:
         """Instant of the emulation."""
         return round((self._clock() - self._origin_at) * self.time_scale)
-
-    def delay_s(self, due_at: int) -> float:
-        """Real time until an instant of the emulation, s; 0 if it is over."""
-        delay_ns = self._origin_at + math.ceil(due_at / self.time_scale) - self._clock()
-        return max(0.0, ns_to_seconds(delay_ns))
 
 
 @contextlib.contextmanager

@@ -35,8 +35,8 @@ from zacoustic.core.base.linktypes import (
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event
 from zacoustic.errors import ConfigError, LinkClosedError, RangeUnavailableError, ZacousticError
+from zacoustic.link.alarm import Alarm
 from zacoustic.link.contract import Link
-from zacoustic.run.alarm import Alarm
 from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.inbox import Inbox
 from zacoustic.run.journal import Journal

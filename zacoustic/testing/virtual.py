@@ -31,11 +31,13 @@ from typing import Final, TypeVar
 
 import msgspec
 
+from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.position import Position
 from zacoustic.channel.scenario import Scenario
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import BOOT_KEY
-from zacoustic.core.base.linktypes import LinkCapabilities, LinkState
+from zacoustic.core.base.linktypes import ONE_LINK, LinkCapabilities
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
@@ -44,7 +46,6 @@ from zacoustic.core.engine.makeengine import MakeEngine
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualclock import NodeClock
 from zacoustic.testing.virtualfaults import schedule_faults
 from zacoustic.testing.virtualjournal import FULL, VirtualJournal
@@ -109,7 +110,12 @@ class VirtualNetwork:
         """``(address, event)`` in order, without `deliver`."""
         self._agenda = Agenda()
         medium = Medium(scenario)
-        self._water = VirtualWater(self._agenda, medium, modem or Modem(), disturb, self._service)
+        self._nodes: dict[int, VirtualNode] = {}
+        self._water = VirtualWater(
+            self._agenda, medium, modem or Modem(), self._nodes, None, disturb, self._service
+        )
+        self._waters = [self._water]
+        self._beside: dict[str, VirtualWater] = {}
         self._deliver = deliver or (lambda address, event: self.events.append((address, event)))
         self._trace = trace
         self._hash = hashlib.sha256() if digest else None
@@ -120,12 +126,10 @@ class VirtualNetwork:
         if set(tables) - set(medium.addresses):
             raise ValueError(f"tables for {sorted(tables)}; nodes: {list(medium.addresses)}")
         clocks = {spec.node: spec for spec in scenario.faults.clocks}
-        self._nodes = self._water.nodes
         for address in sorted(tables):
             self._nodes[address] = VirtualNode(
                 address,
                 table=tables[address],
-                profile=medium.profile(address),
                 journal=VirtualJournal(address, scenario.faults.journal),
                 clock=NodeClock(clocks.get(address)),
                 rng=random.Random(f"{scenario.seed}/crash/{address}"),
@@ -151,7 +155,7 @@ class VirtualNetwork:
 
     def run(self, *, until_s: float | None = None) -> None:
         """Run the actions up to an instant, or until none is left."""
-        self._agenda.run(until_s=until_s)
+        self._agenda.run(None if until_s is None else seconds_to_ns(until_s))
 
     @property
     def is_quiet(self) -> bool:
@@ -216,10 +220,9 @@ class VirtualNetwork:
             and stream_id in (None, event.stream_id)
         ]
 
-    def capabilities(self, address: int) -> LinkCapabilities:
-        """Return what the modem of a node can do."""
-        node = self._nodes[address]
-        return self._water.modem.capabilities(node.profile, self._water.farthest_s)
+    def capabilities(self, address: int, link: str | None = None) -> LinkCapabilities:
+        """Return what the modem of a node can do, that of its first link if none is named."""
+        return self._on(link).capabilities(address)
 
     def stats(self) -> Iterator[EngineStats]:
         """Yield the statistics of all engines, those of former boot epochs too."""
@@ -239,6 +242,34 @@ class VirtualNetwork:
     def local_ns(self, address: int) -> int:
         """Return what the monotonic clock of a node shows now, ns: the `now` of its engine."""
         return self._nodes[address].clock.local(self.now)
+
+    # Further links
+
+    def add_link(
+        self,
+        link: str,
+        scenario: Scenario,
+        *,
+        modem: Modem | None = None,
+        disturb: Disturb | None = None,
+    ) -> None:
+        """Plug in another modem at all nodes, on a medium of its own, such as a radio.
+
+        Args:
+            link: Its name in the `TransmitRules` of the engines.
+            scenario: The medium, and all nodes.
+            modem: What its modems do by themselves.
+            disturb: Loses, delays and repeats frames in addition to the scenario.
+        """
+        water = VirtualWater(
+            self._agenda, Medium(scenario), modem or Modem(), self._nodes, link, disturb,
+            self._service,
+        )  # fmt: skip
+        self._beside[link] = water
+        self._waters.append(water)
+        for node in self._nodes.values():
+            if node.engine is not None:
+                self._connect(water, node, node.engine)
 
     # What goes wrong by hand
 
@@ -278,7 +309,8 @@ class VirtualNetwork:
             stored={**node.journal.entries, BOOT_KEY: b"%d" % node.clock.boots},
             trace=self._note if self._trace or self._hash else None,
         )
-        self._connect(node, node.engine)
+        for water in self._waters:
+            self._connect(water, node, node.engine)
 
     def _rules_of(self, address: int) -> TransmitRules:
         rules = self._rules
@@ -295,16 +327,16 @@ class VirtualNetwork:
             self.set_table(address, table)
         self.start(address)
 
-    def set_link(self, address: int, *, up: bool) -> None:
-        """Unplug or plug in the modem of a node."""
-        node = self._nodes[address]
-        node.is_up = up
+    def set_link(self, address: int, *, up: bool, link: str | None = None) -> None:
+        """Unplug or plug in the modem of a node, that of its first link if none is named."""
+        node, water = self._nodes[address], self._on(link)
+        water.devices[address].is_up = up
         if node.engine is None:
             return
         if up:
-            self._connect(node, node.engine)
+            self._connect(water, node, node.engine)
         else:
-            node.engine.handle_link_state(LinkState.DOWN, node.clock.local(self.now))
+            water.disconnect(node, node.engine)
             self._service(node)
 
     def move(self, address: int, position: Position) -> None:
@@ -332,19 +364,20 @@ class VirtualNetwork:
 
     # Below the methods above
 
-    def _connect(self, node: VirtualNode, engine: Engine) -> None:
+    def _on(self, link: str | None) -> VirtualWater:
+        return self._water if link is None else self._beside.get(link, self._water)
+
+    def _connect(self, water: VirtualWater, node: VirtualNode, engine: Engine) -> None:
         """Tell an engine that its modem is there, once that is free."""
-        if node.engine is not engine or not node.is_up:
+        device = water.devices[node.address]
+        if node.engine is not engine or not device.is_up:
             return
-        if node.transmits_until > self.now:
-            self._agenda.push(node.transmits_until, self._connect, node, engine)
+        if device.transmits_until > self.now:
+            self._agenda.push(device.transmits_until, self._connect, water, node, engine)
             return
-        now = node.clock.local(self.now)
         if node.clock.is_told:
             self._tell_clock(node, engine)
-        engine.handle_link_state(LinkState.UP, now, self.capabilities(node.address))
-        if node.carriers:
-            engine.handle_carrier(True, now)
+        water.connect(node, engine)
         self._service(node)
 
     def _tell_clock(self, node: VirtualNode, engine: Engine) -> None:
@@ -367,7 +400,7 @@ class VirtualNetwork:
             if node.journal.is_idle:
                 self._commit(node, engine)
         while (transmission := engine.poll_transmit(now)) is not None:
-            self._water.transmit(node, engine, transmission)
+            self._on(transmission.link).transmit(node, engine, transmission)
         while (event := engine.poll_event()) is not None:
             self._deliver(node.address, event)
             if node.engine is not engine:  # a handler of the events may crash the node
@@ -415,6 +448,8 @@ class VirtualNetwork:
         if not self._nodes[record.node].clock.is_true:
             record = msgspec.structs.replace(record, at=self.now)
         if self._hash is not None:
+            if record.link != ONE_LINK:
+                self._hash.update(record.link.encode())
             self._hash.update(
                 f"{record.at} {record.node} {record.what} {record.peer} {record.streams} "
                 f"{record.detail} {record.frame}\n".encode()

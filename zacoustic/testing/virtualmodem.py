@@ -11,6 +11,26 @@ MEASURED: Final = frozenset({"snr_db", "propagation_s", "range_m"})
 """Fields of `LinkMetrics` that an acknowledgement fills."""
 
 
+class Device:
+    """The modem of one node.
+
+    Args:
+        profile: What modem it is.
+    """
+
+    __slots__ = ("carriers", "exchange", "is_up", "profile", "transmits_until")
+
+    def __init__(self, profile: ModemProfile) -> None:
+        self.profile = profile
+        self.is_up = True
+        """It is plugged in."""
+        self.transmits_until = 0
+        self.exchange: tuple[Transmission, int] | None = None
+        """Transmission whose acknowledgement it waits for, and when that began, ns."""
+        self.carriers = 0
+        """How many others are heard now."""
+
+
 class Modem(msgspec.Struct, frozen=True, kw_only=True):
     """What the modems of a network do by themselves."""
 

@@ -2,8 +2,6 @@
 
 import random
 
-from zacoustic.channel.profiles import ModemProfile
-from zacoustic.core.base.linktypes import Transmission
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.streams.table import StreamTable
@@ -17,20 +15,18 @@ class NodeDownError(LocalError):
 
 
 class VirtualNode:
-    """A computer, its disk, its clocks and its modem.
+    """A computer, its disk and its clocks.
 
     Args:
         address: Address.
         table: Streams of its engines.
-        profile: What modem it has.
         journal: What survives a crash.
         clock: Its clocks.
         rng: Decides what a crash leaves of a commit.
     """
 
     __slots__ = (
-        "address", "armed_at", "carriers", "clock", "engine", "exchange", "is_up", "journal",
-        "lives", "past", "profile", "rng", "table", "transmits_until",
+        "address", "armed_at", "clock", "engine", "journal", "lives", "past", "rng", "table",
     )  # fmt: skip
 
     def __init__(
@@ -38,14 +34,12 @@ class VirtualNode:
         address: int,
         *,
         table: StreamTable,
-        profile: ModemProfile,
         journal: VirtualJournal,
         clock: NodeClock,
         rng: random.Random,
     ) -> None:
         self.address = address
         self.table = table
-        self.profile = profile
         self.journal = journal
         self.clock = clock
         self.rng = rng
@@ -57,13 +51,6 @@ class VirtualNode:
         """The counters of former boot epochs."""
         self.armed_at: int | None = None
         """For when the engine's timer is set, on the node's own clock, ns."""
-        self.is_up = True
-        """The modem is plugged in."""
-        self.transmits_until = 0
-        self.exchange: tuple[Transmission, int] | None = None
-        """Transmission whose acknowledgement the modem waits for, and when it began, ns."""
-        self.carriers = 0
-        """How many others are heard now."""
 
     @property
     def running(self) -> Engine:

@@ -5,17 +5,20 @@ modem ends what it has begun, also after a crash of its node.
 """
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from zacoustic.channel.acknowledgement import ACKNOWLEDGEMENT_BYTES, patience_ns, turnaround_ns
+from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.faults import corrupt
 from zacoustic.channel.medium import Arrival, Emission, Medium, Reception
 from zacoustic.channel.position import Position
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import (
     BROADCAST,
+    LinkCapabilities,
     LinkMetrics,
+    LinkState,
     PeerMeasured,
     ReceivedFrame,
     Transmission,
@@ -23,8 +26,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.engine.engine import Engine
-from zacoustic.testing.agenda import Agenda
-from zacoustic.testing.virtualmodem import Modem
+from zacoustic.testing.virtualmodem import Device, Modem
 from zacoustic.testing.virtualnode import VirtualNode
 
 Disturb = Callable[[int, int, int], Sequence[float]]
@@ -41,12 +43,14 @@ class Serve(Protocol):
 
 
 class VirtualWater:
-    """Medium and modems.
+    """Medium and modems of one link.
 
     Args:
         agenda: Virtual time.
         medium: What sound does.
         modem: What the modems do by themselves.
+        nodes: By address.
+        link: Name that the engines have for the link; None: it is their first one.
         disturb: Loses, delays and repeats frames in addition to the scenario.
         serve: Called after each input that an engine has got.
     """
@@ -56,12 +60,16 @@ class VirtualWater:
         agenda: Agenda,
         medium: Medium,
         modem: Modem,
+        nodes: Mapping[int, VirtualNode],
+        link: str | None,
         disturb: Disturb | None,
         serve: Serve,
     ) -> None:
         self.modem = modem
-        self.nodes: dict[int, VirtualNode] = {}
-        """By address; filled by the network."""
+        self.link = link
+        self.devices = {address: Device(medium.profile(address)) for address in medium.addresses}
+        """The modems, by address of their nodes."""
+        self._nodes = nodes
         self.losses: dict[str, int] = {}
         """What became of the frames that did not arrive, by outcome."""
         self._agenda = agenda
@@ -70,6 +78,23 @@ class VirtualWater:
         self._serve = serve
         self.farthest_s = medium.scenario.farthest_s
         """Longest propagation delay, one way, s."""
+        self._by = () if link is None else (link,)
+
+    def capabilities(self, address: int) -> LinkCapabilities:
+        """Return what the modem of a node can do."""
+        return self.modem.capabilities(self.devices[address].profile, self.farthest_s)
+
+    def connect(self, node: VirtualNode, engine: Engine) -> None:
+        """Tell an engine that its modem is there."""
+        now, device = node.clock.local(self._agenda.now), self.devices[node.address]
+        engine.handle_link_state(LinkState.UP, now, self.capabilities(node.address), *self._by)
+        if device.carriers:
+            engine.handle_carrier(True, now, *self._by)
+
+    def disconnect(self, node: VirtualNode, engine: Engine) -> None:
+        """Tell an engine that its modem is gone."""
+        now = node.clock.local(self._agenda.now)
+        engine.handle_link_state(LinkState.DOWN, now, None, *self._by)
 
     def move(self, address: int, position: Position) -> None:
         """Tell where a modem is from now on."""
@@ -77,11 +102,12 @@ class VirtualWater:
 
     def transmit(self, node: VirtualNode, engine: Engine, transmission: Transmission) -> None:
         """Take a frame from an engine; its report follows."""
-        now = self._agenda.now
-        if node.is_up and node.transmits_until > now:  # its modem is acknowledging
-            self._agenda.push(node.transmits_until, self._transmit_late, node, engine, transmission)
+        now, device = self._agenda.now, self.devices[node.address]
+        if device.is_up and device.transmits_until > now:  # its modem is acknowledging
+            at = device.transmits_until
+            self._agenda.push(at, self._transmit_late, node, engine, transmission)
             return
-        if not node.is_up:
+        if not device.is_up:
             self._agenda.push(
                 now, self._report, node, engine, transmission, TransmitOutcome.ABORTED, now
             )
@@ -90,8 +116,8 @@ class VirtualWater:
         for arrival in emission.arrivals:
             self._expect(arrival, self._take, transmission)
         if self.modem.answers(transmission):
-            node.exchange = (transmission, now)
-            limit_ns = patience_ns(node.profile, self.farthest_s)
+            device.exchange = (transmission, now)
+            limit_ns = patience_ns(device.profile, self.farthest_s)
             self._agenda.push(
                 emission.ends_at + limit_ns, self._end_exchange, node, engine, transmission, None
             )
@@ -113,7 +139,7 @@ class VirtualWater:
 
     def _emit(self, node: VirtualNode, size_bytes: int) -> Emission:
         emission = self._medium.transmit(node.address, size_bytes, self._agenda.now)
-        node.transmits_until = emission.ends_at
+        self.devices[node.address].transmits_until = emission.ends_at
         if emission.unheard:
             self._lose("blackout", len(emission.unheard))
         return emission
@@ -135,7 +161,7 @@ class VirtualWater:
             started_at=node.clock.local(started_at),
             finished_at=now,
         )
-        engine.handle_transmit_report(report, now)
+        engine.handle_transmit_report(report, now, *self._by)
         self._serve(node)
 
     # Arrivals
@@ -151,26 +177,26 @@ class VirtualWater:
             self.modem.senses_carrier
             and arrival.snr_db >= profile.detection_snr_db
             and not profile.separates_senders
-            and arrival.node in self.nodes
+            and arrival.node in self._nodes
         )
         if heard:
             self._agenda.push(arrival.starts_at, self._begin_carrier, arrival.node)
         self._agenda.push(arrival.ends_at, self._arrive, arrival, take, transmission, heard)
 
     def _begin_carrier(self, address: int) -> None:
-        node = self.nodes[address]
-        node.carriers += 1
-        if node.carriers == 1 and node.engine is not None:
-            node.engine.handle_carrier(True, node.clock.local(self._agenda.now))
+        node, device = self._nodes[address], self.devices[address]
+        device.carriers += 1
+        if device.carriers == 1 and node.engine is not None:
+            node.engine.handle_carrier(True, node.clock.local(self._agenda.now), *self._by)
             self._serve(node)
 
     def _end_carrier(self, address: int) -> VirtualNode | None:
         """Report the end of a carrier; return the node if its engine needs service."""
-        node = self.nodes[address]
-        node.carriers -= 1
-        if node.carriers or node.engine is None:
+        node, device = self._nodes[address], self.devices[address]
+        device.carriers -= 1
+        if device.carriers or node.engine is None:
             return None
-        node.engine.handle_carrier(False, node.clock.local(self._agenda.now))
+        node.engine.handle_carrier(False, node.clock.local(self._agenda.now), *self._by)
         return node
 
     def _arrive(
@@ -221,13 +247,13 @@ class VirtualWater:
 
     def _receive(self, arrival: Arrival, transmission: Transmission, frame_bytes: bytes) -> bool:
         """A modem hands over a frame; returns whether its node has been served."""
-        node = self.nodes.get(arrival.node)
+        node = self._nodes.get(arrival.node)
         if node is None:
             return False
         addressed = self.modem.addressed
         if addressed and transmission.destination not in (arrival.node, BROADCAST):
             return False
-        if not node.is_up or node.engine is None:
+        if not self.devices[arrival.node].is_up or node.engine is None:
             self._lose("unplugged" if node.engine is not None else "node_down")
             return False
         now = node.clock.local(self._agenda.now)
@@ -240,6 +266,7 @@ class VirtualWater:
                 metrics=LinkMetrics(snr_db=arrival.snr_db, propagation_s=arrival.propagation_s),
             ),
             now,
+            *self._by,
         )
         self._serve(node)
         return True
@@ -248,9 +275,11 @@ class VirtualWater:
 
     def _acknowledge(self, arrival: Arrival, transmission: Transmission) -> None:
         """The modem that has received a frame acknowledges it, unless it is transmitting itself."""
-        node, asker = self.nodes.get(arrival.node), self.nodes.get(arrival.source)
-        now = self._agenda.now
-        if node is None or asker is None or not node.is_up or node.transmits_until > now:
+        node, asker = self._nodes.get(arrival.node), self._nodes.get(arrival.source)
+        device = self.devices[arrival.node]
+        if node is None or asker is None or not device.is_up:
+            return
+        if device.transmits_until > self._agenda.now:
             return
         for answer in self._emit(node, ACKNOWLEDGEMENT_BYTES).arrivals:
             self._expect(answer, self._be_answered, transmission)
@@ -258,10 +287,11 @@ class VirtualWater:
     def _be_answered(self, reception: Reception, transmission: Transmission) -> bool:
         """An acknowledgement has come to a modem; returns whether its node has been served."""
         answer = reception.arrival
-        asker = self.nodes.get(answer.node)
-        if asker is None or asker.exchange is None or reception.corrupt_seed is not None:
+        asker = self._nodes.get(answer.node)
+        if asker is None or asker.engine is None or reception.corrupt_seed is not None:
             return False
-        if asker.exchange[0] is not transmission or asker.engine is None:
+        exchange = self.devices[answer.node].exchange
+        if exchange is None or exchange[0] is not transmission:
             return False
         if self._disturb is None or self._disturb(answer.source, answer.node, self._agenda.now):
             self._end_exchange(asker, asker.engine, transmission, answer)
@@ -272,9 +302,10 @@ class VirtualWater:
         self, node: VirtualNode, engine: Engine, transmission: Transmission, answer: Arrival | None
     ) -> None:
         """The acknowledgement has come, or will not come any more."""
-        if node.exchange is None or node.exchange[0] is not transmission:
+        device = self.devices[node.address]
+        if device.exchange is None or device.exchange[0] is not transmission:
             return
-        started_at, node.exchange = node.exchange[1], None
+        started_at, device.exchange = device.exchange[1], None
         outcome = TransmitOutcome.DELIVERED if answer else TransmitOutcome.NOT_DELIVERED
         self._report(node, engine, transmission, outcome, started_at)
         if answer is not None and node.engine is engine:
@@ -285,5 +316,5 @@ class VirtualWater:
                 range_m=answer.distance_m,
             )
             measured = PeerMeasured(address=answer.source, measured_at=now, metrics=metrics)
-            engine.handle_measurement(measured, now)
+            engine.handle_measurement(measured, now, *self._by)
             self._serve(node)

@@ -2,8 +2,8 @@
 
 From the bottom up:
 
-- `airtime`, `signals`, `agenda`, `store`, `firmware`: durations, signals, later actions, settings,
-  and the differences between the versions of a real one.
+- `airtime`, `signals`, `store`, `firmware`: durations, signals, settings, and the
+  differences between the versions of a real one.
 - `modem`, made of `chassis`, `transducer`, `exchange`, `instant`, `bursts`, `usblhead`,
   `levelcontrol`, `listening` and `queries`: one modem, sans-IO.
 - `port`, `faults`, `station`: its ports and their faults.

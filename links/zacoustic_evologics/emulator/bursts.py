@@ -271,7 +271,8 @@ class Bursts:
         pause_ns = round(self._chassis.rng.random() * self._chassis.store["RT"] * 1e6)
         self._transducer.backoff_until = now + pause_ns
         self._chassis.say(Status("BACKOFF", "CONNECTION_FAILED"))
-        self._chassis.agenda.add(now + pause_ns, self._end_backoff)
+        over_at = self._transducer.backoff_until
+        self._chassis.agenda.push(over_at, self._end_backoff, over_at)
 
     def _end_backoff(self, now: int) -> None:
         self._chassis.say(Status("INITIATION", "LISTEN"))

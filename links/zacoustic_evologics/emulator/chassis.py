@@ -11,12 +11,12 @@ from typing import Final, Literal, TypeAlias
 
 import msgspec
 
+from zacoustic.channel.agenda import Agenda
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.messages import Noise, RawData
 from zacoustic_evologics.at.notifications import Notification
 from zacoustic_evologics.at.replies import CommandReply, PositionReply, RefusalKind, Refused
-from zacoustic_evologics.emulator.agenda import Agenda
 from zacoustic_evologics.emulator.airtime import ACKNOWLEDGEMENT_NS, TURNAROUND_NS
 from zacoustic_evologics.emulator.firmware import Firmware
 from zacoustic_evologics.emulator.signals import Signal

@@ -18,7 +18,7 @@ once. A cancelled exchange has none.
 import enum
 from collections.abc import Callable
 
-from zacoustic_evologics.emulator.agenda import Task
+from zacoustic.channel.agenda import Entry
 from zacoustic_evologics.emulator.airtime import TURNAROUND_NS
 from zacoustic_evologics.emulator.chassis import Chassis
 from zacoustic_evologics.emulator.signals import Hearing, Signal, SignalKind
@@ -81,7 +81,7 @@ class Exchange:
         self._attempts = attempts
         self._force = force
         self._ended = ended
-        self._task: Task | None = None
+        self._timer: Entry | None = None
         self._sent_at = 0
         self._is_late = False
 
@@ -107,7 +107,7 @@ class Exchange:
             return
         self.state = ExchangeState.AWAITING
         self._transducer.awaiting = self
-        self._set_task(now + self._chassis.answer_wait_ns, self._expire)
+        self._set_timer(now + self._chassis.answer_wait_ns, self._expire)
 
     def handle_answer(self, hearing: Hearing, now: int) -> bool:
         """Take an answer, if it is the one to this; return whether."""
@@ -128,7 +128,7 @@ class Exchange:
     def _is_free(self, now: int) -> bool:
         transducer = self._transducer
         if now < transducer.ready_at:
-            self._set_task(transducer.ready_at, self.look)
+            self._set_timer(transducer.ready_at, self.look)
             return False
         if self._force:
             return True
@@ -170,11 +170,13 @@ class Exchange:
         self._is_late = False
         if self._transducer.awaiting is self:
             self._transducer.awaiting = None
-        if self._task is not None:
-            self._task.cancel()
-            self._task = None
+        self._stop_timer()
 
-    def _set_task(self, at: int, action: Callable[[int], None]) -> None:
-        if self._task is not None:
-            self._task.cancel()
-        self._task = self._chassis.agenda.add(at, action)
+    def _set_timer(self, at: int, action: Callable[[int], None]) -> None:
+        self._stop_timer()
+        self._timer = self._chassis.agenda.push(at, action, at)
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._chassis.agenda.cancel(self._timer)
+            self._timer = None

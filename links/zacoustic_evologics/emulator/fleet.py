@@ -25,12 +25,12 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.channel.agenda import Agenda, Entry
 from zacoustic.channel.position import Position
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.errors import ConfigError
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS
-from zacoustic_evologics.emulator.agenda import Agenda, Task
 from zacoustic_evologics.emulator.chassis import Behaviour
 from zacoustic_evologics.emulator.faults import NO_FAULTS, FaultPlan
 from zacoustic_evologics.emulator.modem import EmulatedModem
@@ -94,13 +94,12 @@ class EmulatedFleet:
     ) -> None:
         self.scenario = scenario
         self.interpreter = interpreter
-        self.now = 0
         self._water = Water(scenario, observer)
         self._agenda = Agenda()
         self._outputs: deque[FleetOutput] = deque()
         self._stations: dict[int, Station] = {}
         self._station_of_port: dict[int, Station] = {}
-        self._armed: dict[int, Task] = {}
+        self._armed: dict[int, tuple[int, Entry]] = {}
         self._next_port_id = 1
         settings = settings or {}
         _check_settings(settings)
@@ -115,6 +114,11 @@ class EmulatedFleet:
             modem = EmulatedModem({"AL": address} | common, behaviour=behaviour, rng=rng)
             self._stations[address] = Station(address, modem, faults, options)
             self._arm(self._stations[address])
+
+    @property
+    def now(self) -> int:
+        """Instant of the last call or of what has happened since, ns."""
+        return self._agenda.now
 
     @property
     def addresses(self) -> tuple[int, ...]:
@@ -212,11 +216,9 @@ class EmulatedFleet:
     def _advance(self, now: int) -> None:
         assert now >= self.now, "time runs backwards"
         self._agenda.run(now)
-        self.now = now
 
     def _settle(self, station: Station, now: int) -> None:
         """Take the output of a station, and transmit its signals."""
-        self.now = now
         while station.outputs:
             output = station.outputs.popleft()
             if isinstance(output, PortClosed):
@@ -231,33 +233,34 @@ class EmulatedFleet:
         arrival = sound.arrival
         station = self._stations[arrival.node]
 
-        def begin(at: int) -> None:
-            station.handle_sound(sound_id(arrival), at)
-            self._settle(station, at)
+        def begin() -> None:
+            station.handle_sound(sound_id(arrival), arrival.starts_at)
+            self._settle(station, arrival.starts_at)
 
-        def end(at: int) -> None:
-            station.handle_hearing(self._water.hear(sound), at)
-            self._settle(station, at)
+        def end() -> None:
+            station.handle_hearing(self._water.hear(sound), arrival.ends_at)
+            self._settle(station, arrival.ends_at)
 
         if sound.is_noticed:
-            self._agenda.add(arrival.starts_at, begin)
-        self._agenda.add(arrival.ends_at, end)
+            self._agenda.push(arrival.starts_at, begin)
+        self._agenda.push(arrival.ends_at, end)
 
     def _arm(self, station: Station) -> None:
         """See that a station is asked when something is due there, and at no other time."""
         due_at = station.poll_timeout()
         assert due_at is None or due_at >= self.now, "a timer in the past"
-        armed = self._armed.get(station.node)
-        if armed is not None and armed.action is not None:
-            if armed.at == due_at:
-                return
-            armed.cancel()
+        armed_at, entry = self._armed.get(station.node, (None, None))
+        if due_at == armed_at:
+            return
+        if entry is not None:
+            del self._armed[station.node]
+            self._agenda.cancel(entry)
         if due_at is not None:
-            self._armed[station.node] = self._agenda.add(
-                due_at, lambda at: self._expire(station, at)
-            )
+            entry = self._agenda.push(due_at, self._expire, station, due_at)
+            self._armed[station.node] = due_at, entry
 
     def _expire(self, station: Station, at: int) -> None:
+        del self._armed[station.node]
         station.handle_timeout(at)
         self._settle(station, at)
 

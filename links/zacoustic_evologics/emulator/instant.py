@@ -6,6 +6,7 @@ that waits for its instant, and one place for a piggyback message to each addres
 
 from typing import Final
 
+from zacoustic.channel.agenda import Entry
 from zacoustic_evologics.at.commands import SendIm, SendIms, SendPbm
 from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
 from zacoustic_evologics.at.notifications import (
@@ -19,7 +20,6 @@ from zacoustic_evologics.at.notifications import (
     Notification,
 )
 from zacoustic_evologics.at.replies import Accepted, DeliveryState, Refused
-from zacoustic_evologics.emulator.agenda import Task
 from zacoustic_evologics.emulator.airtime import PREPARATION_NS, im_airtime_ns
 from zacoustic_evologics.emulator.chassis import (
     BACKOFF,
@@ -54,7 +54,7 @@ class InstantMessages:
         self._transducer = transducer
         self._exchange: Exchange | None = None
         self._owner: int | None = None
-        self._scheduled: tuple[Signal, int, Task] | None = None
+        self._scheduled: tuple[Signal, int, Entry] | None = None
         self._piggybacks: dict[int, tuple[int, Piggyback]] = {}
 
     def send_im(self, origin: Origin, command: SendIm, now: int) -> Accepted | Refused:
@@ -204,26 +204,26 @@ class InstantMessages:
     def _drop_scheduled(self) -> None:
         scheduled, self._scheduled = self._scheduled, None
         if scheduled is not None:
-            signal, port_id, task = scheduled
-            task.cancel()
+            signal, port_id, entry = scheduled
+            self._chassis.agenda.cancel(entry)
             self._chassis.say(CanceledIms(signal.destination), port_id)
 
     def _schedule(self, signal: Signal, port_id: int, starts_at: int, now: int) -> None:
-        def announce(at: int) -> None:
-            self._transducer.announce(signal, at, starts_at)
-            task = self._chassis.agenda.add(starts_at, start)
-            self._scheduled = signal, port_id, task
+        agenda = self._chassis.agenda
+        announce_at = max(now, starts_at - PREPARATION_NS)
 
-        def start(at: int) -> None:
+        def announce() -> None:
+            self._transducer.announce(signal, announce_at, starts_at)
+            self._scheduled = signal, port_id, agenda.push(starts_at, start)
+
+        def start() -> None:
             self._scheduled = None
-            if self._transducer.is_transmitting(at) or not self._transducer.is_on:
+            if self._transducer.is_transmitting(starts_at) or not self._transducer.is_on:
                 self._chassis.say(CanceledIms(signal.destination), port_id)
             else:
-                self._transducer.transmit(signal, at, is_announced=True)
+                self._transducer.transmit(signal, starts_at, is_announced=True)
 
-        announce_at = max(now, starts_at - PREPARATION_NS)
-        task = self._chassis.agenda.add(announce_at, announce)
-        self._scheduled = signal, port_id, task
+        self._scheduled = signal, port_id, agenda.push(announce_at, announce)
         self.state = DeliveryState.EMPTY
 
     def _signal(self, kind: SignalKind, command: SendIm | SendIms, origin: Origin) -> Signal:

@@ -93,7 +93,7 @@ class Listener:
         self._chassis.say(record)
         for after_s in hearing.duplicates_after_s:
             again_at = hearing.ends_at + seconds_to_ns(after_s)
-            self._chassis.agenda.add(again_at, lambda _: self._chassis.say(record))
+            self._chassis.agenda.push(again_at, self._chassis.say, record)
         self._head.measure_angles(hearing)
 
     def _record(self, hearing: Hearing) -> Notification:
@@ -144,7 +144,7 @@ class Listener:
     def _owe_answer(self, hearing: Hearing) -> None:
         self._transducer.owed += 1
         answered_at = hearing.ends_at + TURNAROUND_NS
-        self._chassis.agenda.add(answered_at, lambda at: self._answer(hearing, at))
+        self._chassis.agenda.push(answered_at, self._answer, hearing, answered_at)
 
     def _answer(self, hearing: Hearing, at: int) -> None:
         self._transducer.owed -= 1

@@ -173,7 +173,7 @@ class EmulatedModem:
         self._answers.controller = None
         self._chassis.outputs.append(WentDown())
         back_at = now + seconds_to_ns(self._chassis.behaviour.restart_s)
-        self._chassis.agenda.add(back_at, self._come_up)
+        self._chassis.agenda.push(back_at, self._come_up, back_at)
 
     def _come_up(self, now: int) -> None:
         self.is_up = True

@@ -4,13 +4,13 @@ The loop may be late: what was due is done at its own instant then, one after th
 called on the loop, and calls back from within.
 """
 
-import asyncio
 import time
 from collections.abc import Callable
 from typing import Protocol
 
 from zacoustic.channel.position import Position
 from zacoustic.core.clock import Clock
+from zacoustic.link.alarm import Alarm
 from zacoustic.link.serving import ScaledClock
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.emulator.fleet import EmulatedFleet
@@ -54,8 +54,7 @@ class RunningFleet:
         self.changed = changed
         self._clock = ScaledClock(time_scale, clock)
         self._hosts: dict[int, PortHost] = {}
-        self._timer: asyncio.TimerHandle | asyncio.Handle | None = None
-        self._timer_at = 0
+        self._alarm = Alarm(self._clock.now, self._expire, time_scale=time_scale)
         self._is_closed = False
 
     def start(self) -> None:
@@ -102,9 +101,7 @@ class RunningFleet:
         """Stop; nothing is called after it. May be repeated."""
         self._is_closed = True
         self._hosts.clear()
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._alarm.stop()
 
     def _now(self) -> int:
         """Instant of the fleet; never decreases."""
@@ -125,27 +122,9 @@ class RunningFleet:
                     if self.changed is not None:
                         self.changed(address, isinstance(output, ModemUp))
         if not self._is_closed:
-            self._arm()
+            self._alarm.set(self.fleet.poll_timeout())
 
-    def _arm(self) -> None:
-        due_at = self.fleet.poll_timeout()
-        if self._timer is not None:
-            if self._timer_at == due_at:
-                return
-            self._timer.cancel()
-            self._timer = None
-        if due_at is None:
-            return
-        self._timer_at = due_at
-        loop = asyncio.get_running_loop()
-        delay_s = self._clock.delay_s(due_at)
-        if delay_s:
-            self._timer = loop.call_later(delay_s, self._expire)
-        else:
-            self._timer = loop.call_soon(self._expire)
-
-    def _expire(self) -> None:
-        self._timer = None
+    def _expire(self, due_at: int) -> None:
         # The loop may be early by its resolution: then it is the due instant that counts.
-        self.fleet.handle_timeout(max(self._now(), self._timer_at))
+        self.fleet.handle_timeout(max(self._now(), due_at))
         self._service()

@@ -7,6 +7,7 @@ from typing import Final, TypeAlias
 
 import msgspec
 
+from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.faults import corrupt
 from zacoustic_evologics.at.command_decoder import CommandMessage
 from zacoustic_evologics.at.commands import PayloadCommand
@@ -20,7 +21,6 @@ from zacoustic_evologics.at.notifications import (
 )
 from zacoustic_evologics.at.notifications import FaultKind as ModemFault
 from zacoustic_evologics.at.replies import Accepted, CommandReply
-from zacoustic_evologics.emulator.agenda import Agenda
 from zacoustic_evologics.emulator.chassis import (
     CLOCK_SPAN_US,
     DELIVERING,
@@ -93,7 +93,7 @@ class Station:
         self._options = options
         self._late = Agenda()
         for at in self._misfortune.timed_at():
-            self._late.add(at, self._happen)
+            self._late.push(at, self._happen, at)
 
     def open_port(
         self, port_id: int, interpreter: Interpreter, *, is_serial: bool, now: int
@@ -200,7 +200,7 @@ class Station:
     def _go_down(self, now: int) -> None:
         self._late = Agenda()
         for at in self._misfortune.timed_at():
-            self._late.add(max(at, now), self._happen)
+            self._late.push(max(at, now), self._happen, max(at, now))
         for port_id in tuple(self.ports):
             self._drop_connection(port_id)
         self.outputs.append(ModemDown(self.node))
@@ -234,7 +234,7 @@ class Station:
     def _tell(self, port: Port, message: Spoken, now: int) -> None:
         if self._misfortune.strikes(FaultKind.LATE, now):
             later = now + self._misfortune.late_ns()
-            self._late.add(later, lambda at: self._put(port, message, at))
+            self._late.push(later, self._put, port, message, later)
         else:
             self._put(port, message, now)
         if isinstance(message, RecvIm) and self._misfortune.strikes(FaultKind.DUPLICATE, now):

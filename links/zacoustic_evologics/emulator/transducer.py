@@ -83,7 +83,7 @@ class Transducer:
         self.ready_at = self.transmits_until + GAP_NS
         self._following = None
         self._chassis.signals.append(signal)
-        self._chassis.agenda.add(self.transmits_until, lambda at: self._end(signal, at))
+        self._chassis.agenda.push(self.transmits_until, self._end, signal, self.transmits_until)
 
     def hear_begin(self, sound: int, now: int) -> None:
         """Notice that a sound begins."""

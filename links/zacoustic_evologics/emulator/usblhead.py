@@ -37,12 +37,12 @@ class UsblHead:
         """Say where the modem is that has answered, a little later."""
         at = hearing.ends_at + FIX_DELAY_NS
         propagation_us = self._chassis.measured.propagation_us
-        self._chassis.agenda.add(at, lambda now: self._say_position(hearing, propagation_us, now))
+        self._chassis.agenda.push(at, self._say_position, hearing, propagation_us, at)
 
     def measure_angles(self, hearing: Hearing) -> None:
         """Say from where a message came, a little later."""
         at = hearing.ends_at + FIX_DELAY_NS
-        self._chassis.agenda.add(at, lambda now: self._say_angles(hearing, now))
+        self._chassis.agenda.push(at, self._say_angles, hearing, at)
 
     def _say_position(self, hearing: Hearing, propagation_us: int, now: int) -> None:
         chassis = self._chassis

@@ -30,6 +30,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
+    GoalKey,
     RequestReceived,
     ResponseReceived,
     SampleReceived,
@@ -42,6 +43,7 @@ from zacoustic.errors import (
     PayloadTooLargeError,
     QueueFullError,
     RangeUnavailableError,
+    UnknownStreamError,
 )
 
 VECTORS = {vector.name: vector for vector in read_vectors()}
@@ -294,3 +296,22 @@ def test_the_table_has_no_stream_of_orders() -> None:
     assert table().get(175) is None
     assert len(table()) == len(SPECS)
     assert peer.SAMPLE == 0
+
+
+def test_what_the_wire_does_not_have_is_not_there() -> None:
+    end = node(VEHICLE)
+    engine = end.engine
+    assert list(end.journal) == ["epoch"], "nothing else of this wire outlives the node"
+    now = 100 * NS_PER_S
+    goal = GoalKey(VEHICLE, 1, POSE, 0)
+    with pytest.raises(UnknownStreamError, match=f"stream {POSE} is no action"):
+        engine.actions.cancel_goal(goal, now)
+    assert not engine.cancel_delivery(1, now)
+    assert not engine.refuse_object(SHORE, 0, now)
+    assert not engine.is_delivering(1)
+    assert engine.delivering(POSE) == 0
+    engine.subscriptions.want(POSE, now)
+    assert engine.is_idle
+    engine.handle_timeout(now)
+    engine.forget(SHORE, now)
+    assert engine.poll_timeout() is None

@@ -4,11 +4,12 @@ import random
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from zacoustic.channel.agenda import Agenda
+from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event
 from zacoustic.core.linktypes import LinkState, ReceivedFrame
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing.agenda import Agenda
 from zacoustic_desert.config import DesertConfig
 from zacoustic_desert.pacing import Pacer
 from zacoustic_desert.standin import Observation, StandIn, StandInConfig
@@ -81,7 +82,7 @@ class VirtualDesert:
 
     def run(self, until_s: float) -> None:
         """Let happen what is to happen up to an instant, s."""
-        self.agenda.run(until_s=until_s)
+        self.agenda.run(seconds_to_ns(until_s))
 
     @property
     def frames(self) -> int:

@@ -8,6 +8,7 @@ from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.deadlines import Awaited
 from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
+from zacoustic.errors import UnknownStreamError
 
 StackOf = Callable[[int], LinkStack]
 """Returns the link that a stream goes by."""
@@ -63,7 +64,10 @@ class GoalCommands:
         return self._of(goal.stream_id).answer_cancel(goal, now, accepted=accepted, text=text)
 
     def _of(self, stream_id: int) -> Actions:
-        return self._stack_of(stream_id).protocols.actions
+        actions = self._stack_of(stream_id).protocols.actions
+        if actions is None:
+            raise UnknownStreamError(f"stream {stream_id} is no action; this wire has none")
+        return actions
 
 
 class SubscriptionCommands:

@@ -53,7 +53,6 @@ from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, Subscri
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
-from zacoustic.core.profiles.native.protocols import MakeTransport
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
@@ -62,9 +61,9 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.commands.commands import Commands
-from zacoustic.core.transport.commands.deduplication import DeduplicationTable
 from zacoustic.core.transport.commands.overrides import Overrides
-from zacoustic.core.transport.contract import Transport
+from zacoustic.core.transport.contract import MakeTransport, Transport
+from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 
@@ -142,18 +141,11 @@ class Engine:
         """Commands about on-demand topics: `want`; and who wants them of this node."""
         self.deadlines = AwaitedSamples(self._stacks.values())
         """Of what a sample is awaited; to be read only."""
-        ledger = DeduplicationTable(stored, journal)
-        self._peers.forgotten.connect(ledger.peer_forgotten)
+        overrides = Overrides(
+            address, table, override=self._override, stored=stored, journal=journal
+        )
         self.commands = Commands(
-            address,
-            table,
-            self._first.protocols.services,
-            self._handshake,
-            Overrides(address, table, override=self._override, stored=stored, journal=journal),
-            ledger,
-            self.silence,
-            rules.commands_from,
-            emit,
+            node, self._first.protocols.services, overrides, self.silence, rules.commands_from
         )
         """Commands to other nodes, and to this one: `send`, `execute`."""
         for stack in self._stacks.values():
@@ -241,7 +233,7 @@ class Engine:
         """A journal write is safe."""
         self._now = now
         for stack in self._stacks.values():
-            stack.protocols.large.at(now)
+            stack.protocols.note(now)
         self._journal.committed(write_id, now)
 
     def handle_journal_state(self, failure: str, now: int) -> None:
@@ -300,10 +292,8 @@ class Engine:
         """
         self._now = now
         stack = self._stack_of(stream_id)
-        delivery_id = stack.protocols.publish(
-            stream_id, value, now, instance=instance, encoding=encoding, delete=delete,
-            queued_at=queued_at,
-        )  # fmt: skip
+        publication = Publication(stream_id, value, instance, encoding, delete, queued_at)
+        delivery_id = stack.protocols.publish(publication, now)
         return stack.ids.outer(delivery_id)
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
@@ -313,13 +303,12 @@ class Engine:
         """
         self._now = now
         found = self._given_by(delivery_id)
-        return found is not None and found[0].protocols.large.cancel(found[1], now)
+        return found is not None and found[0].protocols.cancel_delivery(found[1], now)
 
     def refuse_object(self, source: int, transfer: int, now: int, link: str | None = None) -> bool:
         """Refuse the rest of an object that `ObjectProgress` has told of; False when it is over."""
         self._now = now
-        objects = self._stack(link).protocols.large.at(now).objects
-        return objects.cancel_incoming(source, transfer)
+        return self._stack(link).protocols.refuse_object(source, transfer, now)
 
     def call(
         self, stream_id: int, value: object, now: int, *, timeout_s: float | None = None
@@ -457,12 +446,12 @@ class Engine:
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
-        return self._stack_of(stream_id).protocols.sending.delivering(stream_id)
+        return self._stack_of(stream_id).protocols.delivering(stream_id)
 
     def is_delivering(self, delivery_id: int) -> bool:
         """Tell whether a reliable sample has not ended."""
         found = self._given_by(delivery_id)
-        return found is not None and found[0].protocols.sending.is_delivering(found[1])
+        return found is not None and found[0].protocols.is_delivering(found[1])
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""

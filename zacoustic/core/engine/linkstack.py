@@ -18,7 +18,8 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.trace import Tracer
-from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
+from zacoustic.core.profiles.native.protocols import Protocols
+from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.schedule.airtime import AirtimeCaps
@@ -28,6 +29,7 @@ from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.schedule.transmitter import Transmitter
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.transport.contract import MakeTransport
 from zacoustic.core.wire.envelope import Envelope, Opened
 
 _PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
@@ -63,7 +65,7 @@ class LinkStack:
         self._context = context
         self._silence = silence
         self._trace = trace
-        self.protocols = _PROTOCOLS[context.table.wire](context, rules, transports)
+        self.protocols: Profile = _PROTOCOLS[context.table.wire](context, rules, transports)
         """The transports."""
         self._access_rng = context.generators.of("access")
         self._access = own.access

@@ -33,7 +33,7 @@ from zacoustic.core.schedule.copies import MOST_COPIES
 from zacoustic.core.schedule.filling import Filling
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
-from zacoustic.core.schedule.sources import DenseSource, ExtensionSource, ObjectSource, Said, Source
+from zacoustic.core.schedule.sources import DenseSource, ExtensionSource, ObjectSource, Source
 from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES
 from zacoustic.core.wire.controls import EXTENSION_HEADER_BYTES, LONGEST_EXTENSION_BYTES
 from zacoustic.core.wire.frame import PADDING
@@ -105,6 +105,39 @@ class _Owed:
 
     def offer(self, now: int) -> Offer | None:
         return self._handshake.offer(self._link, now)
+
+
+class _Draft:
+    """A frame while it is filled: what it says beside records, and the room that is left."""
+
+    def __init__(self, destination: int, room_bytes: int) -> None:
+        self.destination = destination
+        self.room_bytes = room_bytes
+        self.introduction = b""
+        self.parts: list[Part] = []
+        self._said: list[tuple[Cause, bytes]] = []
+
+    @property
+    def is_empty(self) -> bool:
+        """It says nothing yet."""
+        return not self.introduction and not self._said
+
+    def say(self, cause: Cause, said: bytes, part: Part | None = None) -> None:
+        """Put something into it."""
+        self._said.append((cause, said))
+        self.room_bytes -= len(said)
+        if part is not None:
+            self.parts.append(part)
+
+    def attribute(self, stats: EngineStats) -> None:
+        """Count its bytes."""
+        stats.attribute(NO_STREAM, Cause.HELLO, len(self.introduction))
+        for cause, said in self._said:
+            stats.attribute(NO_STREAM, cause, len(said))
+
+    def encode(self) -> bytes:
+        """Return its bytes."""
+        return self.introduction + b"".join(said for _, said in self._said)
 
 
 class Composer:
@@ -285,105 +318,117 @@ class Composer:
 
     def _fill(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make a frame of what is owed to its hearers and of payloads; None: nothing is said."""
-        destination, must_go = offer.destination, offer.must_go
-        room_bytes = port.envelope.room_bytes
-        self._introductions.begin_frame(destination)
-        answers: list[tuple[Cause, bytes]] = []
-        answer_parts: list[Part] = []
-        if destination != BROADCAST:
-            said_of_objects = self._objects.take_feedback(destination, room_bytes, now)
-            if said_of_objects is not None:
-                answers = [(Cause.REPAIR, said_of_objects.record)]
-                answer_parts = [said_of_objects.part]
-                room_bytes -= _size(answers)
+        draft = _Draft(offer.destination, port.envelope.room_bytes)
+        self._introductions.begin_frame(draft.destination)
+        self._answer(draft, now)
         # Who waits for an answer listens for as long as a short frame takes.
         first = None if offer.is_answer else next(self._concerning(offer, now), None)
         first_bytes = first[1].size_bytes if first else 0
-        urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
-        introduction = b""
-        owed: list[tuple[Cause, bytes]] = []
-        if offer.owed_first and not self._introductions.introduces(self._link, destination):
-            owed = self._handshake.owed(self._link, destination, room_bytes, now)
-            room_bytes -= _size(owed)
-            if room_bytes < TAG_BYTES + first_bytes:
-                first = None
-            urgent = urgent or room_bytes < HELLO_BYTES
-        if first or self._introductions.introduces(self._link, destination):
-            introduction = self._introductions.introduction(
-                self._link, destination, room_bytes - first_bytes, now, urgent=urgent
-            )
-            room_bytes -= len(introduction)
-            reserved_bytes = 0 if offer.owed_first or first_bytes > room_bytes else first_bytes
-            late = self._handshake.owed(self._link, destination, room_bytes - reserved_bytes, now)
-            room_bytes -= _size(late)
-            owed += late
-        elif must_go:
-            if must_go is Cause.HEARTBEAT:
-                introduction = self._introductions.introduction(
-                    self._link, destination, room_bytes, now
-                )
-                room_bytes -= len(introduction)
-            # For a range no introduction: it would have to be answered, and that is not wanted.
-            owed = self._handshake.owed(self._link, destination, room_bytes, now)
-            room_bytes -= _size(owed)
-        owed = answers + owed
-        left_bytes = room_bytes - first_bytes * (not offer.owed_first)
-        for extension in self._say(destination, left_bytes, now):
-            owed.append((Cause.EXTENSION, extension.extension.encode()))
-            answer_parts.append(extension.part)
-            room_bytes -= len(owed[-1][1])
+        if not self._agree(draft, offer, first, now):
+            first = None
+        self._extend(draft, first_bytes * (not offer.owed_first), now)
+        if first or not draft.is_empty:
+            self._arrange(draft, port, first_bytes, now)
         filling: Filling | None = None
-        if first or introduction or owed:
-            said = port.controls(
-                room_bytes - first_bytes,
-                self._queue.waiting_bytes,
-                now,
-                has_object=self._objects.has_fragment(now),
-            )
-            if said:
-                owed.append((Cause.ACCESS, said))
-                room_bytes -= len(said)
-            comfort_bytes = port.comfort_bytes(now)
-            if comfort_bytes is not None:
-                spent_bytes = port.envelope.room_bytes - room_bytes
-                room_bytes = min(room_bytes, max(first_bytes, comfort_bytes - spent_bytes))
         if first:
-            introduced = bool(introduction)
-            filling = self._choose(offer, room_bytes, now, introduced=introduced)
-        if destination != BROADCAST:
-            self._handshake.spoken(destination, now)
+            introduced = bool(draft.introduction)
+            filling = self._choose(offer, draft.room_bytes, now, introduced=introduced)
+        if draft.destination != BROADCAST:
+            self._handshake.spoken(draft.destination, now)
         items = filling.items if filling is not None else ()
-        if not introduction and not owed and not items:
-            if must_go is None:
+        if draft.is_empty and not items:
+            if offer.must_go is None:
                 return None
-            owed = [(must_go, PADDING)]
+            draft.say(offer.must_go, PADDING)
         records = filling.encode(self._stats) if filling is not None else b""
-        left_bytes = room_bytes - len(records)
-        owed.append((Cause.ACK, self._dense.acks(destination, left_bytes)))
-        self._stats.attribute(NO_STREAM, Cause.HELLO, len(introduction))
-        for cause, control in owed:
-            self._stats.attribute(NO_STREAM, cause, len(control))
-        records = introduction + b"".join(control for _, control in owed) + records
+        left_bytes = draft.room_bytes - len(records)
+        draft.say(Cause.ACK, self._dense.acks(draft.destination, left_bytes))
+        draft.attribute(self._stats)
         return self._composed(
             port,
-            destination,
-            records,
+            draft.destination,
+            draft.encode() + records,
             now,
             records=items,
-            parts=answer_parts,
+            parts=draft.parts,
             is_pressing=first is not None and first[0].qos.priority in MOST_COPIES,
         )
 
-    def _say(self, destination: int, room_bytes: int, now: int) -> Iterator[Said]:
-        """Yield what transports of somebody else say in a frame, as far as it fits."""
+    def _answer(self, draft: "_Draft", now: int) -> None:
+        """Say what its hearer waits for while it sends an object."""
+        if draft.destination == BROADCAST:
+            return
+        feedback = self._objects.take_feedback(draft.destination, draft.room_bytes, now)
+        if feedback is not None:
+            draft.say(Cause.REPAIR, feedback.record, feedback.part)
+
+    def _agree(
+        self, draft: "_Draft", offer: Offer, first: tuple[Lane, Waiting] | None, now: int
+    ) -> bool:
+        """Say who this node is and what it owes, beside the first payload of the frame.
+
+        Returns:
+            Whether there is a first payload, and room for it.
+        """
+        destination = draft.destination
+        first_bytes = first[1].size_bytes if first else 0
+        urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
+        goes = first is not None
+        introduces = self._introductions.introduces(self._link, destination)
+        if offer.owed_first and not introduces:
+            self._owe(draft, 0, now)
+            goes = goes and draft.room_bytes >= TAG_BYTES + first_bytes
+            urgent = urgent or draft.room_bytes < HELLO_BYTES
+        if goes or self._introductions.introduces(self._link, destination):
+            self._introduce(draft, first_bytes, now, urgent=urgent)
+            is_reserved = not offer.owed_first and first_bytes <= draft.room_bytes
+            self._owe(draft, first_bytes if is_reserved else 0, now)
+        elif offer.must_go:
+            if offer.must_go is Cause.HEARTBEAT:
+                self._introduce(draft, 0, now)
+            # For a range no introduction: it would have to be answered, and that is not wanted.
+            self._owe(draft, 0, now)
+        return goes
+
+    def _introduce(
+        self, draft: "_Draft", reserved_bytes: int, now: int, *, urgent: bool = False
+    ) -> None:
+        draft.introduction = self._introductions.introduction(
+            self._link, draft.destination, draft.room_bytes - reserved_bytes, now, urgent=urgent
+        )
+        draft.room_bytes -= len(draft.introduction)
+
+    def _owe(self, draft: "_Draft", reserved_bytes: int, now: int) -> None:
+        room_bytes = draft.room_bytes - reserved_bytes
+        for cause, control in self._handshake.owed(self._link, draft.destination, room_bytes, now):
+            draft.say(cause, control)
+
+    def _extend(self, draft: "_Draft", reserved_bytes: int, now: int) -> None:
+        """Say what transports of somebody else have to say, as far as it fits."""
         for source in self._extensions:
-            body_bytes = min(room_bytes - EXTENSION_HEADER_BYTES, LONGEST_EXTENSION_BYTES)
-            said = source.say(destination, body_bytes, now) if body_bytes >= 0 else None
+            room_bytes = draft.room_bytes - reserved_bytes - EXTENSION_HEADER_BYTES
+            body_bytes = min(room_bytes, LONGEST_EXTENSION_BYTES)
+            said = source.say(draft.destination, body_bytes, now) if body_bytes >= 0 else None
             if said is not None:
                 if len(said.extension.body) > body_bytes:
                     raise ValueError(f"{said} is too long; allowed: {body_bytes} bytes")
-                room_bytes -= EXTENSION_HEADER_BYTES + len(said.extension.body)
-                yield said
+                draft.say(Cause.EXTENSION, said.extension.encode(), said.part)
+
+    def _arrange(self, draft: "_Draft", port: LinkPort, first_bytes: int, now: int) -> None:
+        """Say what medium access has to say, and leave no more room than suits it."""
+        said = port.controls(
+            draft.room_bytes - first_bytes,
+            self._queue.waiting_bytes,
+            now,
+            has_object=self._objects.has_fragment(now),
+        )
+        if said:
+            draft.say(Cause.ACCESS, said)
+        comfort_bytes = port.comfort_bytes(now)
+        if comfort_bytes is not None:
+            spent_bytes = port.envelope.room_bytes - draft.room_bytes
+            most_bytes = max(first_bytes, comfort_bytes - spent_bytes)
+            draft.room_bytes = min(draft.room_bytes, most_bytes)
 
     def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, Waiting]]:
         """Yield the candidates that its frame may carry."""
@@ -401,7 +446,3 @@ class Composer:
             elif filling.is_full:
                 break
         return filling
-
-
-def _size(controls: list[tuple[Cause, bytes]]) -> int:
-    return sum(len(control) for _, control in controls)

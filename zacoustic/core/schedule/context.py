@@ -112,6 +112,8 @@ class Context:
         """Whether something of former lives is forgotten."""
         self.handshake = node.handshake
         """What is agreed with the others."""
+        self.epoch = node.epoch
+        """The boot epoch of the node."""
         self.reception = Reception()
         """Gives out what arrives to those that have registered."""
         self.queue = TransmitQueue()

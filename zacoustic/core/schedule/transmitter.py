@@ -24,7 +24,6 @@ from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
 from zacoustic.core.schedule.silence import Silence
-from zacoustic.core.schedule.sources import ObjectSource
 from zacoustic.core.wire.envelope import Envelope
 
 UNHEARD_FRAMES: Final = 20
@@ -52,8 +51,14 @@ class FrameSource(Protocol):
         """What waits."""
 
     @property
-    def objects(self) -> ObjectSource:
-        """What waits that is larger than a frame."""
+    def is_exclusive(self) -> bool:
+        """What is under way needs the channel for itself."""
+
+    def has_fragment(self, now: int) -> bool:
+        """Whether a fragment of an object is due, which fills its frame."""
+
+    def hold(self, stream_id: int, until: int) -> None:
+        """Send nothing of a stream before an instant."""
 
     @property
     def may_speak(self) -> bool:
@@ -198,8 +203,7 @@ class Transmitter:
         self._stats.sent(len(composed.frame_bytes), airtime_ns)
         held = self.airtime.spend(composed.stream_bytes, airtime_ns, now)
         for stream_id, until in held.items():
-            self._source.queue.hold(stream_id, until)
-            self._source.objects.hold(stream_id, until)
+            self._source.hold(stream_id, until)
         return transmission, composed.streams
 
     def finish(self, report: TransmitReport, now: int) -> bool:
@@ -244,8 +248,8 @@ class Transmitter:
         due_at = self._source.due_at(now)
         if due_at is None:
             return None
-        self.port.listening.exclusive = self._source.objects.is_exclusive
-        self.port.listening.sends_full = self._source.objects.has_fragment(now)
+        self.port.listening.exclusive = self._source.is_exclusive
+        self.port.listening.sends_full = self._source.has_fragment(now)
         is_urgent = self._source.queue.is_urgent
         if not is_urgent:
             even_at = self.airtime.free_at(now)

@@ -6,7 +6,8 @@ registers what it takes, has timers, a place in the journal, random numbers and 
 and follows the signals of `Peers`. It adds no thread, no clock and no file: an engine is a function
 of its inputs.
 
-A node that does not have it skips what it says.
+A node that does not have it skips what it says. A recording has no commands to it: a run with such
+commands cannot be replayed.
 
 ============================  ======================================================================
 `Context.reception`           ``on_extension(code, take)``: ``take(heard, body)`` returns why
@@ -20,6 +21,7 @@ A node that does not have it skips what it says.
 ============================  ======================================================================
 """
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import msgspec
@@ -41,6 +43,7 @@ __all__ = [
     "Extension",
     "Heard",
     "LinkCapabilities",
+    "MakeTransport",
     "Offer",
     "Part",
     "Said",
@@ -96,3 +99,7 @@ class Transport:
             now: The instant.
         """
         return None
+
+
+MakeTransport = Callable[[Context], Transport]
+"""Makes a transport; a subclass of `Transport` itself is one."""

@@ -12,7 +12,6 @@ told its client that it was done. But the very same bytes again, as long as a mo
 have made two of a frame, are one request: its answer is said again, if there is one.
 """
 
-import random
 from collections.abc import Callable
 from functools import partial
 
@@ -20,12 +19,13 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
-from zacoustic.core.base.stats import EngineStats, count
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.base.stats import count
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.streams.rmwdesert import FIRST_SEQUENCE, LAST_SEQUENCE
 from zacoustic.core.streams.specs import ServiceSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.calls.answering import call_qos
 from zacoustic.core.transport.calls.calls import (
     CallEvent,
@@ -70,32 +70,17 @@ class DesertCalls:
     """The services of one node, as client and as server.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        queue: Takes requests and responses.
-        timers: End and forget calls.
-        stats: Counts.
-        rng: Draws the first sequence id.
-        emit: Takes the events.
+        context: What the components of its engine share.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        timers: Timers,
-        stats: EngineStats,
-        rng: random.Random,
-        emit: Callable[[CallEvent], None],
-    ) -> None:
-        self._address = address
-        self._table = table
-        self._queue = queue
-        self._timers = timers
-        self._stats = stats
-        self._emit = emit
+    def __init__(self, context: Context) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._queue = context.queue
+        self._timers = context.timers
+        self._stats = context.stats
+        self._emit: Callable[[CallEvent], None] = context.emit
+        rng = context.generators.of("rmw_desert calls")
         self._next_sequence = rng.randint(FIRST_SEQUENCE, LAST_SEQUENCE)
         self._next_call_id = 1
         self._arrivals = 0

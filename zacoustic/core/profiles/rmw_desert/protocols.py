@@ -2,8 +2,7 @@
 
 The transmit queue with its lanes, priorities and lifespans is that of the native wire; so are
 medium access, silence and airtime caps, which are around it. What is said and heard is here: one
-message in a packet, nothing beside it. The components of the native wire are there and asleep: no
-handshake, no acknowledgement, no object, no heartbeat ever finds its way into a packet.
+message in a packet, nothing beside it: no handshake, no acknowledgement, no object, no heartbeat.
 
 Nothing in a packet says who sent it. A sample counts as that of the one other node that may publish
 its topic; where there are several, or none is listed, its source is unknown (0), unless the link
@@ -31,7 +30,7 @@ from zacoustic.core.base.linktypes import (
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.stats import NO_STREAM, Cause, count
 from zacoustic.core.profiles.entities import DiscoverySpec
-from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
+from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rmw_desert.calls import SETTLING_UNITS, DesertCalls
 from zacoustic.core.profiles.rmw_desert.discovery import Discovery
 from zacoustic.core.profiles.rmw_desert.envelope import PacketEnvelope
@@ -39,11 +38,12 @@ from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import SAMPLE_LANE, LaneKey, Waiting
-from zacoustic.core.streams.keys import Instance
+from zacoustic.core.schedule.queue import SAMPLE_LANE, Waiting
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.contract import MakeTransport
 from zacoustic.core.transport.deliveries import SampleReceived
+from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.transport.topics.topics import NO_DELIVERY
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.rmw_desert.messages import Kind, Message, decode_message, encode_head
@@ -52,8 +52,8 @@ from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
 from zacoustic.errors import ConfigError, PayloadInvalidError
 
 
-class RmwDesertProtocols(Protocols):
-    """The components of one engine.
+class RmwDesertProtocols(Profile):
+    """The components of one engine on one link.
 
     Args:
         context: What they share.
@@ -65,73 +65,47 @@ class RmwDesertProtocols(Protocols):
     """
 
     def __init__(
-        self,
-        context: Context,
-        rules: TransmitRules,
-        transports: Sequence[MakeTransport] = (),
+        self, context: Context, rules: TransmitRules, transports: Sequence[MakeTransport] = ()
     ) -> None:
         if transports:
             raise ConfigError("wire rmw_desert has no extensions; allowed: no other transports")
-        super().__init__(context, rules)
-        self._address = context.address
-        self._table = context.table
-        self._timers = context.timers
-        self._calls = DesertCalls(
-            context.address,
-            context.table,
-            queue=context.queue,
-            timers=context.timers,
-            stats=context.stats,
-            rng=context.generators.of("rmw_desert calls"),
-            emit=context.emit,
-        )
+        super().__init__(context)
+        self._calls = DesertCalls(context)
         discovery = rules.discovery or DiscoverySpec()
         self._discovery = Discovery(
             context.address, context.table, discovery, context.queue, context.emit
         )
-        self._port: LinkPort | None = None
+        self._packets: PacketEnvelope | None = None
         self._pieces: list[bytes] = []
         self._piece = Part(reported=self._reported)
         self._pieces_stream = NO_STREAM
 
     # Commands
 
-    def publish(
-        self,
-        stream_id: int,
-        value: object,
-        now: int,
-        *,
-        instance: Instance,
-        encoding: str | None,
-        delete: bool,
-        queued_at: int | None,
-    ) -> int:
+    def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
-        stream, _ = self._table.topic_of(self._address, stream_id)
-        stream.keys.key(self._address, instance)
-        if delete:
+        stream_id, encoding = publication.stream_id, publication.encoding
+        stream, _ = self._context.table.topic_of(self._context.address, stream_id)
+        stream.keys.key(self._context.address, publication.instance)
+        if publication.delete:
             raise PayloadInvalidError(f"{stream.name}: a delete does not exist on this wire")
         if encoding is not None and encoding != stream.encoding:
             raise PayloadInvalidError(
                 f"{stream.name}: encoding {encoding}; allowed: {stream.encoding}"
             )
-        fields = stream.codec.encode(value)
-        made_at = now if queued_at is None else min(queued_at, now)
-        lifespan_s = stream.qos.lifespan_s
         item = Waiting(
             stream_id=stream_id,
             destination=BROADCAST,
             code=Kind.SAMPLE,
             head=encode_head(stream_id),
-            payload=fields,
-            queued_at=made_at,
-            expires_at=None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s),
+            payload=stream.codec.encode(publication.value),
+            queued_at=publication.made_at(now),
+            expires_at=publication.expires_at(stream, now),
         )
         self.queue.check_size(stream.name, item.size_bytes)
         count(self._stats.published, stream_id)
         self.queue.push((stream_id, SAMPLE_LANE), item, stream.qos)
-        self.deadlines.published(stream_id, instance, now, deleted=False)
+        self.deadlines.published(stream_id, publication.instance, now, deleted=False)
         return NO_DELIVERY
 
     def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
@@ -154,7 +128,10 @@ class RmwDesertProtocols(Protocols):
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a message on a link."""
-        return PacketEnvelope(capabilities, self._address, self._timers, self._give_up)
+        self._packets = PacketEnvelope(
+            capabilities, self._context.address, self._context.timers, self._give_up
+        )
+        return self._packets
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a packet is to go, ns; None: nothing is to be said."""
@@ -175,17 +152,6 @@ class RmwDesertProtocols(Protocols):
                 return self._packet(port, self.queue.take(lane, now))
         return None
 
-    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Return None: what silences grant are answers to commands, and there are no commands."""
-        return None
-
-    def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Return None: medium access has no words on this wire."""
-        return None
-
-    def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
-        """Learn nothing: nobody says on this wire when it listens."""
-
     def receive(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> tuple[int, ...]:
@@ -199,12 +165,8 @@ class RmwDesertProtocols(Protocols):
         """Nothing waits."""
         return super().is_idle and not self._pieces
 
-    def recover(self) -> None:
-        """Nothing of a former life is gone on with but its boot epoch."""
-
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take a link, and drop what is too large for it."""
-        self._port = port
         self._pieces.clear()
         capabilities = port.capabilities
         unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
@@ -218,18 +180,15 @@ class RmwDesertProtocols(Protocols):
     def link_up(self, now: int) -> None:
         """The link is up: what was begun on another connection is not completed."""
         self._pieces.clear()
-        envelope = self._packets
-        if envelope is not None:
-            envelope.forget()
+        if self._packets is not None:
+            self._packets.forget()
         self._discovery.begin(now)
 
     # Below the methods above
 
     def _give_up(self, now: int) -> None:
         """Look through the bytes of a packet of which the rest did not come."""
-        envelope = self._packets
-        assert envelope is not None
-        for opened in envelope.flush():
+        for opened in self._packets.flush() if self._packets is not None else ():
             if isinstance(opened, Damaged):
                 self._stats.drop(opened.reason)
             else:
@@ -246,11 +205,6 @@ class RmwDesertProtocols(Protocols):
         if reason is not None:
             self._stats.drop(reason)
         return (message.stream_id,)
-
-    @property
-    def _packets(self) -> PacketEnvelope | None:
-        envelope = self._port.envelope if self._port is not None else None
-        return envelope if isinstance(envelope, PacketEnvelope) else None
 
     def _reported(self, report: TransmitReport, now: int) -> None:
         """A packet of which a piece is missing is not completed."""
@@ -272,7 +226,7 @@ class RmwDesertProtocols(Protocols):
         )
 
     def _receive(self, source: int, message: Message, frame: ReceivedFrame, now: int) -> str | None:
-        stream = self._table.get(message.stream_id)
+        stream = self._context.table.get(message.stream_id)
         if stream is None:
             return self._discovery.receive(message, now)
         if message.kind is not Kind.SAMPLE:
@@ -284,14 +238,14 @@ class RmwDesertProtocols(Protocols):
     def _receive_sample(
         self, source: int, stream: Stream, spec: TopicSpec, message: Message, frame: ReceivedFrame
     ) -> str | None:
-        others = [address for address in spec.publishers or () if address != self._address]
+        others = [address for address in spec.publishers or () if address != self._context.address]
         if source == UNKNOWN_SOURCE and len(others) == 1:
             source = others[0]
         if spec.publishers is not None and not others:
             return "not_publisher"
         if source != UNKNOWN_SOURCE and not stream.may_publish(source):
             return "not_publisher"
-        if not stream.may_subscribe(self._address):
+        if not stream.may_subscribe(self._context.address):
             return "not_subscriber"
         try:
             value = stream.codec.decode(message.fields)
@@ -306,5 +260,5 @@ class RmwDesertProtocols(Protocols):
             received_at=frame.received_at,
             metrics=frame.metrics,
         )
-        self._hand_on(sample, frame.received_at)
+        self.deadlines.hand_on(sample, frame.received_at)
         return None

@@ -4,20 +4,14 @@ Commands are given here (`Engine.actions`); the events are those of
 `zacoustic.core.transport.actions.events`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.base.stats import EngineStats
-from zacoustic.core.base.timers import Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.reception import Heard
-from zacoustic.core.schedule.queue import TransmitQueue
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ActionSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.client import GoalClient
-from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.actions.outbox import GoalOutbox
 from zacoustic.core.transport.actions.server import GoalServer
 from zacoustic.core.transport.repeating import Repeater
@@ -30,58 +24,23 @@ class Actions:
     """The actions of one node, as client and as server.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        queue: Takes what is said once.
-        repeater: Takes what is repeated.
-        journal: Keeps goals and results.
-        handshake: Knows the epoch of each node, and which streams a peer defines in another way.
-        begin_epoch: Begins a new boot epoch of this node; False: that would break something.
-        doubt: Whether goals of former lives are forgotten.
-        timers: Ask after goals, end and forget them.
-        stats: Counts.
-        emit: Takes the events.
+        context: What the components of its engine share.
+        repeater: Repeats what has to be answered.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        repeater: Repeater,
-        journal: JournalPort,
-        handshake: Handshake,
-        begin_epoch: Callable[[int], bool],
-        doubt: Doubt,
-        timers: Timers,
-        stats: EngineStats,
-        emit: Callable[[ActionEvent], None],
-    ) -> None:
-        self._address = address
-        self._table = table
-        self._outbox = outbox = GoalOutbox(address, queue, repeater, handshake)
-        self._client = GoalClient(
-            address,
-            table,
-            outbox=outbox,
-            journal=journal,
-            handshake=handshake,
-            begin_epoch=begin_epoch,
-            timers=timers,
-            stats=stats,
-            emit=emit,
+    def __init__(self, context: Context, repeater: Repeater) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._outbox = outbox = GoalOutbox(
+            context.address, context.queue, repeater, context.handshake
         )
-        self._server = GoalServer(
-            table,
-            outbox=outbox,
-            journal=journal,
-            handshake=handshake,
-            doubt=doubt,
-            timers=timers,
-            stats=stats,
-            emit=emit,
-        )
+        self._client = GoalClient(context, outbox)
+        self._server = GoalServer(context, outbox)
+        context.reception.on_records(ActionSpec, self.receive)
+        context.epoch.began.connect(self.epoch_changed)
+        context.peers.restarted.connect(self.peer_restarted)
+        context.peers.differs.connect(self.stream_differs)
+        context.peers.forgotten.connect(self.peer_forgotten)
 
     # Commands of a client
 

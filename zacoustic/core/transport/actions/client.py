@@ -5,12 +5,11 @@ from functools import partial
 from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.base.stats import EngineStats, count
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.base.stats import count
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.specs import ActionSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.clientgoal import ClientGoal, ClientStage
 from zacoustic.core.transport.actions.clientjournal import ClientJournal
 from zacoustic.core.transport.actions.clientrequests import ClientRequests
@@ -49,40 +48,21 @@ class GoalClient:
     """The goals that one node has sent.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
+        context: What the components of its engine share.
         outbox: Takes what is to be said.
-        journal: Keeps which goals have been sent.
-        handshake: Knows this node's epoch, and which streams a peer defines in another way.
-        begin_epoch: Begins a new boot epoch of this node; False: that would break something.
-        timers: Ask after goals, and give them up.
-        stats: Counts.
-        emit: Takes the events.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        outbox: GoalOutbox,
-        journal: JournalPort,
-        handshake: Handshake,
-        begin_epoch: Callable[[int], bool],
-        timers: Timers,
-        stats: EngineStats,
-        emit: Callable[[ActionEvent], None],
-    ) -> None:
-        self._address = address
-        self._table = table
+    def __init__(self, context: Context, outbox: GoalOutbox) -> None:
+        self._address = context.address
+        self._table = context.table
         self._outbox = outbox
-        self._requests = ClientRequests(table, outbox)
-        self._journal = ClientJournal(address, table, journal)
-        self._handshake = handshake
-        self._begin_epoch = begin_epoch
-        self._timers = timers
-        self._stats = stats
-        self._emit = emit
+        self._requests = ClientRequests(context.table, outbox)
+        self._journal = ClientJournal(context.address, context.table, context.journal)
+        self._handshake = context.handshake
+        self._epoch = context.epoch
+        self._timers = context.timers
+        self._stats = context.stats
+        self._emit: Callable[[ActionEvent], None] = context.emit
         self._goals: dict[GoalKey, ClientGoal] = {}
         self._numbers: dict[int, GoalNumbers] = {}
         self.settling_ns = 0
@@ -276,7 +256,7 @@ class GoalClient:
         if len(taken) < WINDOW:
             if numbers.may_begin(now, self.settling_ns):
                 return numbers
-            if numbers.is_stuck and self._begin_epoch(now):
+            if numbers.is_stuck and self._epoch.renew(now):
                 numbers = self._first_numbers(stream.stream_id, taken)
                 if numbers.may_begin(now, self.settling_ns):
                     return numbers

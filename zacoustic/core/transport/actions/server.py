@@ -7,13 +7,11 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.base.stats import EngineStats, count
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.base.stats import count
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.specs import ActionSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.events import ActionEvent, CancelRequested, GoalReceived
 from zacoustic.core.transport.actions.numbers import closes
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
@@ -54,36 +52,19 @@ class GoalServer:
     """The goals that one node was sent.
 
     Args:
-        table: Its streams.
+        context: What the components of its engine share.
         outbox: Takes what is to be said.
-        journal: Keeps the goals.
-        handshake: Knows the present epoch of each client.
-        doubt: Whether goals of former lives are forgotten.
-        timers: Forget what nobody asks for any more.
-        stats: Counts.
-        emit: Takes the events.
     """
 
-    def __init__(
-        self,
-        table: StreamTable,
-        *,
-        outbox: GoalOutbox,
-        journal: JournalPort,
-        handshake: Handshake,
-        doubt: Doubt,
-        timers: Timers,
-        stats: EngineStats,
-        emit: Callable[[ActionEvent], None],
-    ) -> None:
-        self._table = table
+    def __init__(self, context: Context, outbox: GoalOutbox) -> None:
+        self._table = context.table
         self._outbox = outbox
-        self._journal = journal
-        self._handshake = handshake
-        self._doubt = doubt
-        self._timers = timers
-        self._stats = stats
-        self._emit = emit
+        self._journal = context.journal
+        self._handshake = context.handshake
+        self._doubt = context.doubt
+        self._timers = context.timers
+        self._stats = context.stats
+        self._emit: Callable[[ActionEvent], None] = context.emit
         self._goals = TakenGoals()
         self.settling_ns = 0
         """Time within which a repetition of a frame arrives, ns."""

@@ -12,15 +12,14 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Priority, Qos, Stamp
-from zacoustic.core.base.stats import Cause, EngineStats, count
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.base.stats import Cause, count
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ServiceSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.calls.calls import Answer, RequestReceived, Served, ServerCalls
 from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.values.payload import PayloadError
@@ -57,39 +56,20 @@ class Answering:
     """The server's side of calls.
 
     Args:
-        address: Address of this node.
-        table: Its streams.
-        queue: Takes what confirms.
+        context: What the components of its engine share.
         repeater: Takes answers.
-        journal: Keeps the calls.
-        doubt: Whether some are forgotten.
-        timers: Forget what cannot come again.
-        stats: Counts.
-        emit: Takes the events.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        repeater: Repeater,
-        journal: JournalPort,
-        doubt: Doubt,
-        timers: Timers,
-        stats: EngineStats,
-        emit: Callable[[RequestReceived], None],
-    ) -> None:
-        self._address = address
-        self._table = table
-        self._queue = queue
+    def __init__(self, context: Context, repeater: Repeater) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._queue = context.queue
         self._repeater = repeater
-        self._journal = journal
-        self._doubt = doubt
-        self._timers = timers
-        self._stats = stats
-        self._emit = emit
+        self._journal = context.journal
+        self._doubt = context.doubt
+        self._timers = context.timers
+        self._stats = context.stats
+        self._emit: Callable[[RequestReceived], None] = context.emit
         self._calls = ServerCalls()
         self._handlers: dict[int, Callable[[RequestReceived, int], None]] = {}
         self._linger_s = 0.0

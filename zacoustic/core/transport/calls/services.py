@@ -12,17 +12,16 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Stamp
-from zacoustic.core.base.stats import Cause, EngineStats, count
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import SETTLING_UNITS, Handshake
+from zacoustic.core.base.stats import Cause, count
+from zacoustic.core.base.timers import Due
+from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.peers.reception import Heard
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ServiceSpec
-from zacoustic.core.streams.table import EVERY_NODE, Stream, StreamTable
+from zacoustic.core.streams.table import EVERY_NODE, Stream
 from zacoustic.core.transport.calls.answering import Answering, call_qos, confirm_qos
 from zacoustic.core.transport.calls.calls import CallEvent, CallFailed, ClientCalls
 from zacoustic.core.transport.repeating import Repeater
@@ -54,63 +53,34 @@ class Services:
     """The services of one node, as client and as server.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        queue: Takes what confirms.
-        repeater: Takes requests and answers.
-        journal: Keeps the calls that this node serves.
-        handshake: Knows which streams a peer defines in another way, and each peer's epoch.
-        begin_epoch: Begins a new boot epoch of this node.
-        doubt: Whether calls of former lives are forgotten.
-        timers: End calls.
-        stats: Counts.
-        emit: Takes the events.
+        context: What the components of its engine share.
+        repeater: Repeats requests and answers.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        repeater: Repeater,
-        journal: JournalPort,
-        handshake: Handshake,
-        begin_epoch: Callable[[int], None],
-        doubt: Doubt,
-        timers: Timers,
-        stats: EngineStats,
-        emit: Callable[[CallEvent], None],
-    ) -> None:
-        self._address = address
-        self._table = table
-        self._queue = queue
+    def __init__(self, context: Context, repeater: Repeater) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._queue = context.queue
         self._repeater = repeater
-        self._handshake = handshake
-        self._begin_epoch = begin_epoch
-        self._timers = timers
-        self._stats = stats
-        self._emit = emit
-        self._clients = ClientCalls(first_number=_first_number(handshake.epoch))
-        self._answering = Answering(
-            address,
-            table,
-            queue=queue,
-            repeater=repeater,
-            journal=journal,
-            doubt=doubt,
-            timers=timers,
-            stats=stats,
-            emit=emit,
-        )
+        self._handshake = context.handshake
+        self._epoch = context.epoch
+        self._timers = context.timers
+        self._stats = context.stats
+        self._emit: Callable[[CallEvent], None] = context.emit
+        self._clients = ClientCalls(first_number=_first_number(context.handshake.epoch))
+        self._answering = Answering(context, repeater)
+        context.reception.on_records(ServiceSpec, self.receive)
+        context.epoch.began.connect(self.epoch_changed)
+        context.epoch.outlast(lambda: self.is_calling)
+        context.peers.restarted.connect(self._answering.peer_restarted)
+        context.peers.differs.connect(self.stream_differs)
+        context.peers.forgotten.connect(self.peer_forgotten)
         self.reply = self._answering.reply
         """Answers a request; see `Engine.reply`."""
         self.reply_error = self._answering.reply_error
         """Answers a request with an error; see `Engine.reply_error`."""
         self.serve_here = self._answering.serve_here
         """Gives a service to a handler in the engine."""
-        self.peer_restarted = self._answering.peer_restarted
-        """To be told when a node has told a new epoch."""
         self._linger_s = 0.0
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
@@ -152,7 +122,7 @@ class Services:
         served_at = now + seconds_to_ns(spec.timeout_s)
         deadline_at = served_at if timeout_s is None else now + seconds_to_ns(timeout_s)
         if self._clients.needs_new_epoch(stream_id, server):
-            self._begin_epoch(now)
+            self._epoch.begin(now)
             self._clients.begin_epoch(_first_number(self._handshake.epoch))
         call_id, number = self._clients.begin(stream_id, server, now)
         self._timers.at((Due.CALL, call_id), deadline_at, partial(self._time_out, call_id))
@@ -221,7 +191,7 @@ class Services:
         self._clients.forget(address)
         self._answering.peer_forgotten(address, now)
 
-    def epoch_changed(self) -> None:
+    def epoch_changed(self, now: int) -> None:
         """This node has begun a new epoch.
 
         A CONFIRM that waits names a call by the epoch it is sent in: it would be taken for one of

@@ -7,7 +7,7 @@ import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.qos import Priority
-from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.context import NodeContext
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.commands import (
     COMMANDS_STREAM_ID,
@@ -17,7 +17,6 @@ from zacoustic.core.streams.commands import (
     RemoteCommand,
     check_timeout,
 )
-from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.calls.answering import ANSWER_LANE
 from zacoustic.core.transport.calls.calls import RequestReceived
 from zacoustic.core.transport.calls.services import Services
@@ -51,44 +50,37 @@ class Commands:
     """What a node commands others to do, and does for them.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        services: They carry commands.
-        handshake: Knows how long an answer may take.
+        node: What there is once in the node.
+        services: They carry commands; None: none cross on its wire.
         overrides: The overrides of topics.
-        deduplication: The executed commands.
         silence: The gate in front of all transmissions.
         executes: Addresses of the nodes whose commands it executes; None: those of the table's
             list.
-        emit: Takes `StreamOverridden`.
     """
 
     def __init__(
         self,
-        address: int,
-        table: StreamTable,
-        services: Services,
-        handshake: Handshake,
+        node: NodeContext,
+        services: Services | None,
         overrides: Overrides,
-        deduplication: DeduplicationTable,
         silence: Silence,
         executes: frozenset[int] | None,
-        emit: Callable[[StreamOverridden], None],
     ) -> None:
         self.overrides = overrides
         """The overrides of topics; read only."""
-        self._address = address
-        self._table = table
+        self._address = node.address
+        self._table = node.table
         self._executes = executes
         self._services = services
-        self._handshake = handshake
+        self._handshake = node.handshake
         self._silence = silence
-        self._deduplication = deduplication
-        self._emit = emit
+        self._deduplication = DeduplicationTable(node.stored, node.journal)
+        self._emit: Callable[[StreamOverridden], None] = node.emit
         self._serial = 0
-        stream = table.get(COMMANDS_STREAM_ID)
+        node.peers.forgotten.connect(self._deduplication.peer_forgotten)
+        stream = node.table.get(COMMANDS_STREAM_ID)
         if stream is not None and stream.is_built_in:  # else the id is another service's
-            self._services.serve_here(COMMANDS_STREAM_ID, self._receive)
+            self._carrier.serve_here(COMMANDS_STREAM_ID, self._receive)
 
     def send(
         self, node: int, command: RemoteCommand, now: int, *, timeout_s: float | None = None
@@ -113,9 +105,7 @@ class Commands:
             raise LocalError(f"node {node}; allowed: 1..254")
         if timeout_s is not None:
             check_timeout(timeout_s)
-        rival = self._table.get(COMMANDS_STREAM_ID)
-        if rival is None:
-            raise LocalError(f"no commands cross a link with wire: {self._table.wire.value}")
+        carrier, rival = self._carrier, self._table.by_id(COMMANDS_STREAM_ID)
         if not rival.is_built_in:
             raise LocalError(
                 f"stream {COMMANDS_STREAM_ID} is {rival.name}, so no commands cross the water",
@@ -123,7 +113,7 @@ class Commands:
             )
         if command.changes:
             self._serial = (self._serial + 1) % SERIALS
-        return self._services.call(
+        return carrier.call(
             COMMANDS_STREAM_ID, command.to_wire(self._serial), now, timeout_s=timeout_s, server=node
         )
 
@@ -207,12 +197,18 @@ class Commands:
         self._deduplication.enter(call.client, command.subject, call.epoch, serial, kept)
 
     def _answer(self, call: CallKey, command: RemoteCommand, now: int) -> None:
-        self._services.reply(call, self.state(command, now).to_wire(), now)
+        self._carrier.reply(call, self.state(command, now).to_wire(), now)
 
     def _refuse(self, call: CallKey, reason: str, now: int) -> None:
-        self._services.reply_error(call, CallFailure.HANDLER, reason, now)
+        self._carrier.reply_error(call, CallFailure.HANDLER, reason, now)
 
     # Below the methods above
+
+    @property
+    def _carrier(self) -> Services:
+        if self._services is None:
+            raise LocalError(f"no commands cross a link with wire: {self._table.wire.value}")
+        return self._services
 
     def _do(self, command: RemoteCommand, now: int, then: Callable[[int], None]) -> None:
         match command.kind:

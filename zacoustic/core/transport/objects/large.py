@@ -12,16 +12,13 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Reliability
-from zacoustic.core.base.stats import NO_STREAM, EngineStats
-from zacoustic.core.base.timers import Timers
-from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.peers.reception import Heard
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import (
     DeliveryEvent,
     DeliveryOutcome,
@@ -43,7 +40,15 @@ from zacoustic.core.transport.reliable.sending.slots import LargeSlots, Sequence
 from zacoustic.core.transport.subscriptions.subscriptions import NOBODY, Subscriptions
 from zacoustic.core.values.encoding import decode_prefix
 from zacoustic.core.values.payload import PayloadError
-from zacoustic.core.wire.objects import Feedback, Fragment, Reason
+from zacoustic.core.wire.objects import (
+    Complete,
+    Feedback,
+    Fragment,
+    Headless,
+    Lacks,
+    Reason,
+    Refused,
+)
 from zacoustic.errors import LocalError, UnknownStreamError
 
 _OUTCOMES: Final = {
@@ -59,57 +64,47 @@ class LargeSamples:
     """The objects of one node, and their topics.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
+        context: What the components of its engine share.
         limits: How much memory objects may take.
-        handshake: Knows whether the tables agree.
         subscriptions: Knows the subscribers of on-demand topics.
         sending: Has the counts of this node's keys.
         receiving: Has the others' samples, and takes new ones.
-        journal: Keeps what must survive a restart.
-        timers: Withdraw expired objects.
-        stats: Counts.
-        generators: One for each component that draws.
-        emit: Takes events.
     """
 
     def __init__(
         self,
-        address: int,
-        table: StreamTable,
+        context: Context,
         limits: ObjectLimits,
-        *,
-        handshake: Handshake,
         subscriptions: Subscriptions,
         sending: ReliableSending,
         receiving: ReliableReceiving,
-        journal: JournalPort,
-        timers: Timers,
-        stats: EngineStats,
-        generators: Generators,
-        emit: Callable[[ObjectProgress | DeliveryEvent], None],
     ) -> None:
-        self._address = address
-        self._table = table
-        self._handshake = handshake
+        self._address = context.address
+        self._table = context.table
+        self._handshake = context.handshake
         self._subscriptions = subscriptions
         self._sending = sending
         self._slots: LargeSlots = sending.slots
         self._receiving = receiving
-        self._stats = stats
-        self._emit = emit
+        self._stats = context.stats
+        self._emit: Callable[[ObjectProgress | DeliveryEvent], None] = context.emit
         self._now = 0
         self._given_up: list[StoredObject] = []
         self.objects = Objects(
-            epoch=handshake.epoch,
+            epoch=context.handshake.epoch,
             limits=limits,
-            timers=timers,
-            generators=generators,
+            timers=context.timers,
+            generators=context.generators,
             admission=self,
             owner=self,
             emit=self._progress,
-            journal=journal,
+            journal=context.journal,
         )
+        context.reception.on(Fragment, self.fragment)
+        for kind in (Lacks, Complete, Refused, Headless):
+            context.reception.on(kind, self.feedback)
+        context.peers.forgotten.connect(self.objects.peer_forgotten)
+        subscriptions.unsubscribed.connect(self.unsubscribed)
         self._slots.sender = self
 
     def recover(self, stored: Mapping[str, bytes]) -> None:

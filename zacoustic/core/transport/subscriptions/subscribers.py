@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping, Set
 from typing import Final
 
-from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.base.signals import Signal
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.subscriptions.own import VERSIONS
 from zacoustic.core.wire.subscriptions import Subscribe, page_of, streams_of
 
@@ -36,37 +36,21 @@ class _Held:
         return known == (epoch, message.version, message.streams)
 
 
-Changed = Callable[[Stream, Set[int], int], None]
-"""``(topic, newcomers, now)``: the audience of a topic has changed."""
-
-
 class Subscribers:
     """Who wants what of one node.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        handshake: Knows the boot epochs and tables of others.
-        journal: Keeps the letters.
-        changed: Told when an audience has changed.
+        context: What the components of its engine share.
         answer: Sends the answer to a letter: ``(address, letter, now)``.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        handshake: Handshake,
-        journal: JournalPort,
-        changed: Changed,
-        answer: Callable[[int, Subscribe, int], None],
-    ) -> None:
-        self._address = address
-        self._table = table
-        self._handshake = handshake
-        self._journal = journal
-        self._changed = changed
+    def __init__(self, context: Context, answer: Callable[[int, Subscribe, int], None]) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._handshake = context.handshake
+        self._journal = context.journal
+        self.changed = Signal[Stream, Set[int], int]()
+        """``(topic, newcomers, now)``: the audience of a topic has changed."""
         self._answer = answer
         self._held: dict[tuple[int, int], _Held] = {}
         self._subscribers: dict[int, set[int]] = {}
@@ -117,7 +101,7 @@ class Subscribers:
         for stream_id, subscribers in self._subscribers.items():
             if source in subscribers:
                 subscribers.discard(source)
-                self._changed(self._table.by_id(stream_id), set(), now)
+                self.changed(self._table.by_id(stream_id), set(), now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the entries of a former boot epoch."""
@@ -189,10 +173,10 @@ class Subscribers:
             subscribers = self._subscribers.setdefault(stream_id, set())
             if stream_id in wanted and source not in subscribers:
                 subscribers.add(source)
-                self._changed(stream, {source}, now)
+                self.changed(stream, {source}, now)
             elif stream_id not in wanted and source in subscribers:
                 subscribers.discard(source)
-                self._changed(stream, set(), now)
+                self.changed(stream, set(), now)
 
 
 def _name(source: int, page: int) -> str:

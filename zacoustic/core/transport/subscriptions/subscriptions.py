@@ -5,18 +5,18 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.signals import Signal
 from zacoustic.core.base.stats import NO_STREAM, Cause
-from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.reception import Heard
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.streams.specs import LAST_STREAM_ID, TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.transport.subscriptions.own import ANSWER_LANE, SUBSCRIBE_QOS, Own
-from zacoustic.core.transport.subscriptions.subscribers import Changed, Subscribers
+from zacoustic.core.transport.subscriptions.subscribers import Subscribers
 from zacoustic.core.wire.subscriptions import (
     PAGE_STREAMS,
     SUBSCRIBE_CODE,
@@ -45,46 +45,26 @@ class Subscriptions:
     """The on-demand topics of one node.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        queue: Takes answers.
+        context: What the components of its engine share.
         repeater: Repeats letters.
-        handshake: Knows the boot epochs and tables of others.
-        journal: Keeps what others want.
-        changed: Told when the audience of a topic has changed.
-        unsubscribed: Told when this node wants a topic no longer: stream, sources, instant.
-        emit: Takes events.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        repeater: Repeater,
-        handshake: Handshake,
-        journal: JournalPort,
-        changed: Changed,
-        unsubscribed: Callable[[int, Set[int], int], None],
-        emit: Callable[[SubscribersChanged | DeliveryEnded], None],
-    ) -> None:
-        self._address = address
-        self._table = table
-        self._queue = queue
-        self._handshake = handshake
-        self._pass_on = changed
-        self._unsubscribed = unsubscribed
-        self._emit = emit
+    def __init__(self, context: Context, repeater: Repeater) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._queue = context.queue
+        self._emit: Callable[[SubscribersChanged | DeliveryEnded], None] = context.emit
+        handshake = context.handshake
         self._own = Own(repeater, lambda: handshake.settling_ns)
-        self._subscribers = Subscribers(
-            address,
-            table,
-            handshake=handshake,
-            journal=journal,
-            changed=self._changed,
-            answer=self._answer,
-        )
+        self._subscribers = Subscribers(context, self._answer)
+        self.changed = self._subscribers.changed
+        """``(topic, newcomers, now)``: others subscribe to a topic than before."""
+        self.changed.connect(self._tell)
+        self.unsubscribed = Signal[int, Set[int], int]()
+        """``(stream_id, sources, now)``: this node wants a topic of these nodes no longer."""
+        context.reception.on(Subscribe, self.receive)
+        context.peers.restarted.connect(self.peer_restarted)
+        context.peers.forgotten.connect(self.peer_forgotten)
 
     # Commands
 
@@ -115,7 +95,7 @@ class Subscriptions:
             before = self._own.wanted(stream_id)
             self._own.want(stream_id, wanted, now)
             if before - wanted:
-                self._unsubscribed(stream_id, before - wanted, now)
+                self.unsubscribed(stream_id, before - wanted, now)
 
     # Getters
 
@@ -207,13 +187,10 @@ class Subscriptions:
             if stream.is_on_demand and page_of(stream.stream_id) == message.page
         ]
 
-    def _changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
-        subscribers = self._subscribers.of(stream)
-        self._pass_on(stream, newcomers, now)
+    def _tell(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        subscribers = tuple(sorted(self._subscribers.of(stream)))
         self._emit(
-            SubscribersChanged(
-                stream_id=stream.stream_id, subscribers=tuple(sorted(subscribers)), changed_at=now
-            )
+            SubscribersChanged(stream_id=stream.stream_id, subscribers=subscribers, changed_at=now)
         )
 
     def _answer(self, source: int, message: Subscribe, now: int) -> None:

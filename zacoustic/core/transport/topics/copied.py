@@ -20,9 +20,9 @@ from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import LaneKey, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.wire.frame import SYNC_BYTES, Sync
@@ -63,15 +63,14 @@ class CopiedSamples:
     """The copied samples of one node, and the received copies of others.
 
     Args:
-        queue: Takes the copies.
-        handshake: Knows the boot epoch.
-        timers: Send what goes again.
+        context: What the components of its engine share.
     """
 
-    def __init__(self, queue: TransmitQueue, handshake: Handshake, timers: Timers) -> None:
-        self._timers = timers
-        self._queue = queue
-        self._handshake = handshake
+    def __init__(self, context: Context) -> None:
+        self._timers = context.timers
+        self._queue = context.queue
+        self._handshake = context.handshake
+        context.peers.forgotten.connect(self.peer_forgotten)
         self._times: LinkTimes | None = None
         self._next_number = 0
         self._copied: dict[int, _Copied] = {}

@@ -20,10 +20,11 @@ from functools import partial
 
 import msgspec
 
-from zacoustic.core.base.stats import EngineStats, count
-from zacoustic.core.base.timers import Due, Timers
+from zacoustic.core.base.stats import count
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 
@@ -86,39 +87,30 @@ class Deadlines:
     """The deadlines of one node's topics.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
+        context: What the components of its engine share.
         subscriptions: Knows which on-demand topics this node still wants.
-        timers: Tell of what has not come in time.
-        stats: Counts.
-        emit: Takes the events.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        subscriptions: Subscriptions,
-        timers: Timers,
-        stats: EngineStats,
-        emit: Callable[[DeadlineMissed], None],
-    ) -> None:
-        self._address = address
-        self._table = table
+    def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
+        self._address = context.address
+        self._table = context.table
         self._subscriptions = subscriptions
-        self._timers = timers
-        self._stats = stats
-        self._emit = emit
+        self._timers = context.timers
+        self._stats = context.stats
+        self._emit: Callable[[DeadlineMissed | SampleReceived], None] = context.emit
+        context.peers.forgotten.connect(self.peer_forgotten)
         self._awaited: dict[_Key, Awaited] = {}
 
     def published(self, stream_id: int, instance: Instance, now: int, *, deleted: bool) -> None:
         """The application has published a sample."""
         self._note((self._address, stream_id, instance), now, deleted=deleted)
 
-    def handed_on(self, sample: SampleReceived, now: int) -> None:
-        """A sample of another node is handed on."""
+    def hand_on(self, sample: SampleReceived, now: int) -> None:
+        """Hand a sample of another node to the application."""
+        count(self._stats.received, sample.stream_id)
         key = (sample.source, sample.stream_id, sample.instance)
         self._note(key, now, deleted=sample.deleted)
+        self._emit(sample)
 
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing of a node is awaited before it is heard again."""

@@ -27,12 +27,13 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import Any, Final
 
 from zacoustic.core.base.linktypes import BROADCAST
-from zacoustic.core.peers.handshake import SETTLING_UNITS, Handshake
+from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.peers.reception import Heard
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable
+from zacoustic.core.streams.table import AGE_FIELD, Stream
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.values.age import encode_age
 from zacoustic.core.values.dense import DenseCodec, DenseSample, Encoded, Listener, Speaker
@@ -64,24 +65,25 @@ class DenseStreams:
     """The dense blocks of one node, its own and those that it hears.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        handshake: Knows who holds another table.
+        context: What the components of its engine share.
         subscriptions: Knows the subscribers of on-demand topics.
     """
 
-    def __init__(
-        self, address: int, table: StreamTable, handshake: Handshake, subscriptions: Subscriptions
-    ) -> None:
-        self._address = address
-        self._table = table
-        self._handshake = handshake
+    def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._handshake = context.handshake
         self._subscriptions = subscriptions
         self.savings = Savings()
         """What the blocks of this node have saved."""
         self._speaker: Speaker | None = None
         self._counted_at: deque[int] = deque(maxlen=REACH)
         self._heard: dict[int, _Heard] = {}
+        context.reception.on(DenseAck, self.acknowledged)
+        context.epoch.began.connect(self.epoch_changed)
+        context.peers.restarted.connect(self.peer_restarted)
+        context.peers.asked.connect(self.peer_asked)
+        context.peers.forgotten.connect(self.peer_forgotten)
 
     # Blocks of this node
 
@@ -193,7 +195,7 @@ class DenseStreams:
         if self._speaker is not None:
             self._speaker.forget(address)
 
-    def epoch_changed(self) -> None:
+    def epoch_changed(self, now: int) -> None:
         """This node begins a new epoch: all blocks, sent and received, were in the old one."""
         self._speaker = None
         self._heard.clear()

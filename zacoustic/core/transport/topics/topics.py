@@ -4,30 +4,32 @@ A best-effort sample crosses once or not at all; a reliable one goes to
 `zacoustic.core.transport.reliable`. `zacoustic.core.wire.content` has the parts of a record.
 """
 
-from collections.abc import Callable, Set
+from collections.abc import Mapping, Set
 from typing import Any, Final
 
-from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Reliability, Stamp
-from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.base.stats import count
 from zacoustic.core.peers.reception import Heard
-from zacoustic.core.schedule.queue import SAMPLE_LANE, TransmitQueue, Waiting
-from zacoustic.core.streams.keys import Instance
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import SAMPLE_LANE, Waiting
+from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable
+from zacoustic.core.streams.table import AGE_FIELD, Stream
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.objects.large import LargeSamples
+from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.reliable.receiving.receiving import Arrival, ReliableReceiving
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.reliable.sending.slots import LEAST_ACK_BYTES
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
+from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
+from zacoustic.core.transport.topics.publication import EncodedSample, Publication, encode_sample
 from zacoustic.core.values.age import decode_age_s
-from zacoustic.core.values.encoding import encode_prefix
 from zacoustic.core.values.payload import PayloadError
-from zacoustic.core.wire.frame import SYNC_BYTES, Control, DenseBlock, Record
+from zacoustic.core.wire.frame import SYNC_BYTES, DenseBlock, Record
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
 from zacoustic.errors import UnknownStreamError
 
@@ -41,127 +43,133 @@ class Topics:
     """The topics of one node.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        queue: Takes the samples.
-        copied: Takes best-effort samples, which may go several times.
-        dense: Reads dense blocks.
-        stats: Counts.
-        sending: Takes reliable samples on their way out.
-        receiving: Takes reliable samples on their way in.
-        large: Takes what fits no frame.
+        context: What the components of its engine share.
+        limits: How much memory samples may take that fit no frame.
         subscriptions: Knows the subscribers of on-demand topics.
-        emit: Takes the samples, and the instant.
+        deadlines: Hands the samples on.
     """
 
     def __init__(
         self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        copied: CopiedSamples,
-        dense: DenseStreams,
-        stats: EngineStats,
-        sending: ReliableSending,
-        receiving: ReliableReceiving,
-        large: LargeSamples,
+        context: Context,
+        limits: ObjectLimits,
         subscriptions: Subscriptions,
-        emit: Callable[[SampleReceived, int], None],
+        deadlines: Deadlines,
     ) -> None:
-        self._address = address
-        self._table = table
-        self._queue = queue
-        self._copied = copied
-        self._dense = dense
-        self._stats = stats
-        self._sending = sending
-        self._receiving = receiving
-        self._large = large
+        self._address = context.address
+        self._table = context.table
+        self._queue = context.queue
+        self._stats = context.stats
         self._subscriptions = subscriptions
-        self._emit = emit
+        self._hand_on = deadlines.hand_on
+        self.dense = DenseStreams(context, subscriptions)
+        """Dense blocks."""
+        self.sending = ReliableSending(context, subscriptions)
+        """Reliable samples on their way out."""
+        self.receiving = ReliableReceiving(context, deadlines.hand_on)
+        """Reliable samples on their way in."""
+        self.large = LargeSamples(context, limits, subscriptions, self.sending, self.receiving)
+        """What fits no frame."""
+        self.copied = CopiedSamples(context)
+        """Best-effort samples, which may go several times."""
+        context.reception.on_records(TopicSpec, self.receive, self.receive_ack)
+        context.reception.on(DenseBlock, self.receive_block)
+        subscriptions.changed.connect(self.subscribers_changed)
 
-    def publish(
-        self,
-        stream_id: int,
-        value: object,
-        now: int,
-        *,
-        instance: Instance,
-        encoding: str | None,
-        delete: bool,
-        queued_at: int | None,
-    ) -> int:
+    # The life of the engine
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with the samples that a former life has left."""
+        self.sending.recover(stored)
+        self.receiving.recover(stored)
+        self.large.recover(stored)
+
+    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
+        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        self.copied.use_link(times)
+        self.sending.use_link(times, settling_ns)
+        self.receiving.use_link(times)
+
+    def link_up(self, now: int) -> None:
+        """The link is up: go on with what was begun."""
+        self.receiving.link_up(now)
+        self.sending.link_up(now)
+        self.large.link_up(now)
+
+    def awake(self, now: int) -> None:
+        """The node is awake, and timers may be due: do what has no instant of its own."""
+        self.large.at(now)
+        self.copied.sweep(now)
+
+    # For the application and for the channel
+
+    def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
-        stream, spec = self._table.topic_of(self._address, stream_id)
-        stream.keys.key(self._address, instance)
-        prefix = bytes((Control.DELETE,)) if delete else b""
-        if encoding is not None and encoding != stream.encoding and not delete:
-            prefix = bytes((Control.ENCODING,)) + encode_prefix(encoding)
-        made_at = now if queued_at is None else min(queued_at, now)
-        lifespan_s = stream.qos.lifespan_s
-        expires_at = None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s)
-        dense_value = None
-        if stream.dense_type is not None and not prefix:
-            dense_value, payload = stream.dense_value(value)
-        else:
-            payload = b"" if delete else stream.codec.encode(value)
-        stamped = stream.qos.stamp is Stamp.AGE and not delete
-        reliable = stream.qos.reliability is Reliability.RELIABLE
-        needed_bytes = len(prefix) + 1 + len(instance) + stamped + len(payload)
-        if reliable:
-            self._sending.check(stream)
-            needed_bytes += SYNC_BYTES + NUMBER_BYTES
-            needed_bytes = max(needed_bytes, LEAST_ACK_BYTES + len(instance))
+        stream, spec = self._table.topic_of(self._address, publication.stream_id)
+        stream.keys.key(self._address, publication.instance)
+        sample = encode_sample(stream, publication, now)
+        is_reliable = stream.qos.reliability is Reliability.RELIABLE
+        if is_reliable:
+            self.sending.check(stream)
         if self._subscriptions.subscribers(stream) == frozenset():
-            count(self._stats.published, stream_id)
-            count(self._stats.unsubscribed, stream_id)
-            if not reliable:
+            count(self._stats.published, stream.stream_id)
+            count(self._stats.unsubscribed, stream.stream_id)
+            if not is_reliable:
                 return NO_DELIVERY
-            return self._subscriptions.refuse(stream, self._sending.next_delivery_id(), now)
-        largest_bytes = self._queue.largest_bytes
-        is_large = reliable and largest_bytes is not None and needed_bytes > largest_bytes
-        if reliable:
-            self._large.check(stream, len(payload))
-            if is_large and not delete:
-                delivery_id = self._large.publish(
-                    stream,
-                    payload,
-                    now,
-                    instance=instance,
-                    encoding=encoding if prefix else None,
-                    expires_at=expires_at,
-                )
-                count(self._stats.published, stream_id)
-                return delivery_id
-        self._queue.check_size(stream.name, needed_bytes, hint=_IN_PARTS)
-        count(self._stats.published, stream_id)
-        if reliable:
-            return self._sending.publish(
-                stream,
-                instance,
-                prefix=prefix,
-                payload=payload,
-                stamped=stamped,
-                queued_at=made_at,
-                expires_at=expires_at,
-                now=now,
-            )
+            return self._subscriptions.refuse(stream, self.sending.next_delivery_id(), now)
+        if is_reliable:
+            return self._publish_reliably(stream, sample, now, is_delete=publication.delete)
+        self._queue.check_size(stream.name, sample.record_bytes, hint=_IN_PARTS)
+        count(self._stats.published, stream.stream_id)
         item = Waiting(
-            stream_id=stream_id,
+            stream_id=stream.stream_id,
             destination=self._destination(stream, spec),
-            prefix=prefix,
-            head=bytes(instance),
-            payload=payload,
-            stamped=stamped,
-            delimits_itself=stream.codec.delimits_itself or delete,
-            dense_value=dense_value,
-            tick=self._stats.published[stream_id],
-            queued_at=made_at,
-            expires_at=expires_at,
+            prefix=sample.prefix,
+            head=bytes(sample.instance),
+            payload=sample.payload,
+            stamped=sample.stamped,
+            delimits_itself=stream.codec.delimits_itself or publication.delete,
+            dense_value=sample.dense_value,
+            tick=self._stats.published[stream.stream_id],
+            queued_at=sample.made_at,
+            expires_at=sample.expires_at,
         )
-        self._copied.publish((stream_id, SAMPLE_LANE, *instance), item, stream.qos, now)
+        lane = (stream.stream_id, SAMPLE_LANE, *sample.instance)
+        self.copied.publish(lane, item, stream.qos, now)
         return NO_DELIVERY
+
+    def _publish_reliably(
+        self, stream: Stream, sample: EncodedSample, now: int, *, is_delete: bool
+    ) -> int:
+        self.large.check(stream, len(sample.payload))
+        needed_bytes = max(
+            sample.record_bytes + SYNC_BYTES + NUMBER_BYTES,
+            LEAST_ACK_BYTES + len(sample.instance),
+        )
+        largest_bytes = self._queue.largest_bytes
+        if largest_bytes is not None and needed_bytes > largest_bytes and not is_delete:
+            delivery_id = self.large.publish(
+                stream,
+                sample.payload,
+                now,
+                instance=sample.instance,
+                encoding=sample.encoding,
+                expires_at=sample.expires_at,
+            )
+            count(self._stats.published, stream.stream_id)
+            return delivery_id
+        self._queue.check_size(stream.name, needed_bytes, hint=_IN_PARTS)
+        count(self._stats.published, stream.stream_id)
+        return self.sending.publish(
+            stream,
+            sample.instance,
+            prefix=sample.prefix,
+            payload=sample.payload,
+            stamped=sample.stamped,
+            queued_at=sample.made_at,
+            expires_at=sample.expires_at,
+            now=now,
+        )
 
     def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
         """Take a record that may be decoded; returns why it is dropped, or None."""
@@ -211,13 +219,13 @@ class Topics:
                 frame_bytes=len(received.frame_bytes),
                 spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
             )
-            reason = self._receiving.receive(stream, arrival, now)
-            self._large.at(now).objects.look_again(source)
+            reason = self.receiving.receive(stream, arrival, now)
+            self.large.at(now).objects.look_again(source)
             return reason
         sync = prefixes.sync
-        if sync and self._copied.is_repeated(source, stream.stream_id, instance, sync):
+        if sync and self.copied.is_repeated(source, stream.stream_id, instance, sync):
             return "repeated_sample"
-        self._emit(sample, now)
+        self._hand_on(sample, now)
         return None
 
     def receive_block(self, heard: Heard, block: DenseBlock) -> str | None:
@@ -225,10 +233,10 @@ class Topics:
         reason = heard.dense_refusal()
         if reason is not None:
             return reason
-        if not self._dense.concerns_us(heard.source, heard.frame.destination):
+        if not self.dense.concerns_us(heard.source, heard.frame.destination):
             return "not_subscriber"
         try:
-            samples = self._dense.receive(heard.source, block.block)
+            samples = self.dense.receive(heard.source, block.block)
         except PayloadError:
             return "dense"
         for stream_id, value in samples:
@@ -249,16 +257,16 @@ class Topics:
             return "payload"
         instance = tuple(record.content[:wild])
         sync = record.prefixes.sync
-        return self._sending.acknowledged(heard.source, stream, instance, ack, sync, heard.now)
+        return self.sending.acknowledged(heard.source, stream, instance, ack, sync, heard.now)
 
     def subscribers_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         """Others subscribe to an on-demand topic than before: what waits is for those."""
         subscribers = self._subscriptions.subscribers(stream)
         if stream.qos.reliability is Reliability.RELIABLE:
-            self._sending.subscribers_changed(stream, newcomers, now)
-            self._large.subscribers_changed(stream, now)
+            self.sending.subscribers_changed(stream, newcomers, now)
+            self.large.subscribers_changed(stream, now)
             return
-        self._copied.drop_stream(stream.stream_id)
+        self.copied.drop_stream(stream.stream_id)
         if subscribers:
             self._queue.readdress(stream.stream_id, self._subscriptions.destination(stream))
         else:
@@ -280,7 +288,7 @@ class Topics:
             received_at=heard.frame.received_at,
             metrics=heard.frame.metrics,
         )
-        self._emit(sample, heard.now)
+        self._hand_on(sample, heard.now)
 
     def _destination(self, stream: Stream, spec: TopicSpec) -> int:
         """Return the one subscriber of a topic, or `BROADCAST`."""

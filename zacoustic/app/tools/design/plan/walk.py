@@ -23,6 +23,7 @@ from zacoustic.app.tools.design.plan.offers import Offer, Saying
 from zacoustic.app.tools.design.plan.reliable import ReliableLane
 from zacoustic.app.tools.design.plan.speaker import Said, Speaker
 from zacoustic.app.tools.design.plan.transfers import TransferLane
+from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.arrival import Arrival, Emission
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.scenario import Scenario
@@ -45,7 +46,6 @@ from zacoustic.core.wire.access import ANYBODY, NOBODY, TURN_CODE, ClockTime, Tu
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.frame import SYNC_BYTES
 from zacoustic.core.wire.numbers import NUMBER_BYTES
-from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualmodem import Modem
 
 _CLOCK_EVERY_S: Final = 10.0
@@ -132,7 +132,7 @@ class Walk:
         """Walk for a time, s."""
         for address in self._speakers:
             self.serve(address)
-        self._agenda.run(until_s=until_s)
+        self._agenda.run(seconds_to_ns(until_s))
         self.found.dropped = sum(each.dropped for each in self._speakers.values())
         return self.found
 

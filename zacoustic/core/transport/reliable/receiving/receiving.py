@@ -1,22 +1,20 @@
 """The subscriber's side: samples in their order, each once, and what is owed for them."""
 
 import enum
-import random
 from collections.abc import Callable, Mapping
 from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.reliable.receiving.positions import LaneKey, Positions
 from zacoustic.core.transport.reliable.receiving.receivelane import ReceiveLane
@@ -85,36 +83,20 @@ class ReliableReceiving:
     """What came reliably from other nodes.
 
     Args:
-        address: Address of this node.
-        table: Its streams.
-        queue: Takes ACKs.
-        journal: Keeps the positions.
-        doubt: Whether some of them are forgotten: what comes then may come again.
-        timers: Ask for what does not come.
-        rng: Draws when a repetition is acknowledged.
-        emit: Takes the samples in their order, and the instant.
+        context: What the components of its engine share.
+        hand_on: Takes the samples in their order, and the instant.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        journal: JournalPort,
-        doubt: Doubt,
-        timers: Timers,
-        rng: random.Random,
-        emit: Callable[[SampleReceived, int], None],
-    ) -> None:
-        self._address = address
-        self._table = table
-        self._queue = queue
-        self._doubt = doubt
-        self._positions = Positions(journal, table)
-        self._timers = timers
-        self._rng = rng
-        self._emit = emit
+    def __init__(self, context: Context, hand_on: Callable[[SampleReceived, int], None]) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._queue = context.queue
+        self._doubt = context.doubt
+        self._positions = Positions(context.journal, context.table)
+        self._timers = context.timers
+        self._rng = context.generators.of("receiving")
+        self._emit = hand_on
+        context.peers.forgotten.connect(self.peer_forgotten)
         self._lanes: dict[LaneKey, ReceiveLane] = {}
         self._left: list[LaneKey] = []
         """Lanes of which a former life was about to hand something on."""

@@ -7,19 +7,16 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import LIFE_KEY, JournalPort
+from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
-from zacoustic.core.base.stats import Cause, EngineStats
-from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.peers.peers import Peers
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import (
     DeliveryEnded,
     DeliveryEvent,
@@ -50,45 +47,31 @@ class ReliableSending:
     """What this node has published reliably.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        queue: Takes records.
-        handshake: Knows the boot epoch, and who defines a stream in another way.
+        context: What the components of its engine share.
         subscriptions: Knows who has subscribed to on-demand topics.
-        journal: Keeps what is to survive.
-        doubt: Whether something of former lives is forgotten.
-        generators: One for each component that draws.
-        stats: Is told how long answers take.
-        emit: Takes events.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        *,
-        queue: TransmitQueue,
-        peers: Peers,
-        handshake: Handshake,
-        subscriptions: Subscriptions,
-        journal: JournalPort,
-        doubt: Doubt,
-        timers: Timers,
-        generators: Generators,
-        stats: EngineStats,
-        emit: Callable[[DeliveryEvent], None],
-    ) -> None:
-        self._table = table
-        self._queue = queue
-        self._timers = timers
-        self._handshake = handshake
-        self._keeping = Keeping(journal)
-        self._pacing = Pacing(table, peers, generators.of("pacing"), stats, handshake)
-        self._contradictions = Contradictions(
-            self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
+    def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
+        self._table = context.table
+        self._queue = context.queue
+        self._timers = context.timers
+        self._handshake = context.handshake
+        self._keeping = Keeping(context.journal)
+        self._pacing = Pacing(
+            context.table,
+            context.peers,
+            context.generators.of("pacing"),
+            context.stats,
+            context.handshake,
         )
-        self._emit = emit
-        self._lanes = SendLanes(address, table, handshake, subscriptions)
+        self._contradictions = Contradictions(
+            self._keeping,
+            context.doubt,
+            context.generators.of("contradictions"),
+            self._out_of_sync,
+        )
+        self._emit: Callable[[DeliveryEvent], None] = context.emit
+        self._lanes = SendLanes(context.address, context.table, context.handshake, subscriptions)
         self.slots = LargeSlots(
             self._lanes,
             self._keeping,
@@ -102,6 +85,10 @@ class ReliableSending:
         self._paced_until: int | None = None
         self._next_delivery_id = 1
         self._order = 0
+        context.reception.read.connect(self.heard)
+        context.peers.restarted.connect(self.peer_restarted)
+        context.peers.asked.connect(self.peer_asked)
+        context.peers.forgotten.connect(self.peer_forgotten)
 
     # For the application
 

@@ -1,4 +1,4 @@
-"""`Alarm`: the one timer of an engine, on the loop."""
+"""`Alarm`: the one timer of something that is driven by the loop, such as an engine or a medium."""
 
 import asyncio
 from collections.abc import Callable
@@ -16,11 +16,16 @@ class Alarm:
     Args:
         clock: Where instants come from. Only differences are given to the loop: its clock need not
             be this one.
-        expire: Called with the instant that it was set to.
+        expire: Called with the instant that it was set to. The loop may be early by its resolution:
+            then it is that instant which counts.
+        time_scale: How many times faster than the loop's the clock goes.
     """
 
-    def __init__(self, clock: Clock, expire: Callable[[int], None]) -> None:
+    def __init__(
+        self, clock: Clock, expire: Callable[[int], None], *, time_scale: float = 1.0
+    ) -> None:
         self._clock = clock
+        self._time_scale = time_scale
         self._expire = expire
         self._timer: asyncio.Handle | None = None
         self._due_at = 0
@@ -36,7 +41,7 @@ class Alarm:
         self._due_at = due_at
         loop, delay_ns = asyncio.get_running_loop(), due_at - self._clock()
         if delay_ns > 0:
-            self._timer = loop.call_later(ns_to_seconds(delay_ns), self._go_off)
+            self._timer = loop.call_later(ns_to_seconds(delay_ns) / self._time_scale, self._go_off)
         else:
             self._timer = loop.call_soon(self._go_off)
 

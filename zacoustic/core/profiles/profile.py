@@ -1,0 +1,200 @@
+"""What a node says and hears on one link: what all wires have, and what each has of its own.
+
+The transmit queue with its lanes, priorities and lifespans is the same on every wire; so are medium
+access, silence and airtime caps, which are around it, and deadlines. What a wire does not have is
+not there, and what is asked of it does nothing.
+"""
+# ruff: noqa: B027
+
+from abc import ABC, abstractmethod
+from functools import partial
+from types import MappingProxyType
+
+from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.qos import Override
+from zacoustic.core.peers.ranging import Ranging
+from zacoustic.core.schedule.composer import Composed
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.port import LinkPort
+from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.actions.actions import Actions
+from zacoustic.core.transport.calls.services import Services
+from zacoustic.core.transport.contract import Transport
+from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
+from zacoustic.core.transport.topics.deadlines import Deadlines
+from zacoustic.core.transport.topics.publication import Publication
+from zacoustic.core.wire.calls import CallFailure, CallKey
+from zacoustic.core.wire.envelope import Envelope, Opened
+
+
+class Profile(ABC):
+    """One wire on one link of an engine.
+
+    Args:
+        context: What its components share.
+    """
+
+    services: Services | None = None
+    """Carry remote commands; None: there are none on this wire."""
+    actions: Actions | None = None
+    """Commands about goals; None: there are none on this wire."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._stats = context.stats
+        self.queue = context.queue
+        """What waits."""
+        self.ranging = Ranging(
+            context.address,
+            context.table,
+            context.timers,
+            context.generators.of("ranging"),
+            context.emit,
+        )
+        """The ranges that are wanted."""
+        self.repeater = Repeater(
+            context.queue,
+            context.peers,
+            context.timers,
+            context.generators.of("repeater"),
+            partial(context.handshake.introduce, context.link),
+        )
+        """Repeats what has no answer yet."""
+        self.subscriptions = Subscriptions(context, self.repeater)
+        """On-demand topics."""
+        self.deadlines = Deadlines(context, self.subscriptions)
+        """Of what a sample is awaited."""
+        self.transports: MappingProxyType[str, Transport] = MappingProxyType({})
+        """Transports of somebody else, by name."""
+        context.peers.forgotten.connect(self.ranging.peer_forgotten)
+
+    # Commands
+
+    @abstractmethod
+    def publish(self, publication: Publication, now: int) -> int:
+        """Queue a sample; see `Engine.publish`."""
+
+    @abstractmethod
+    def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
+        """Call a service; see `Engine.call`."""
+
+    @abstractmethod
+    def cancel(self, call_id: int, now: int) -> None:
+        """Give up a call; see `Engine.cancel`."""
+
+    @abstractmethod
+    def reply(self, call: CallKey, value: object, now: int) -> bool:
+        """Answer a request; see `Engine.reply`."""
+
+    @abstractmethod
+    def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
+        """Answer a request with an error; see `Engine.reply_error`."""
+
+    def cancel_delivery(self, delivery_id: int, now: int) -> bool:
+        """Give up a reliable sample; see `Engine.cancel_delivery`."""
+        return False
+
+    def refuse_object(self, source: int, transfer: int, now: int) -> bool:
+        """Refuse the rest of an object; see `Engine.refuse_object`."""
+        return False
+
+    def override(self, stream: Stream, override: Override) -> None:
+        """Lay an override over the QoS of what waits of a topic."""
+        for lane in SAMPLE_LANES:
+            self.queue.override((stream.stream_id, lane), override)
+
+    # Getters
+
+    @property
+    def may_speak(self) -> bool:
+        """The boot epoch is written down: no other life of the node will have it."""
+        return self._context.epoch.may_speak
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing waits."""
+        return not self.queue
+
+    def owes_acknowledgement(self, now: int) -> bool:
+        """Tell whether something waits that says what has come."""
+        return False
+
+    def pending(self, stream_id: int) -> int:
+        """Count the payloads of a stream that wait."""
+        return self.queue.pending(stream_id)
+
+    def delivering(self, stream_id: int) -> int:
+        """Count the reliable samples of a stream that have not ended."""
+        return 0
+
+    def is_delivering(self, delivery_id: int) -> bool:
+        """Tell whether a reliable sample has not ended."""
+        return False
+
+    # What is said and heard
+
+    @abstractmethod
+    def envelope(self, capabilities: LinkCapabilities) -> Envelope:
+        """Make what goes around a frame on a link."""
+
+    @abstractmethod
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+
+    @abstractmethod
+    def compose(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the frame that is worth most now, or return None."""
+
+    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
+        """Make a frame of what waits in one lane, or return None."""
+        return None
+
+    def speak(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of what medium access has to say, or return None."""
+        return None
+
+    @property
+    def is_exclusive(self) -> bool:
+        """What is under way needs the channel for itself."""
+        return False
+
+    def has_fragment(self, now: int) -> bool:
+        """Whether a fragment of an object is due, which fills its frame."""
+        return False
+
+    def hold(self, stream_id: int, until: int) -> None:
+        """Send nothing of a stream before an instant."""
+        self.queue.hold(stream_id, until)
+
+    @abstractmethod
+    def receive(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> tuple[int, ...]:
+        """Take a frame apart; returns the streams of what was in it."""
+
+    def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
+        """Learn from a frame for somebody else when its sender listens."""
+
+    # The life of the engine
+
+    def begin(self, now: int) -> None:
+        """This is the first instant of the life; no effect later on."""
+
+    def recover(self) -> None:
+        """Go on with what a former life has left, beside its boot epoch."""
+
+    @abstractmethod
+    def use_link(self, port: LinkPort, now: int) -> None:
+        """Take the airtimes of a link, and drop what is too large for it."""
+
+    @abstractmethod
+    def link_up(self, now: int) -> None:
+        """The link is up."""
+
+    def note(self, now: int) -> None:
+        """Something is called back now that is not told the instant."""
+
+    def handle_timeout(self, now: int) -> None:
+        """The node is awake, and timers may be due: do what has no instant of its own."""
