@@ -18,7 +18,7 @@ WORKERS ?= 3
 STEP = @echo && echo "== $@:
 
 help:
-	@echo "make demo    show it: two islands joined through simulated water"
+	@echo "make demo    show it: two local networks joined through a simulated channel"
 	@echo "make auv     steer a vehicle through the water; ARGS=--headless: a scripted dive that checks itself"
 	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
 	@echo "make test-browser   the console of make auv in a headless Chromium, if there is one"

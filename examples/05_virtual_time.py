@@ -46,24 +46,26 @@ def network(seed: int) -> VirtualNetwork:
 
 def day(seed: int) -> VirtualNetwork:
     """Let both vehicles report every 20 s for a day."""
-    water = network(seed)
+    channel = network(seed)
     for address in (2, 3):
         status = Status(depth=12.3 * address, battery=90)
-        water.every(20, partial(water.publish, address, 10, status), first_s=7 * address)
-    water.run(until_s=HOURS * 3600)
-    return water
+        channel.every(20, partial(channel.publish, address, 10, status), first_s=7 * address)
+    channel.run(until_s=HOURS * 3600)
+    return channel
 
 
 def main() -> None:
     """Run the same day twice, and another one."""
-    water = day(seed=1)
-    sent = sum(water.engine(address).stats.published[10] for address in (2, 3))
-    heard = water.samples(1)
-    print(f"{HOURS} h: {sent} samples published, {len(heard)} heard on shore, {water.losses} lost")
+    channel = day(seed=1)
+    sent = sum(channel.engine(address).stats.published[10] for address in (2, 3))
+    heard = channel.samples(1)
+    print(
+        f"{HOURS} h: {sent} samples published, {len(heard)} heard on shore, {channel.losses} lost"
+    )
     print(f"the last one: {heard[-1].value} from node {heard[-1].source}, {heard[-1].age_s} s old")
     assert 0.8 * sent < len(heard) < sent
-    assert day(seed=1).digest == water.digest, "one seed, one trace"
-    assert day(seed=2).digest != water.digest
+    assert day(seed=1).digest == channel.digest, "one seed, one trace"
+    assert day(seed=2).digest != channel.digest
 
 
 if __name__ == "__main__":

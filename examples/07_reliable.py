@@ -13,7 +13,7 @@ from zacoustic.link import Link
 from zacoustic_sim.medium import SimMedium
 
 FLEET = __file__.replace(".py", ".json5")  # has reliability and depth
-WATER = {
+CHANNEL = {
     "channel": "none",
     "loss": {"frame": 0.33},
     "nodes": [
@@ -47,7 +47,7 @@ async def shore(link: Link | str) -> None:
 
 
 async def simulate(time_scale: float = 20.0) -> None:
-    medium = SimMedium(scenario_from_mapping(WATER, source="WATER"), time_scale=time_scale)
+    medium = SimMedium(scenario_from_mapping(CHANNEL, source="WATER"), time_scale=time_scale)
     listening = asyncio.create_task(auv1(medium.link(2)))
     await shore(medium.link(1))
     listening.cancel()

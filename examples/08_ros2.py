@@ -29,18 +29,20 @@ TIME_SCALE = 4.0  # times faster than real, so that nobody waits
 
 
 async def main() -> None:
-    scenario = scenario_from_mapping(read_json5(HERE / "04_water.json5"), source="04_water.json5")
-    water = SimMedium(scenario, time_scale=TIME_SCALE)
+    scenario = scenario_from_mapping(
+        read_json5(HERE / "04_channel.json5"), source="04_channel.json5"
+    )
+    channel = SimMedium(scenario, time_scale=TIME_SCALE)
     shore, auv1 = free_port(), free_port()
-    async with gateway(1, shore, water), gateway(2, auv1, water):
+    async with gateway(1, shore, channel), gateway(2, auv1, channel):
         await asyncio.to_thread(nodes, shore, auv1)
 
 
-def gateway(address: int, port: int, water: SimMedium) -> Gateway:
+def gateway(address: int, port: int, channel: SimMedium) -> Gateway:
     config = read_config(HERE / "08_fleet.json5", address=address)
     assert config.zenoh_config is not None
     config.zenoh_config.insert_json5("listen/endpoints", f'["tcp/127.0.0.1:{port}"]')
-    return Gateway(config, link=water.link(address), notify=print)
+    return Gateway(config, link=channel.link(address), notify=print)
 
 
 def nodes(shore_port: int, auv1_port: int) -> None:

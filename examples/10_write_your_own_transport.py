@@ -112,13 +112,13 @@ def main() -> None:
     """Ping two nodes 1.5 km and 3 km away, and one that is not there."""
     nodes = tuple(NodeSpec(address=1 + n, position=(1500.0 * n, 0.0, 10.0)) for n in range(3))
     table = StreamTable([TopicSpec(stream_id=1, name="log")], nodes={1: "shore", 2: "a", 3: "b"})
-    water = VirtualNetwork(
+    channel = VirtualNetwork(
         Scenario(nodes=nodes), table, seed=1, build=partial(Engine, transports=[Ping])
     )
     for address in (2, 3, 4):
-        water.apply(1, partial(ping, address))
-    water.run()
-    told = [event for _, event in water.events if isinstance(event, ct.TransportEvent)]
+        channel.apply(1, partial(ping, address))
+    channel.run()
+    told = [event for _, event in channel.events if isinstance(event, ct.TransportEvent)]
     for event in told:
         print(event)
     assert {type(event) for event in told} == {Answered, Missed}

@@ -15,7 +15,7 @@ from typing import Any, Final
 from examples.auv.roswords import FLEET, shore_section
 from examples.auv.start import SHORE, VEHICLE, modem_at
 from zacoustic.app.tools.demo.children import Child
-from zacoustic.app.tools.demo.islands import free_ports
+from zacoustic.app.tools.demo.networks import free_ports
 from zacoustic.errors import ZacousticError
 from zacoustic.json5 import read_json5
 

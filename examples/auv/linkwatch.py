@@ -103,7 +103,7 @@ class LinkWatch:
                 elif self.down_at_s is None:
                     self.down_at_s = now_s
                 self._airtimes.append((now_s, document["airtime_s"]))
-            case "water":
+            case "channel":
                 self._take_frames(document)
             case "objects":
                 self._take_progress(document, now_s)

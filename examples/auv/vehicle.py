@@ -192,7 +192,7 @@ def _speech(session: zenoh.Session, later: Later, *, ros: bool) -> Speech:
 def main() -> None:
     """Open a session, live, and end with the input."""
     parser = argparse.ArgumentParser(prog="python -m examples.auv.vehicle", description=__doc__)
-    parser.add_argument("endpoint", help="of the island's router")
+    parser.add_argument("endpoint", help="of the local router")
     parser.add_argument("--ros", action="store_true", help="speak as a node of ROS 2")
     given = parser.parse_args()
     with open_session(given.endpoint, stamps=given.ros) as session:

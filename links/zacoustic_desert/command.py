@@ -14,9 +14,9 @@ from zacoustic.link.serving import parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
 
 if TYPE_CHECKING:
+    from zacoustic_desert.channel import Channel
     from zacoustic_desert.server import StandInServer
     from zacoustic_desert.standin import Observation, StandIn
-    from zacoustic_desert.water import Water
 
 FIRST_PORT: Final = 4000
 """Port of the first node in DESERT's sample script."""
@@ -91,7 +91,7 @@ async def _serve(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
 def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":
     from zacoustic_desert.standin import StandIn, StandInConfig
 
-    seed, water = _water(arguments)
+    seed, channel = _channel(arguments)
     csma = {"wait_s": 0.0, "listen_s": 0.0} if arguments.no_csma else {}
     try:
         config = StandInConfig(
@@ -103,19 +103,19 @@ def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":
     except ValueError as error:
         raise ConfigError(str(error)) from error
     rng = random.Random(f"stand-in/{seed}")
-    return StandIn(water, config, rng=rng, observer=reporter.observe)
+    return StandIn(channel, config, rng=rng, observer=reporter.observe)
 
 
-def _water(arguments: argparse.Namespace) -> "tuple[int, Water]":
+def _channel(arguments: argparse.Namespace) -> "tuple[int, Channel]":
     """The seed, and the channel: a scenario's, or that of DESERT's sample."""
-    from zacoustic_desert.water import SampleWater, ScenarioWater
+    from zacoustic_desert.channel import SampleChannel, ScenarioChannel
 
     if arguments.scenario is None:
         seed = 1 if arguments.seed is None else arguments.seed
         nodes = NODES if arguments.modems is None else arguments.modems
         if not 2 <= nodes <= 254:
             raise ConfigError(f"--modems is {nodes}; allowed: 2..254")
-        return seed, SampleWater(nodes, random.Random(f"water/{seed}"), loss=arguments.loss)
+        return seed, SampleChannel(nodes, random.Random(f"water/{seed}"), loss=arguments.loss)
     import msgspec
 
     from zacoustic.channel.scenario import scenario_from_mapping
@@ -130,7 +130,7 @@ def _water(arguments: argparse.Namespace) -> "tuple[int, Water]":
         )
     if arguments.seed is not None:
         scenario = msgspec.structs.replace(scenario, seed=arguments.seed)
-    return scenario.seed, ScenarioWater(scenario, arguments.max_read_length)
+    return scenario.seed, ScenarioChannel(scenario, arguments.max_read_length)
 
 
 class _Reporter:

@@ -35,8 +35,8 @@ import msgspec
 
 from zacoustic.core.clock import DURATIONS, is_duration, seconds_to_ns
 from zacoustic.errors import ConfigError
+from zacoustic_desert.channel import Channel, Landing
 from zacoustic_desert.config import READ_LIMIT_BYTES
-from zacoustic_desert.water import Landing, Water
 
 QUEUE_LIMIT_PACKETS: Final = 100_000
 """Packets that wait at one node; the original has no limit. Hours of sound."""
@@ -116,7 +116,7 @@ class StandIn:
     """DESERT from its application modules down.
 
     Args:
-        water: The channel; its nodes are numbered from 0.
+        channel: The channel; its nodes are numbered from 0.
         config: What the script sets.
         rng: Source of all randomness here; the channel has its own.
         observer: Told of all that happens.
@@ -127,22 +127,22 @@ class StandIn:
 
     def __init__(
         self,
-        water: Water,
+        channel: Channel,
         config: StandInConfig | None = None,
         *,
         rng: random.Random,
         observer: Observer | None = None,
     ) -> None:
         self.config = config or StandInConfig()
-        if self.config.paired and water.nodes % 2:
-            raise ConfigError(f"{water.nodes} nodes cannot be paired; allowed: an even number")
+        if self.config.paired and channel.nodes % 2:
+            raise ConfigError(f"{channel.nodes} nodes cannot be paired; allowed: an even number")
         self.counts: Counter[str] = Counter()
         """How often each event of `Observation` has happened."""
-        self._water = water
+        self._channel = channel
         self._rng = rng
         self._observer = observer
         self._period_ns = seconds_to_ns(self.config.period_s)
-        self._nodes = [_Node(rng.randrange(self._period_ns)) for _ in range(water.nodes)]
+        self._nodes = [_Node(rng.randrange(self._period_ns)) for _ in range(channel.nodes)]
         self._deliveries: deque[Delivery] = deque()
         self._latest_at = 0
         self._order = itertools.count()
@@ -248,14 +248,14 @@ class StandIn:
 
     def _send(self, node: int) -> None:
         payload = self._nodes[node].access.popleft()
-        flight = self._water.transmit(node, len(payload), self._latest_at)
+        flight = self._channel.transmit(node, len(payload), self._latest_at)
         self._note("sent", node, payload)
         for landing in flight.landings:
             self._push(landing.ends_at, self._land, landing, node, payload)
         self._push(flight.ready_at, self._listen, node)
 
     def _land(self, landing: Landing, source: int, payload: bytes) -> None:
-        landed = self._water.finish(landing, payload)
+        landed = self._channel.finish(landing, payload)
         if self.config.paired and landing.node != source ^ 1:
             return
         if landed.lost:

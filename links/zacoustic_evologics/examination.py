@@ -1,8 +1,8 @@
 """What `zacoustic doctor` asks a modem: reading only, nothing is set and nothing is sent.
 
 The questions are those of the start-up (`driver.startup`), less whatever it changes; the filler,
-which in data mode would be data for the water, is never used. A port that gives no sign is tried at
-other baud rates. Each answer is judged by what it means at sea.
+which in data mode would be data for the channel, is never used. A port that gives no sign is tried
+at other baud rates. Each answer is judged by what it means at sea.
 """
 
 import asyncio

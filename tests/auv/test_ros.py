@@ -37,7 +37,7 @@ from examples.auv.shore import Answer, Shore
 from examples.auv.start import SHORE, START, VEHICLE
 from examples.auv.vehicle import Vehicle
 from examples.auv.zenohshore import ZenohShore
-from tests.gateway.islands import Water, island, run, until
+from tests.gateway.networks import Channel, local_network, run, until
 from tests.gateway.rosnode import Node, ros_session
 from zacoustic.config import config_from_mapping
 from zacoustic.ros.names import stream_name
@@ -53,7 +53,7 @@ def section_of(address: int) -> dict[str, Any]:
     return section | {"ranging": []}
 
 
-def test_both_islands_have_one_table_and_names_that_ros_takes() -> None:
+def test_both_networks_have_one_table_and_names_that_ros_takes() -> None:
     tables = [
         config_from_mapping(section_of(address), source="test", address=address).table
         for address in (SHORE, VEHICLE)
@@ -149,11 +149,11 @@ def vehicle_at(port: int, craft: Craft) -> Iterator[zenoh.Session]:
 
 @asynccontextmanager
 async def dive() -> AsyncIterator[Dive]:
-    water, changes = Water(), Changes()
+    water, changes = Channel(), Changes()
     craft = WatchedCraft(changes)
     async with (
-        island(SHORE, water, section=section_of(SHORE)) as near,
-        island(VEHICLE, water, section=section_of(VEHICLE)) as far,
+        local_network(SHORE, water, section=section_of(SHORE)) as near,
+        local_network(VEHICLE, water, section=section_of(VEHICLE)) as far,
     ):
         with vehicle_at(far.port, craft), near.client() as session:
             yield Dive(craft, session, far.port, changes)
@@ -211,7 +211,7 @@ def test_a_plain_console_steers_a_vehicle_that_speaks_ros() -> None:
 
 
 @pytest.mark.usefixtures("capfd")
-def test_nodes_of_its_island_find_it_as_a_node() -> None:
+def test_nodes_of_its_local_network_find_it_as_a_node() -> None:
     async def look() -> None:
         async with dive() as here:
             with ros_session(here.vehicle_port) as session:
@@ -248,11 +248,11 @@ def test_it_goes_up_when_its_gateway_has_lost_the_shore_and_waits_when_that_is_b
         return found
 
     async def lose() -> None:
-        water, changes = Water(), Changes()
+        water, changes = Channel(), Changes()
         craft = WatchedCraft(changes)
-        async with island(VEHICLE, water, section=section(VEHICLE)) as far:
+        async with local_network(VEHICLE, water, section=section(VEHICLE)) as far:
             with vehicle_at(far.port, craft):
-                async with island(SHORE, water, section=section(SHORE)) as near:
+                async with local_network(SHORE, water, section=section(SHORE)) as near:
                     with near.client() as session:
                         here = Dive(craft, session, far.port, changes)
                         await here.answered(here.carrier.call(ARM, Arm(True)))
@@ -260,7 +260,7 @@ def test_it_goes_up_when_its_gateway_has_lost_the_shore_and_waits_when_that_is_b
                         await here.answered(held)
                         assert craft.mode is Mode.HOLD
                 await changes.until(lambda: craft.mode is Mode.SURFACING)
-                async with island(SHORE, water, section=section(SHORE)):
+                async with local_network(SHORE, water, section=section(SHORE)):
                     await changes.until(lambda: craft.mode is Mode.HOLD)
 
     run(lose())

@@ -27,11 +27,11 @@ def test_what_is_in_the_water_is_told_until_it_has_arrived() -> None:
     desk.watch.take("link", LINK, clock.now_s)
     desk.watch.take("peers", {"2": {"metrics": {"propagation_s": 1.0}}}, clock.now_s)
     own = frame("out", clock.now_s, STOP)
-    desk.watch.take("water", {"transmitting": own, "last": []}, clock.now_s)
+    desk.watch.take("channel", {"transmitting": own, "last": []}, clock.now_s)
     clock.now_s += 0.5
     heard = frame("in", clock.now_s - 0.4, NAV)
     told = {"transmitting": None, "last": [own | {"outcome": "sent"}, heard]}
-    desk.watch.take("water", told, clock.now_s)
+    desk.watch.take("channel", told, clock.now_s)
     lines = [(each.name, each.text) for each in readout.water_lines(desk)]
     assert lines == [("stop, 12 bytes", "in the water, there in 0.9 s")]
     assert len(desk.watch.frames(desk.unix_s)) == 2  # told twice, there once
@@ -41,11 +41,11 @@ def test_what_is_in_the_water_is_told_until_it_has_arrived() -> None:
     assert desk.watch.frames(desk.unix_s) == []
 
 
-def test_what_was_rejected_never_was_in_the_water() -> None:
+def test_what_was_rejected_never_was_on_the_channel() -> None:
     clock = Clock()
     desk, _ = desk_at(clock)
     last = [frame("out", clock.now_s, STOP, outcome="rejected")]
-    desk.watch.take("water", {"transmitting": None, "last": last}, clock.now_s)
+    desk.watch.take("channel", {"transmitting": None, "last": last}, clock.now_s)
     assert desk.watch.in_water(desk.unix_s) == []
 
 
@@ -106,7 +106,7 @@ def test_memory_of_the_link_is_bounded() -> None:
     watch = LinkWatch()
     for second in range(5000):
         last = [frame("in", second + part / 10, NAV) for part in range(8)]
-        watch.take("water", {"transmitting": None, "last": last}, float(second))
+        watch.take("channel", {"transmitting": None, "last": last}, float(second))
         watch.take("link", LINK | {"airtime_s": second / 10}, float(second))
         watch.take("objects", {"receiving": [{"source": 2, "transfer": second % 250,
                    "done_bytes": second, "total_bytes": None}]}, float(second))  # fmt: skip

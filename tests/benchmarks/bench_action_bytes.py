@@ -1,4 +1,4 @@
-"""What an action of ROS 2 takes on the water (`action_bytes`): a Fibonacci of order 10.
+"""What an action of ROS 2 takes on the channel (`action_bytes`): a Fibonacci of order 10.
 
 A goal, ten pieces of feedback and a result, all bytes of both nodes counted, in virtual time over
 many seeds. *Warm*: the nodes have exchanged a few messages before, over the same water; *cold*:

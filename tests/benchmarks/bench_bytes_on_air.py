@@ -121,13 +121,13 @@ def mission_rows(mission: Recording | Mission, model: Model) -> Iterable[Row]:
     types, samples = mission.types, mission.samples
     codec = DenseCodec(by_id(types), model=model)
     windows = _windows(samples)
-    tally = exchange(codec, windows)
+    counters = exchange(codec, windows)
     sizes = [[size(types[name], value) for _, name, value in samples if name in UPLINK]
              for size in OTHERS]  # fmt: skip
     per_window = [sum(each) / len(windows) for each in sizes]
-    yield Row("10 s uplink window, mean B", tally.mean, 48, others=per_window)
-    yield Row("10 s uplink window, p95 B", tally.p95, 58)
-    wrong, undecodable = tally.wrong, tally.undecodable
+    yield Row("10 s uplink window, mean B", counters.mean, 48, others=per_window)
+    yield Row("10 s uplink window, p95 B", counters.p95, 58)
+    wrong, undecodable = counters.wrong, counters.undecodable
     for label, names, ack, target in (
         ("mix per 64-byte frame, no feedback", UPLINK, None, 14.5),
         ("mix per 64-byte frame, acknowledged", UPLINK, 1, 18),
@@ -143,17 +143,17 @@ def mission_rows(mission: Recording | Mission, model: Model) -> Iterable[Row]:
         *((name, ACK_EVERY, 0.0, target) for name, target in OWN_FRAME.items()),
     ):
         alone = [[each] for each in dense_samples(samples, (name,))]
-        tally = exchange(codec, alone, ack_every=ack, loss=loss)
-        wrong, undecodable = wrong + tally.wrong, undecodable + tally.undecodable
+        counters = exchange(codec, alone, ack_every=ack, loss=loss)
+        wrong, undecodable = wrong + counters.wrong, undecodable + counters.undecodable
         own = [value for _, stream, value in samples if stream == name]
         packed = PackedCodec(types[name])
         over = max(over, *(size - len(packed.encode(value))
-                           for size, value in zip(tally.sizes, own, strict=True)))  # fmt: skip
+                           for size, value in zip(counters.sizes, own, strict=True)))  # fmt: skip
         text = f"{name} own frame, ack every {ack}, {loss:.0%} loss"
         others = [_mean([size(types[name], value) for value in own]) for size in OTHERS]
-        yield Row(f"{text}, mean B", tally.mean, target, others=others)
+        yield Row(f"{text}, mean B", counters.mean, target, others=others)
         if name == "nav":
-            yield Row(f"{text}, p95 B", tally.p95, 11)
+            yield Row(f"{text}, p95 B", counters.p95, 11)
     yield Row("worst message less packed, B", over, 2)
     navs = [value for _, name, value in samples if name == "nav"]
     for way in WAYS:
@@ -164,8 +164,8 @@ def mission_rows(mission: Recording | Mission, model: Model) -> Iterable[Row]:
             f"nav from the previous one, {label}, bits", cost(types["nav"], navs, each), target
         )
     for loss in LOSSES:
-        tally = exchange(codec, windows, ack_every=1, loss=loss, disorder=0.1, seed=2)
-        wrong, undecodable = wrong + tally.wrong, undecodable + tally.undecodable
+        counters = exchange(codec, windows, ack_every=1, loss=loss, disorder=0.1, seed=2)
+        wrong, undecodable = wrong + counters.wrong, undecodable + counters.undecodable
     yield Row("undecodable among received", undecodable, 0)
     yield Row("decoded wrongly", wrong, 0)
 

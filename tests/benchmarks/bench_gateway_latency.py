@@ -1,10 +1,10 @@
 """What two gateways and a link add to the latency of a Zenoh put.
 
-Five processes: a publisher and a gateway on one island, a gateway and a subscriber on the other,
-and the water, which is ideal and 1 cm wide, so that nothing but software delays. Each put carries
-the instant at which it was made, on the clock that all processes of a computer share. A direct put,
-through the router of the first island to the same subscriber, is measured in the same run, turn by
-turn. Must hold on a quiet computer: added p50 below 3 ms, added p99 below 10 ms.
+Five processes: a publisher and a gateway on one local network, a gateway and a subscriber on the
+other, and the water, which is ideal and 1 cm wide, so that nothing but software delays. Each put
+carries the instant at which it was made, on the clock that all processes of a computer share. A
+direct put, through the router of the first island to the same subscriber, is measured in the same
+run, turn by turn. Must hold on a quiet computer: added p50 below 3 ms, added p99 below 10 ms.
 
     python tests/benchmarks/bench_gateway_latency.py [--samples N] [--rate HZ] [--strict]
 """
@@ -31,7 +31,7 @@ P50_LIMIT_MS: Final = 3.0
 P99_LIMIT_MS: Final = 10.0
 
 DIRECT: Final = "bench/direct"
-WATER: Final = "bench/water"
+CHANNEL: Final = "bench/water"
 LIMIT_S: Final = 30.0
 # The first samples open connections, fill caches and confirm the stream tables.
 WARM_UP: Final = 50
@@ -58,15 +58,15 @@ def main() -> int:
 
 def report(latencies_ms: dict[str, list[float]], rate_hz: float, *, strict: bool) -> int:
     """Print the table; returns the exit code."""
-    direct, water = latencies_ms[DIRECT], latencies_ms[WATER]
-    print(f"put to callback, ms; {len(water)} samples each way at {rate_hz:g} Hz")
+    direct, channel = latencies_ms[DIRECT], latencies_ms[CHANNEL]
+    print(f"put to callback, ms; {len(channel)} samples each way at {rate_hz:g} Hz")
     print(f"{'':24}{'p50':>8}{'p90':>8}{'p99':>8}{'max':>8}")
-    for name, values in (("direct Zenoh put", direct), ("two gateways, one link", water)):
+    for name, values in (("direct Zenoh put", direct), ("two gateways, one link", channel)):
         figures = (*(percentile(values, share) for share in (0.5, 0.9, 0.99)), max(values))
         print(f"{name:24}" + "".join(f"{figure:8.2f}" for figure in figures))
     holds = True
     for share, limit_ms in ((0.5, P50_LIMIT_MS), (0.99, P99_LIMIT_MS)):
-        added_ms = percentile(water, share) - percentile(direct, share)
+        added_ms = percentile(channel, share) - percentile(direct, share)
         verdict = "holds" if added_ms < limit_ms else "MISSED"
         holds = holds and added_ms < limit_ms
         print(f"added p{share * 100:g}: {added_ms:.2f} ms, limit {limit_ms:g} ms: {verdict}")
@@ -100,12 +100,12 @@ def measure(samples: int, interval_s: float) -> dict[str, list[float]]:
         with zenoh.open(client_config(ports[0])) as session:
             publish(session, total, interval_s)
         found = subscriber.wait_for("latencies")
-    return {key: found[key][WARM_UP:] for key in (DIRECT, WATER)}
+    return {key: found[key][WARM_UP:] for key in (DIRECT, CHANNEL)}
 
 
 def publish(session: zenoh.Session, total: int, interval_s: float) -> None:
     """Put, turn by turn, at a steady rate."""
-    publishers = [session.declare_publisher(key) for key in (DIRECT, WATER)]
+    publishers = [session.declare_publisher(key) for key in (DIRECT, CHANNEL)]
     next_s = time.monotonic()
     for number in range(total):
         for publisher in publishers:
@@ -114,9 +114,9 @@ def publish(session: zenoh.Session, total: int, interval_s: float) -> None:
             publisher.put(_STAMP.pack(time.monotonic_ns(), number))
 
 
-def subscribe(direct_port: int, water_port: int, total: int) -> None:
-    """The subscriber's process: take samples on both islands, then print all latencies."""
-    latencies_ms: dict[str, list[float]] = {DIRECT: [], WATER: []}
+def subscribe(direct_port: int, channel_port: int, total: int) -> None:
+    """The subscriber's process: take samples on both local networks, then print all latencies."""
+    latencies_ms: dict[str, list[float]] = {DIRECT: [], CHANNEL: []}
     last_at = [time.monotonic()]
     done = threading.Event()
 
@@ -130,10 +130,10 @@ def subscribe(direct_port: int, water_port: int, total: int) -> None:
 
     with (
         zenoh.open(client_config(direct_port)) as here,
-        zenoh.open(client_config(water_port)) as beyond,
+        zenoh.open(client_config(channel_port)) as beyond,
     ):
         here.declare_subscriber(DIRECT, take)
-        beyond.declare_subscriber(WATER, take)
+        beyond.declare_subscriber(CHANNEL, take)
         for session in (here, beyond):  # the routers know of the subscribers then
             list(session.get("bench/fence"))
         print(json.dumps({"event": "ready"}), flush=True)
@@ -194,7 +194,7 @@ def settings_of(address: int, port: int) -> dict[str, Any]:
             "acoustic": {
                 "address": address,
                 "nodes": [{"address": 1, "name": "near"}, {"address": 2, "name": "far"}],
-                "streams": [{"id": 1, "topic": WATER, "publishers": [1], "depth": 16}],
+                "streams": [{"id": 1, "topic": CHANNEL, "publishers": [1], "depth": 16}],
             }
         },
     }

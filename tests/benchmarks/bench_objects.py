@@ -9,7 +9,7 @@ ways, unknown to the sender. Exits 1 when one is below what is promised.
 import statistics
 import sys
 
-from tests.core.objects.water import confirmation_s
+from tests.core.objects.medium import confirmation_s
 from tests.virtual.test_objects import percentage
 
 SIZE_BYTES = 10240

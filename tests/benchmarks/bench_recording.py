@@ -27,9 +27,9 @@ HOURS = 1.0
 def main() -> int:
     hours = float(sys.argv[1]) if len(sys.argv) > 1 else HOURS
     until_s = hours * 3600
-    water = line(0, 800, 1500, loss={"frame": 0.1})
+    medium = line(0, 800, 1500, loss={"frame": 0.1})
     begun = time.perf_counter()
-    plain = VirtualNetwork(water, survey())
+    plain = VirtualNetwork(medium, survey())
     run_survey(plain, until_s=until_s)
     plain_s = time.perf_counter() - begun
     with tempfile.TemporaryDirectory() as folder:
@@ -37,7 +37,7 @@ def main() -> int:
         begun = time.perf_counter()
         with recorded_to(path) as recorder:
             assert recorder is not None
-            network = VirtualNetwork(water, survey(), build=recorder.make)
+            network = VirtualNetwork(medium, survey(), build=recorder.make)
             recorder.network = network
             run_survey(network, until_s=until_s)
         recorded_s = time.perf_counter() - begun
@@ -48,10 +48,10 @@ def main() -> int:
         begun = time.perf_counter()
         figures = figures_of(gather([path]))
         reported_s = time.perf_counter() - begun
-    calls = sum(life.calls for life in verdict.lives)
-    frames = sum(life.frames for life in verdict.lives)
-    frame_bytes = sum(life.frame_bytes for life in verdict.lives)
-    ledger_bytes = sum(life.ledger_bytes for life in verdict.lives)
+    calls = sum(life.calls for life in verdict.epochs)
+    frames = sum(life.frames for life in verdict.epochs)
+    frame_bytes = sum(life.frame_bytes for life in verdict.epochs)
+    ledger_bytes = sum(life.ledger_bytes for life in verdict.epochs)
     node_hours = hours * len(network.addresses)
     print(f"{hours:g} h of 3 nodes, {frames} frames, {calls} calls of engines")
     print(f"simulated           {plain_s:8.2f} s")

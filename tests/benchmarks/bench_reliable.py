@@ -96,7 +96,7 @@ class Sea:
             {"address": 1, "position": [0, 0, 10]},
             {"address": 2, "position": [_DISTANCE_M, 0, 10]},
         ]
-        water = scenario_from_mapping(
+        medium = scenario_from_mapping(
             {"seed": seed, "channel": "none", "nodes": nodes}, source="bench"
         )
         self.loss = 0.0
@@ -105,7 +105,7 @@ class Sea:
         self.arrived_at: dict[bytes, int] = {}
         self.delivered = 0
         self.network = VirtualNetwork(
-            water,
+            medium,
             table,
             modem=Modem(senses_carrier=senses_carrier),
             deliver=self._take,

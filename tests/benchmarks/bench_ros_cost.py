@@ -1,4 +1,4 @@
-"""What a ROS message costs a gateway (`ros_cost`): CDR to bytes for the water, and back.
+"""What a ROS message costs a gateway (`ros_cost`): CDR to bytes for the channel, and back.
 
 Sending is reading the CDR, checking the value and coding it; receiving is decoding and writing the
 CDR. Twist is bounded by an overlay; the others are as ROS defines them, every number in full width.

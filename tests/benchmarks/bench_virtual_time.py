@@ -34,7 +34,7 @@ class Run(msgspec.Struct, frozen=True):
     delivered: int
 
 
-def water() -> Scenario:
+def medium() -> Scenario:
     """Return five nodes 400 m apart, in the sea, with the modems of the default profile."""
     nodes = [{"address": node, "position": [400.0 * node, 0, 20]} for node in NODES]
     return scenario_from_mapping({"seed": 7, "nodes": nodes}, source="bench")
@@ -48,7 +48,7 @@ def run(hours: float) -> Run:
     )
     rng = random.Random(7)
     started_s = time.perf_counter()
-    network = VirtualNetwork(water(), table, deliver=lambda address, event: None)
+    network = VirtualNetwork(medium(), table, deliver=lambda address, event: None)
 
     def publish(node: int) -> None:
         network.publish(node, 10, rng.randbytes(PAYLOAD_BYTES))

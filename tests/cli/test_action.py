@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.node.fleet import SECTION, Goto, WaterServer, router
+from tests.node.fleet import SECTION, ChannelServer, Goto, router
 from tests.node.test_verbs import LIMIT_S, run, started
 from zacoustic import blocking
 
@@ -30,7 +30,7 @@ def fleet(tmp_path: Path) -> Path:
 def place(request: pytest.FixtureRequest, fleet: Path) -> Iterator[dict[str, Any]]:
     """Give the arguments of a node, as the API has them."""
     if request.param == "link":
-        with WaterServer() as locator:
+        with ChannelServer() as locator:
             yield {"config": str(fleet), "link": locator}
     else:
         with router() as (endpoint, _):

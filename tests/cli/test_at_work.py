@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.node.fleet import WaterServer
+from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main
 
 SLOW = (sys.executable, "-m", "zacoustic", "topics", "--connect", "tcp/127.0.0.1:1")
@@ -55,7 +55,7 @@ def test_pub_ends_and_says_so_when_its_sample_became_too_old(
     section = {"address": 1, "nodes": nodes, "streams": [stream]}
     path = tmp_path / "fleet.json5"
     path.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
-    with WaterServer() as locator:
+    with ChannelServer() as locator:
         assert main(["pub", "note", "x", "--config", str(path), "--link", locator]) == 1
     told = "1 became too old" if reliability == "best_effort" else "not delivered: expired"
     assert told in capsys.readouterr().err

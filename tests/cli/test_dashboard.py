@@ -11,7 +11,7 @@ from asyncio.subprocess import PIPE
 
 import pytest
 
-from tests.gateway.islands import LIMIT_S, run, zenoh_router
+from tests.gateway.networks import LIMIT_S, run, zenoh_router
 from zacoustic.app.cli import main
 
 pytest.importorskip("nicegui")

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from zacoustic.app.cli import main
-from zacoustic.app.tools.demo.waters import WATERS
+from zacoustic.app.tools.demo.media import MEDIA
 
 # Sound needs 0.667 s, the shortest frame 0.16 s more; with DESERT 0.333 s, and it listens 0.1 s.
 QUICKEST_S = {"sim": 0.8, "evologics": 0.8, "evologics-serial": 0.8, "desert": 0.4}
@@ -25,7 +25,7 @@ def start(*arguments: str) -> subprocess.Popen[str]:
     )
 
 
-LINKS = [link for link in WATERS if link != "evologics-serial" or sys.platform != "win32"]
+LINKS = [link for link in MEDIA if link != "evologics-serial" or sys.platform != "win32"]
 
 
 @pytest.mark.parametrize("link", LINKS)

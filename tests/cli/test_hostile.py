@@ -17,7 +17,7 @@ from typing import Final
 
 import pytest
 
-from tests.gateway.islands import zenoh_router
+from tests.gateway.networks import zenoh_router
 from zacoustic.app.cli import complete_parser, main
 from zacoustic.app.cli.newfile import new_file
 from zacoustic.core.base.journal import JournalWrite
@@ -38,7 +38,7 @@ FLEET: Final = """{ plugins: { acoustic: { address: 1,
              { id: 2, topic: "nav", type: "Nav", min_interval_s: 20, publishers: [2],
                codec: "dense" },
              { id: 3, service: "arm", server: 2 } ] } } }"""
-WATER: Final = """{ channel: "none", config: "fleet.json5",
+CHANNEL: Final = """{ channel: "none", config: "fleet.json5",
   nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [100, 0, 10] } ],
   traffic: [ { node: 2, topic: "nav", every_s: 10, value: { depth: 3 } },
              { node: 1, topic: "hello", every_s: 20, size_bytes: 8 } ] }"""
@@ -49,7 +49,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of a user: a file of each kind that verbs read."""
     made = tmp_path_factory.mktemp("user")
     (made / "fleet.json5").write_text(FLEET, encoding="utf-8")
-    (made / "water.json5").write_text(WATER, encoding="utf-8")
+    (made / "water.json5").write_text(CHANNEL, encoding="utf-8")
     lines = (f'{{"t": {i}, "s": "nav", "v": {{"depth": {i % 50}}}}}\n' for i in range(200))
     (made / "nav.jsonl").write_text("".join(lines), encoding="utf-8")
     words = ["sim", str(made / "water.json5"), "--until", "300", "--record"]

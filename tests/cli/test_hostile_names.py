@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from tests.cli.watched import verb
-from tests.gateway.islands import free_port, matched, run, zenoh_config, zenoh_router
+from tests.gateway.networks import free_port, matched, run, zenoh_config, zenoh_router
 from tests.hostilenames import HOSTILE, HOSTILE_NAME, assert_harmless, strictly
 from tests.tools.boards import DOCUMENTS, NOW_S
 from zacoustic.app.cli import main

@@ -11,7 +11,7 @@ import pytest
 import zenoh
 
 from zacoustic.app.cli import main
-from zacoustic.app.tools.demo.islands import free_ports
+from zacoustic.app.tools.demo.networks import free_ports
 
 
 @contextlib.contextmanager

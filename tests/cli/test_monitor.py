@@ -11,7 +11,7 @@ from asyncio.subprocess import PIPE
 import pytest
 
 from tests.cli.watched import lines_of, pair, verb
-from tests.gateway.islands import LIMIT_S, cbor, hear, run, zenoh_router
+from tests.gateway.networks import LIMIT_S, cbor, hear, run, zenoh_router
 from zacoustic.app.cli import main
 
 
@@ -62,17 +62,17 @@ def test_json_goes_on_and_follows_the_gateway_until_it_is_gone() -> None:
 
 
 def test_gateway_that_ends_is_said_to_be_gone() -> None:
-    from tests.gateway.islands import Water, island
+    from tests.gateway.networks import Channel, local_network
     from zacoustic.app.tools.watch.watching import Watch
 
     async def scene() -> None:
         with zenoh_router() as port:
             async with (
                 asyncio.timeout(LIMIT_S),
-                island(3, Water(), join=port),
+                local_network(3, Channel(), join=port),
                 Watch(None, [f"tcp/127.0.0.1:{port}"]) as watch,
             ):
-                async with island(1, Water(), join=port):
+                async with local_network(1, Channel(), join=port):
                     while 1 not in watch.board.addresses():
                         watch.changed.clear()
                         await watch.changed.wait()

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.watched import WATCHED, lines_of, pair, verb
-from tests.gateway.islands import SECTION, get, run
-from tests.node.fleet import WaterServer
+from tests.gateway.networks import SECTION, get, run
+from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main
 from zacoustic.app.tools.field.pinging import Ping, statistics_of
 from zacoustic.zenoh.session.asking.pings import PingAnswer
@@ -77,11 +77,11 @@ def test_where_no_commands_cross_the_range_alone_has_to_do(
     else:
         assert code == 1
         error = capsys.readouterr().err
-        assert "stream 175 is taken, so no commands cross the water" in error
+        assert "stream 175 is taken, so no commands cross the channel" in error
         assert "and the modem measures no range" in error
 
 
-def test_ping_of_nobody_is_exit_code_3_and_of_the_own_island_1(
+def test_ping_of_nobody_is_exit_code_3_and_of_the_own_local_network_1(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     async def scene() -> None:
@@ -97,10 +97,10 @@ def test_ping_of_nobody_is_exit_code_3_and_of_the_own_island_1(
                 replies = await get(found.shore, f"@acoustic/2/ping?{parameters}")
                 assert "BAD_REQUEST" in replies.errors[0], parameters
             # Looking around pings nobody.
-            before = len(found.water.emissions)
+            before = len(found.channel.emissions)
             await get(found.shore, "@acoustic/**")
             await get(found.shore, "@acoustic/*/ping")
-            assert len(found.water.emissions) == before
+            assert len(found.channel.emissions) == before
 
     run(scene())
 
@@ -116,7 +116,7 @@ def test_ping_on_a_link_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[st
             where = ["--link", f"{locator}#acknowledges=true", "--config", str(file)]
             assert await verb("ping", "auv1", *where, *ONCE, "--json") == 0
 
-    with WaterServer() as locator:
+    with ChannelServer() as locator:
         run(scene(locator))
     answer = lines_of(capsys)[0]
     assert (answer["node"], answer["by"], answer["answered"]) == (2, 1, True)

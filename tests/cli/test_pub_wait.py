@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.watched import lines_of, pair, verb
-from tests.gateway.islands import LIMIT_S, hear, run
-from tests.node.fleet import SECTION, WaterServer
+from tests.gateway.networks import LIMIT_S, hear, run
+from tests.node.fleet import SECTION, ChannelServer
 from zacoustic import Node
 from zacoustic.app.cli import main
 from zacoustic.app.cli.progress import ProgressLine
@@ -46,7 +46,7 @@ def test_gateway_tells_how_far_a_file_is_and_that_it_has_arrived(
     async def scene() -> None:
         async with pair(profile=S2C, time_scale=20.0) as found:
             heard = await hear(found.shore, "auv1/photo")
-            where = ["--connect", f"tcp/127.0.0.1:{found.auv_island.port}", "--wait"]
+            where = ["--connect", f"tcp/127.0.0.1:{found.auv_network.port}", "--wait"]
             words = ["pub", "auv1/photo", "--file", str(photo), "--json", *where]
             assert await verb(*words, "--timeout", str(LIMIT_S)) == 0
             assert await heard.payload() == PHOTO
@@ -82,7 +82,7 @@ def test_delivery_tells_it_on_a_link(
         assert await verb(*words, "--timeout", "0.3") == 3  # nobody is there any more
         assert "not arrived within 0.3 s" in capsys.readouterr().err
 
-    with WaterServer(S2C) as locator:
+    with ChannelServer(S2C) as locator:
         run(scene(locator))
 
 
@@ -101,7 +101,7 @@ def test_wrong_arguments_are_exit_code_2(
     file = tmp_path / "fleet.json5"
     file.write_text(json.dumps({"plugins": {"acoustic": SECTION}}), encoding="utf-8")
     written = [str(photo) if word == "PHOTO" else word for word in words]
-    with WaterServer() as locator:
+    with ChannelServer() as locator:
         assert main(["pub", *written, "--link", locator, "--config", str(file)]) == 2
     assert text in capsys.readouterr().err
 

@@ -216,26 +216,26 @@ def test_somebody_looks_at_on_demand_topics_and_heartbeats_are_sent(
     assert sent.count("00") >= 10
 
 
-def test_a_story_is_told_again_by_its_seed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scenario_is_told_again_by_its_seed(capsys: pytest.CaptureFixture[str]) -> None:
     told = []
     for seed in ("2", "2", "3"):
-        main(["sim", "--story", seed, "--json"])
+        main(["sim", "--random", seed, "--json"])
         told.append(result(capsys))
     assert told[0] == told[1] != told[2]
     assert told[0]["simulation"]["seed"] == 2
-    assert main(["sim", "--story", "2"]) == (1 if told[0]["complaints"] else 0)
+    assert main(["sim", "--random", "2"]) == (1 if told[0]["complaints"] else 0)
     assert "of calm" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        ([], "SCENARIO --story is required"),
-        (["--story", "1", "--seed", "2"], "--seed with --story"),
-        (["--story", "1", "--until", "2"], "--until with --story"),
+        ([], "SCENARIO --random is required"),
+        (["--random", "1", "--seed", "2"], "--seed with --random"),
+        (["--random", "1", "--until", "2"], "--until with --random"),
     ],
 )
-def test_a_story_has_its_own_seed_and_length(
+def test_a_scenario_has_its_own_seed_and_length(
     arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["sim", *arguments]) == 2

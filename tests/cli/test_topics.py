@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from tests.cli.watched import WATCHED, lines_of, pair, verb
-from tests.gateway.islands import cbor, get, hear, run
+from tests.gateway.networks import cbor, get, hear, run
 from zacoustic.app.cli import main
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.zenoh.gateway.notices import LinkChanged, RouterChanged
@@ -34,7 +34,7 @@ def test_topics_tells_what_has_crossed_and_how_old_it_is(
             assert nav["sent_rate_hz"] is None
             assert rows["auv1/arm"]["heard_ago_s"] is None
             assert rows["auv1/goto"]["kind"] == "action"
-            at_auv = ["--connect", f"tcp/127.0.0.1:{found.auv_island.port}"]
+            at_auv = ["--connect", f"tcp/127.0.0.1:{found.auv_network.port}"]
             assert await verb("topics", *at_auv, "--node", "2") == 0
             text = capsys.readouterr().out
             assert text.startswith("gateway 2 auv1: link up")
@@ -80,7 +80,7 @@ def test_gateway_tells_its_events_exchanges_and_clock() -> None:
 
 
 def test_topics_without_a_gateway_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    from tests.gateway.islands import zenoh_router
+    from tests.gateway.networks import zenoh_router
 
     with zenoh_router() as port:
         assert main(["topics", "--connect", f"tcp/127.0.0.1:{port}"]) == 1

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 import zenoh
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     SECTION,
     STREAMS,
-    Island,
-    Water,
+    Channel,
+    LocalNetwork,
     config_of,
     free_port,
     matched,
@@ -36,38 +36,38 @@ WATCHED: dict[str, Any] = SECTION | {
 class Pair:
     """A gateway on the shore, one on the vehicle, a client at each."""
 
-    water: Water
-    shore_island: Island
-    auv_island: Island
+    channel: Channel
+    shore_network: LocalNetwork
+    auv_network: LocalNetwork
     shore: zenoh.Session
     auv: zenoh.Session
 
     @property
     def where(self) -> list[str]:
         """The arguments of a verb on the shore."""
-        return ["--connect", f"tcp/127.0.0.1:{self.shore_island.port}"]
+        return ["--connect", f"tcp/127.0.0.1:{self.shore_network.port}"]
 
 
 @asynccontextmanager
 async def pair(
     *, acknowledges: bool = True, section: dict[str, Any] | None = None, **options: Any
 ) -> AsyncIterator[Pair]:
-    """Run two islands; `options` are those of the water."""
+    """Run two local networks; `options` are those of the water."""
     async with AsyncExitStack() as stack:
         found = Pair()
-        found.water = Water(**options)
-        islands = []
+        found.channel = Channel(**options)
+        networks = []
         for address in (1, 2):
-            place = Island(free_port())
+            place = LocalNetwork(free_port())
             config = config_of(
                 address, zenoh_config("router", listen=place.port), section or WATCHED
             )
-            link = found.water.medium.link(address, SimConfig(acknowledges=acknowledges))
+            link = found.channel.medium.link(address, SimConfig(acknowledges=acknowledges))
             await stack.enter_async_context(Gateway(config, link=link, notify=place.notify))
-            islands.append(place)
-        found.shore_island, found.auv_island = islands
-        found.shore = stack.enter_context(found.shore_island.client())
-        found.auv = stack.enter_context(found.auv_island.client())
+            networks.append(place)
+        found.shore_network, found.auv_network = networks
+        found.shore = stack.enter_context(found.shore_network.client())
+        found.auv = stack.enter_context(found.auv_network.client())
         await matched(found.auv, "chat")
         yield found
 

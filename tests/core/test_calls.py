@@ -177,7 +177,7 @@ def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
     assert begin(calls)[1] == 23
 
 
-class NumbersInTheWater(RuleBasedStateMachine):
+class NumbersInTheMedium(RuleBasedStateMachine):
     """One client and one server, where anything may be lost, late, or come twice.
 
     The server is the real one, without the forgetting by time, which only comes when nothing can
@@ -290,8 +290,8 @@ class NumbersInTheWater(RuleBasedStateMachine):
         self.numbers.ended(index, repetition)
 
 
-TestNumbersInTheWater = NumbersInTheWater.TestCase
-TestNumbersInTheWater.settings = settings(stateful_step_count=15, max_examples=100, deadline=None)
+TestNumbersInTheMedium = NumbersInTheMedium.TestCase
+TestNumbersInTheMedium.settings = settings(stateful_step_count=15, max_examples=100, deadline=None)
 
 
 # Clients

@@ -1,4 +1,4 @@
-"""Encodings of the application's side, and their names on the water."""
+"""Encodings of the application's side, and their names on the channel."""
 
 import contextlib
 import math

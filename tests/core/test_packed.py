@@ -1,4 +1,4 @@
-"""The packed codec: the bits of every kind of field, and what is refused off the water."""
+"""The packed codec: the bits of every kind of field, and what is refused off the channel."""
 
 import json
 import math
@@ -106,7 +106,7 @@ def test_sizes_in_bits(keys: dict[str, Any], smallest: int, largest: int | None)
         ),
     ],
 )
-def test_what_is_refused_off_the_water(keys: dict[str, Any], payload: str, reason: str) -> None:
+def test_what_is_refused_off_the_channel(keys: dict[str, Any], payload: str, reason: str) -> None:
     with pytest.raises(PayloadError, match=reason.replace("(", r"\(")):
         codec_of(**keys).decode(bytes.fromhex(payload))
 

@@ -1,4 +1,4 @@
-"""Payload codecs: the bytes of every kind of field, and what is refused off the water."""
+"""Payload codecs: the bytes of every kind of field, and what is refused off the channel."""
 
 import enum
 import json
@@ -139,7 +139,7 @@ def test_special_floats_are_three_bytes() -> None:
         ({"type": "uint8"}, "c201", "where an integer is expected"),
     ],
 )
-def test_what_the_type_does_not_allow_is_refused_off_the_water(
+def test_what_the_type_does_not_allow_is_refused_off_the_channel(
     keys: dict[str, Any], payload: str, reason: str
 ) -> None:
     field = msgspec.convert({"name": "f", **keys}, FieldSpec)

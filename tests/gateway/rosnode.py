@@ -13,7 +13,7 @@ from typing import Any, Final
 import zenoh
 import zenoh.ext
 
-from tests.gateway.islands import LIMIT_S, zenoh_config
+from tests.gateway.networks import LIMIT_S, zenoh_config
 from zacoustic.ros.attachment import Attachment, read_attachment
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.mapping import TypeMapper

@@ -1,10 +1,10 @@
-"""Two islands with a node of ROS 2 on each, and gateways between them."""
+"""Two local networks with a node of ROS 2 on each, and gateways between them."""
 
 from collections.abc import Awaitable, Callable
 from contextlib import AsyncExitStack
 from typing import Any, Final
 
-from tests.gateway.islands import Water, island, run
+from tests.gateway.networks import Channel, local_network, run
 from tests.gateway.rosnode import Node, ros_session
 
 TWIST: Final = "geometry_msgs/msg/Twist"
@@ -64,9 +64,13 @@ class Pair:
         self._stack = stack
 
     async def open(self, section: dict[str, Any], distro: str, frame_loss: float) -> None:
-        self.water = Water(frame_loss=frame_loss)
-        self.a = await self._stack.enter_async_context(island(1, self.water, section=section))
-        self.b = await self._stack.enter_async_context(island(2, self.water, section=section))
+        self.channel = Channel(frame_loss=frame_loss)
+        self.a = await self._stack.enter_async_context(
+            local_network(1, self.channel, section=section)
+        )
+        self.b = await self._stack.enter_async_context(
+            local_network(2, self.channel, section=section)
+        )
         self.domain = section["ros"].get("domain", 0)
         self.shore = self.node(1, "operator", distro=distro)
         self.auv = self.node(2, "autopilot", distro=distro)
@@ -84,7 +88,7 @@ Test = Callable[[Pair], Awaitable[None]]
 def with_pair(
     section: dict[str, Any] | None = None, *, distro: str = "jazzy", frame_loss: float = 0.0
 ) -> Callable[[Test], Callable[[], None]]:
-    """Run a test with a pair of islands."""
+    """Run a test with a pair of local networks."""
 
     def wrap(test: Test) -> Callable[[], None]:
         async def opened() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.gateway.islands import SECTION, Water, island, matched, run, until
+from tests.gateway.networks import SECTION, Channel, local_network, matched, run, until
 from zacoustic.errors import ConfigError
 from zacoustic.run.hostclock import ClockState, HostClock
 
@@ -20,7 +20,7 @@ def section(**access: Any) -> dict[str, Any]:
 def test_choice_that_cannot_work_on_the_link_is_one_line_at_the_start() -> None:
     async def scene() -> None:
         with pytest.raises(ConfigError, match=r'access\.method: "delegated"; this link does not'):
-            async with island(1, Water(), section=section(method="delegated")):
+            async with local_network(1, Channel(), section=section(method="delegated")):
                 pass
 
     run(scene())
@@ -34,20 +34,20 @@ def test_gateways_on_a_schedule_keep_their_slots(tmp_path: Path) -> None:
         return schedule | {"permit_log": str(tmp_path / f"{address}.jsonl")}
 
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         right = HostClock(ask=lambda: ClockState(error_ns=1_000_000))
         async with (
-            island(1, water, section=scheduled(1), host=right) as shore,
-            island(2, water, section=scheduled(2), host=right) as vehicle,
+            local_network(1, channel, section=scheduled(1), host=right) as shore,
+            local_network(2, channel, section=scheduled(2), host=right) as vehicle,
         ):
             with shore.client() as here, vehicle.client() as there:
                 for client in (here, there):
                     await matched(client, "chat")
                 for number in range(4):
-                    wanted = {address: water.sent_by(address) + 1 for address in (1, 2)}
+                    wanted = {address: channel.sent_by(address) + 1 for address in (1, 2)}
                     here.put("chat", f"here {number}")
                     there.put("chat", f"there {number}")
-                    await until(partial(_have_sent, water, wanted), water.changed)
+                    await until(partial(_have_sent, channel, wanted), channel.changed)
 
     run(scene())
     for address in (1, 2):
@@ -58,5 +58,5 @@ def test_gateways_on_a_schedule_keep_their_slots(tmp_path: Path) -> None:
             assert round(begun_s * 1000) // 250 % 2 == address - 1
 
 
-def _have_sent(water: Water, wanted: dict[int, int]) -> bool:
-    return all(water.sent_by(address) >= least for address, least in wanted.items())
+def _have_sent(channel: Channel, wanted: dict[int, int]) -> bool:
+    return all(channel.sent_by(address) >= least for address, least in wanted.items())

@@ -1,4 +1,4 @@
-"""Goals over gateways: sent on one island, pursued on another, on real Zenoh sessions."""
+"""Goals over gateways: sent on one local network, pursued on another, on real Zenoh sessions."""
 
 import asyncio
 import json
@@ -11,16 +11,16 @@ import cbor2
 import msgspec
 import zenoh
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
+    Channel,
     Heard,
-    Island,
-    Water,
+    LocalNetwork,
     config_of,
     fence,
     free_port,
     get,
     hear,
-    island,
+    local_network,
     run,
     until,
     zenoh_config,
@@ -117,14 +117,14 @@ class Shore:
 
 
 @asynccontextmanager
-async def two_islands(
+async def two_networks(
     name: str = "auv1/goto", **settings: Any
 ) -> AsyncIterator[tuple[Shore, Program, Heard]]:
     """Give the program on the shore, the one on the vehicle, and what the shore hears."""
     async with AsyncExitStack() as stack:
-        water = Water()
-        shore = await stack.enter_async_context(island(1, water))
-        vehicle = await stack.enter_async_context(island(2, water))
+        channel = Channel()
+        shore = await stack.enter_async_context(local_network(1, channel))
+        vehicle = await stack.enter_async_context(local_network(2, channel))
         asking = stack.enter_context(shore.client())
         serving = stack.enter_context(vehicle.client())
         program = Program(serving, name, **settings)
@@ -135,7 +135,7 @@ async def two_islands(
 
 def test_goal_feedback_and_result_cross() -> None:
     async def main() -> None:
-        async with two_islands() as (shore, program, heard):
+        async with two_networks() as (shore, program, heard):
             answer = await shore.ask("send_goal", goal={"depth": 12.5})
             assert answer == {"accepted": True, "failure": None, "text": ""}
             ((_, goal, marker),) = program.goals
@@ -163,7 +163,7 @@ def test_goal_feedback_and_result_cross() -> None:
 
 def test_cancel_crosses_and_its_answer_too() -> None:
     async def main() -> None:
-        async with two_islands() as (shore, program, _):
+        async with two_networks() as (shore, program, _):
             status = await hear(shore.session, "auv1/goto/_action/status")
             for accepted, goal_id in ((False, OTHER_ID), (True, GOAL_ID)):
                 await shore.ask("send_goal", goal_id, goal={"depth": 1.0})
@@ -184,7 +184,7 @@ def test_cancel_crosses_and_its_answer_too() -> None:
 
 def test_rejected_goal_says_why_and_has_no_result() -> None:
     async def main() -> None:
-        async with two_islands(accepts=False) as (shore, _, _):
+        async with two_networks(accepts=False) as (shore, _, _):
             answer = await shore.ask("send_goal", goal={"depth": 900.0})
             assert answer == {"accepted": False, "failure": "REJECTED", "text": "too deep"}
             text = await shore.ask("get_result")
@@ -195,7 +195,7 @@ def test_rejected_goal_says_why_and_has_no_result() -> None:
 
 def test_nobody_who_serves_is_said() -> None:
     async def main() -> None:
-        async with two_islands() as (shore, program, _):
+        async with two_networks() as (shore, program, _):
             program.die()
             answer = await shore.ask("send_goal", goal={"depth": 900.0})
             assert (answer["accepted"], answer["failure"]) == (False, "NO_SERVER")
@@ -207,7 +207,7 @@ def test_program_that_dies_leaves_an_unknown_end(monkeypatch: Any) -> None:
     monkeypatch.setattr("zacoustic.zenoh.gateway.streams.actions.PROGRAM_PATIENCE_S", 0.2)
 
     async def main() -> None:
-        async with two_islands() as (shore, program, _):
+        async with two_networks() as (shore, program, _):
             await shore.ask("send_goal", goal={"depth": 900.0})
             await until(lambda: program._results, program.changed)
             program.die()
@@ -219,7 +219,7 @@ def test_program_that_dies_leaves_an_unknown_end(monkeypatch: Any) -> None:
 
 def test_opaque_actions_carry_bytes_and_several_goals_at_once() -> None:
     async def main() -> None:
-        async with two_islands("auv1/raw") as (shore, program, _):
+        async with two_networks("auv1/raw") as (shore, program, _):
             await shore.ask("send_goal", goal=b"\x00\xff")
             await shore.ask("send_goal", OTHER_ID, goal=b"other")
             assert [goal for _, goal, _ in program.goals] == [b"\x00\xff", b"other"]
@@ -232,7 +232,7 @@ def test_opaque_actions_carry_bytes_and_several_goals_at_once() -> None:
 
 def test_mistakes_are_refused_on_the_spot() -> None:
     async def main() -> None:
-        async with two_islands() as (shore, program, _):
+        async with two_networks() as (shore, program, _):
             for what, said, text in (
                 ("send_goal", {"goal": {"depth": "deep"}}, "BAD_REQUEST"),
                 ("send_goal", {"goal": {"depht": 1.0}}, "BAD_REQUEST"),
@@ -251,7 +251,7 @@ def test_mistakes_are_refused_on_the_spot() -> None:
                 encoding="application/cbor",
                 attachment=Marker(acoustic=3).encode(),
             )
-            assert "the goal came off the water, it does not go back" in marked.errors[0]
+            assert "the goal came off the channel, it does not go back" in marked.errors[0]
             assert not (await get(shore.session, "auv1/goto/_action/status")).good
             assert program.goals == []
 
@@ -260,7 +260,7 @@ def test_mistakes_are_refused_on_the_spot() -> None:
 
 def test_json_programs_name_goals_by_hexadecimal_digits() -> None:
     async def main() -> None:
-        async with two_islands() as (shore, program, _):
+        async with two_networks() as (shore, program, _):
             said = {"goal_id": GOAL_ID.hex(), "goal": {"depth": 2.0}}
             replies = await get(
                 shore.session,
@@ -274,11 +274,11 @@ def test_json_programs_name_goals_by_hexadecimal_digits() -> None:
     run(main())
 
 
-def test_restarted_gateway_still_knows_the_goals_of_its_island(tmp_path: Path) -> None:
+def test_restarted_gateway_still_knows_the_goals_of_its_local_network(tmp_path: Path) -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
-            vehicle = await stack.enter_async_context(island(2, water))
+            channel = Channel()
+            vehicle = await stack.enter_async_context(local_network(2, channel))
             serving = stack.enter_context(vehicle.client())
             program = Program(serving, "auv1/goto")
             await fence(serving)
@@ -287,8 +287,8 @@ def test_restarted_gateway_still_knows_the_goals_of_its_island(tmp_path: Path) -
                 config = msgspec.structs.replace(
                     config_of(1, zenoh_config("router", listen=port)), journal=tmp_path
                 )
-                async with Gateway(config, link=water.medium.link(1)):
-                    with Island(port).client() as session:
+                async with Gateway(config, link=channel.medium.link(1)):
+                    with LocalNetwork(port).client() as session:
                         shore = Shore(session, "auv1/goto")
                         if life == 1:
                             assert (await shore.ask("send_goal", goal={"depth": 4.0}))["accepted"]

@@ -6,8 +6,8 @@ from typing import Any
 
 import zenoh
 
-from tests.gateway.islands import SECTION, Water, island, run, until
-from tests.gateway.islands import get as ask
+from tests.gateway.networks import SECTION, Channel, local_network, run, until
+from tests.gateway.networks import get as ask
 from zacoustic.app.tools.watch.board import Board
 from zacoustic.run.hostclock import ClockState, HostClock
 from zacoustic.zenoh.gateway.notices import ClockChanged
@@ -42,9 +42,9 @@ def scheduled() -> dict[str, Any]:
 
 def test_gateway_that_starts_in_the_seventies_transmits_when_its_clock_is_set() -> None:
     async def scene() -> None:
-        water, computer = Water(), Computer()
+        channel, computer = Channel(), Computer()
         computer.wrong_ns, computer.error_ns = -YEARS_NS, None
-        async with island(1, water, section=scheduled(), host=computer.host) as shore:
+        async with local_network(1, channel, section=scheduled(), host=computer.host) as shore:
             with shore.client() as client:
                 client.put("chat", b"early")
                 doubt = "UTC is not known: the clock of this computer is not set"
@@ -53,10 +53,10 @@ def test_gateway_that_starts_in_the_seventies_transmits_when_its_clock_is_set() 
                 assert (link["silent"], link["why_silent"]) == (True, doubt)
                 events = (await get(client, "@acoustic/1/events"))["events"]
                 assert any(each["trouble"] and doubt in each["text"] for each in events)
-                assert water.sent_by(1) == 0
+                assert channel.sent_by(1) == 0
                 computer.wrong_ns, computer.error_ns = 0, 1_000_000
                 client.put("chat", b"now")
-                await until(lambda: water.sent_by(1), water.changed)
+                await until(lambda: channel.sent_by(1), channel.changed)
                 assert ClockChanged(doubt="") in shore.notices
                 link = await get(client, "@acoustic/1/link")
                 assert (link["silent"], link["why_silent"]) == (False, "")
@@ -66,8 +66,11 @@ def test_gateway_that_starts_in_the_seventies_transmits_when_its_clock_is_set() 
 
 def test_ages_go_on_when_the_clock_of_the_gateway_is_set_back() -> None:
     async def scene() -> None:
-        water, computer = Water(), Computer()
-        async with island(1, water) as vehicle, island(2, water, host=computer.host) as shore:
+        channel, computer = Channel(), Computer()
+        async with (
+            local_network(1, channel) as vehicle,
+            local_network(2, channel, host=computer.host) as shore,
+        ):
             with vehicle.client() as there, shore.client() as here:
                 board = Board()
 

@@ -14,7 +14,7 @@ import cbor2
 import pytest
 import zenoh
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     LIMIT_S,
     SECTION,
     cbor,
@@ -79,20 +79,20 @@ async def running(*arguments: object) -> AsyncIterator[Process]:
             await process.communicate()
 
 
-async def open_water(stack: AsyncExitStack, folder: Path) -> str:
+async def open_medium(stack: AsyncExitStack, folder: Path) -> str:
     """Start the water in its process; returns its locator."""
     scenario = folder / "scenario.json5"
     scenario.write_text(SCENARIO, encoding="utf-8")
-    water = await stack.enter_async_context(
+    channel = await stack.enter_async_context(
         running("medium", scenario, "--listen", "127.0.0.1:0", "--json")
     )
-    return f"sim/{(await notice(water, 'listening'))['address']}"
+    return f"sim/{(await notice(channel, 'listening'))['address']}"
 
 
-def test_two_gateways_join_their_islands_and_end_on_a_signal(tmp_path: Path) -> None:
+def test_two_gateways_join_their_networks_and_end_on_a_signal(tmp_path: Path) -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            link = await open_water(stack, tmp_path)
+            link = await open_medium(stack, tmp_path)
             processes, clients = [], []
             file = write_file(tmp_path / "fleet.json5", listen=1)  # where nobody may listen
             for address in (1, 2):
@@ -130,7 +130,7 @@ def test_two_gateways_join_their_islands_and_end_on_a_signal(tmp_path: Path) -> 
 def test_gateway_that_is_killed_is_replaced_by_its_redundant_one(tmp_path: Path) -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            link = await open_water(stack, tmp_path)
+            link = await open_medium(stack, tmp_path)
             router, beyond = stack.enter_context(zenoh_router()), free_port()
             joined = write_file(tmp_path / "joined.json5", "client", connect=router)
             alone = write_file(tmp_path / "alone.json5", listen=beyond)
@@ -159,7 +159,7 @@ def test_gateway_that_is_killed_is_replaced_by_its_redundant_one(tmp_path: Path)
 def test_without_json_it_prints_one_line_per_fact(tmp_path: Path) -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            link = await open_water(stack, tmp_path)
+            link = await open_medium(stack, tmp_path)
             port = free_port()
             file = write_file(tmp_path / "shore.json5", listen=port)
             process = await stack.enter_async_context(running("gateway", file, "--link", link))

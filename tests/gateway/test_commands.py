@@ -1,4 +1,4 @@
-"""Commands from the shore to a vehicle beyond the water: on Zenoh keys, and by the verbs."""
+"""Commands from the shore to a vehicle across the channel: on Zenoh keys, and by the verbs."""
 
 import asyncio
 import json
@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 import zenoh
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     SECTION,
-    Island,
-    Water,
+    Channel,
+    LocalNetwork,
     get,
     hear,
-    island,
+    local_network,
     matched,
     run,
     until,
@@ -32,27 +32,29 @@ SILENCE, STREAM = "@acoustic/2/silence", "@acoustic/2/stream/12"
 class Pair:
     """A gateway on the shore, one on the vehicle, a client at each."""
 
-    water: Water
-    shore_island: Island
-    auv_island: Island
+    channel: Channel
+    shore_network: LocalNetwork
+    auv_network: LocalNetwork
     shore: zenoh.Session
     auv: zenoh.Session
 
     @property
     def where(self) -> list[str]:
         """The arguments of a verb on the shore."""
-        return ["--connect", f"tcp/127.0.0.1:{self.shore_island.port}"]
+        return ["--connect", f"tcp/127.0.0.1:{self.shore_network.port}"]
 
 
 @asynccontextmanager
 async def pair(section: dict[str, Any] | None = None) -> AsyncIterator[Pair]:
     async with AsyncExitStack() as stack:
         found = Pair()
-        found.water = Water()
-        found.shore_island = await stack.enter_async_context(island(1, found.water))
-        found.auv_island = await stack.enter_async_context(island(2, found.water, section=section))
-        found.shore = stack.enter_context(found.shore_island.client())
-        found.auv = stack.enter_context(found.auv_island.client())
+        found.channel = Channel()
+        found.shore_network = await stack.enter_async_context(local_network(1, found.channel))
+        found.auv_network = await stack.enter_async_context(
+            local_network(2, found.channel, section=section)
+        )
+        found.shore = stack.enter_context(found.shore_network.client())
+        found.auv = stack.enter_context(found.auv_network.client())
         await matched(found.auv, "chat")
         yield found
 
@@ -69,7 +71,7 @@ async def answer(client: zenoh.Session, key: str, parameters: str = "") -> dict[
     return found
 
 
-def test_silence_crosses_the_water_and_so_does_its_end() -> None:
+def test_silence_crosses_the_channel_and_so_does_its_end() -> None:
     async def scene() -> None:
         async with pair() as found:
             heard = await hear(found.shore, "chat")
@@ -80,21 +82,21 @@ def test_silence_crosses_the_water_and_so_does_its_end() -> None:
             assert (silent["silent"], silent["commanded"]) == (True, True)
             local = await answer(found.auv, SILENCE)
             assert local["until_utc"][:16] == silent["until_utc"][:16]
-            before = found.water.sent_by(2)
+            before = found.channel.sent_by(2)
             found.auv.put("chat", b"later")
             await answer(found.auv, SILENCE)  # it has been taken in
-            assert found.water.sent_by(2) == before
+            assert found.channel.sent_by(2) == before
             assert not (await answer(found.shore, SILENCE, "?command=resume"))["silent"]
             assert await heard.payload() == b"later"
             kept = [
-                each for each in found.auv_island.notices if isinstance(each, SilenceJournalled)
+                each for each in found.auv_network.notices if isinstance(each, SilenceJournalled)
             ]
             assert [each.silent for each in kept] == [True, False]
 
     run(scene())
 
 
-def test_topic_is_overridden_from_beyond_the_water() -> None:
+def test_topic_is_overridden_from_at_a_remote_node() -> None:
     async def scene() -> None:
         async with pair() as found:
             heard = await hear(found.shore, "chat")
@@ -121,7 +123,7 @@ def test_topic_is_overridden_from_beyond_the_water() -> None:
             assert await heard.payload() == b"waits"
             assert await answer(found.shore, STREAM, "?reset=true") == as_it_was
             notices = [
-                each for each in found.auv_island.notices if isinstance(each, TopicOverridden)
+                each for each in found.auv_network.notices if isinstance(each, TopicOverridden)
             ]
             assert [(each.on, each.commanded_by) for each in notices] == [
                 (False, 1), (True, 1), (True, 1),
@@ -190,15 +192,15 @@ def test_what_is_no_command_is_answered_by_nobody(key: str) -> None:
     run(scene())
 
 
-def test_looking_around_commands_nothing_beyond_the_water() -> None:
+def test_looking_around_commands_nothing_at_a_remote_node() -> None:
     async def scene() -> None:
         async with pair() as found:
-            before = len(found.water.emissions)
+            before = len(found.channel.emissions)
             for query in ("@acoustic/*/silence?command=begin", "@acoustic/**"):
                 replies = await get(found.shore, query)
                 assert not any(key.startswith("@acoustic/2/") for key in replies.good)
             assert "@acoustic/1/silence" not in (await get(found.shore, "@acoustic/**")).good
-            assert len(found.water.emissions) == before
+            assert len(found.channel.emissions) == before
             assert (await answer(found.shore, "@acoustic/1/silence"))["silent"]
             assert not (await answer(found.auv, SILENCE))["silent"]
 
@@ -208,25 +210,25 @@ def test_looking_around_commands_nothing_beyond_the_water() -> None:
 def test_of_two_gateways_one_passes_a_command_on_and_each_executes_its_own() -> None:
     async def scene() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
+            channel = Channel()
             port = stack.enter_context(zenoh_router())
-            first = await stack.enter_async_context(island(1, water, join=port))
-            await stack.enter_async_context(island(3, water, join=port))
+            first = await stack.enter_async_context(local_network(1, channel, join=port))
+            await stack.enter_async_context(local_network(3, channel, join=port))
             await until(
                 lambda: any(isinstance(each, RedundancyChanged) for each in first.notices),
                 first.changed,
             )
-            await stack.enter_async_context(island(2, water))
+            await stack.enter_async_context(local_network(2, channel))
             shore = stack.enter_context(first.client())
             replies = await get(shore, f"{SILENCE}?command=begin")
             assert list(replies.good) == [SILENCE]
-            assert water.sent_by(3) == 0
+            assert channel.sent_by(3) == 0
             assert await answer(shore, "@acoustic/3/silence") == {
                 "address": 3, "silent": False, "commanded": False, "until_utc": None,
             }  # fmt: skip
             found = await answer(shore, "@acoustic/3/silence", "?command=begin")
             assert found["silent"]
-            assert water.sent_by(3) == 0
+            assert channel.sent_by(3) == 0
 
     run(scene())
 
@@ -274,7 +276,7 @@ def test_node_that_does_not_answer_in_time_is_exit_code_3(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     async def scene() -> list[int]:
-        async with island(1, Water()) as shore:
+        async with local_network(1, Channel()) as shore:
             where = ["--connect", f"tcp/127.0.0.1:{shore.port}", "--timeout", "0.3"]
             return [
                 await verb("silence", "--node", "2", "--for", "30m", *where),
@@ -317,7 +319,7 @@ def test_override_outlives_a_restart_of_the_gateway(tmp_path: Path) -> None:
     async def scene() -> None:
         section = SECTION | {"journal": str(tmp_path)}
         for expected in (True, False):
-            async with island(2, Water(), section=section) as found:
+            async with local_network(2, Channel(), section=section) as found:
                 with found.client() as client:
                     assert (await answer(client, STREAM))["on"] is expected
                     assert not (await answer(client, STREAM, "?on=false"))["on"]

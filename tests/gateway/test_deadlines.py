@@ -4,23 +4,32 @@ import json
 from functools import partial
 from typing import Any
 
-from tests.gateway.islands import SECTION, Island, Water, get, hear, island, run, until
+from tests.gateway.networks import (
+    SECTION,
+    Channel,
+    LocalNetwork,
+    get,
+    hear,
+    local_network,
+    run,
+    until,
+)
 from zacoustic.zenoh.gateway.notices import SampleLate
 
 STREAMS: list[dict[str, Any]] = [{"id": 12, "topic": "chat", "depth": 8, "deadline_s": 0.1}]
 TIMED: dict[str, Any] = SECTION | {"streams": STREAMS}
 
 
-def late(where: Island) -> list[SampleLate]:
+def late(where: LocalNetwork) -> list[SampleLate]:
     return [notice for notice in where.notices if isinstance(notice, SampleLate)]
 
 
 def test_late_sample_is_a_key_and_a_notice_and_is_counted() -> None:
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            island(1, water, section=TIMED) as shore,
-            island(2, water, section=TIMED) as auv,
+            local_network(1, channel, section=TIMED) as shore,
+            local_network(2, channel, section=TIMED) as auv,
         ):
             with shore.client() as client, auv.client() as vehicle:
                 heard = await hear(client, "chat")

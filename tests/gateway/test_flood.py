@@ -9,7 +9,7 @@ from typing import Any
 
 import zenoh
 
-from tests.gateway.islands import LIMIT_S, Water, hear, island, matched, run, zenoh_config
+from tests.gateway.networks import LIMIT_S, Channel, hear, local_network, matched, run, zenoh_config
 from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
 from zacoustic.zenoh.gateway.dialect.mailbox import PARCEL_OVERHEAD_BYTES, Mailbox, Parcel
@@ -106,9 +106,9 @@ def test_stalled_loop_keeps_the_newest_samples_and_one_wake_up(count: Count) -> 
 
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
-            a = await stack.enter_async_context(island(1, water))
-            b = await stack.enter_async_context(island(2, water))
+            channel = Channel()
+            a = await stack.enter_async_context(local_network(1, channel))
+            b = await stack.enter_async_context(local_network(2, channel))
             shore, auv = stack.enter_context(a.client()), stack.enter_context(b.client())
             await matched(shore, "chat")
             heard = await hear(auv, "chat")
@@ -146,14 +146,14 @@ def flood(port: int, key: str, total: int) -> None:
     thread.join()
 
 
-def test_flood_reaches_the_other_island_with_its_newest_sample(count: Count) -> None:
+def test_flood_reaches_the_other_local_network_with_its_newest_sample(count: Count) -> None:
     total = count(500_000)
 
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
-            a = await stack.enter_async_context(island(1, water))
-            b = await stack.enter_async_context(island(2, water))
+            channel = Channel()
+            a = await stack.enter_async_context(local_network(1, channel))
+            b = await stack.enter_async_context(local_network(2, channel))
             shore, auv = stack.enter_context(a.client()), stack.enter_context(b.client())
             await matched(shore, "auv1/text")
             heard = await hear(auv, "auv1/text")
@@ -173,9 +173,9 @@ def test_subscriber_that_stands_still_does_not_stop_the_gateway(count: Count) ->
 
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
-            a = await stack.enter_async_context(island(1, water))
-            b = await stack.enter_async_context(island(2, water))
+            channel = Channel()
+            a = await stack.enter_async_context(local_network(1, channel))
+            b = await stack.enter_async_context(local_network(2, channel))
             slow, quick = stack.enter_context(b.client()), stack.enter_context(b.client())
             shore = stack.enter_context(a.client())
             stack.callback(go_on.set)

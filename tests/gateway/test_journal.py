@@ -9,7 +9,15 @@ from typing import Any
 import msgspec
 import pytest
 
-from tests.gateway.islands import Island, Water, config_of, free_port, get, run, zenoh_config
+from tests.gateway.networks import (
+    Channel,
+    LocalNetwork,
+    config_of,
+    free_port,
+    get,
+    run,
+    zenoh_config,
+)
 from zacoustic.core.base.journal import JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.gateway import Gateway
@@ -18,18 +26,22 @@ from zacoustic.zenoh.gateway.notices import JournalChanged, JournalInDoubt, Star
 
 
 def gateway(
-    found: Island, water: Water, journal: Journal | Path | None, *, configured: Path | None = None
+    found: LocalNetwork,
+    channel: Channel,
+    journal: Journal | Path | None,
+    *,
+    configured: Path | None = None,
 ) -> Gateway:
     config = config_of(2, zenoh_config("router", listen=found.port))
     config = msgspec.structs.replace(config, journal=configured)
-    return Gateway(config, link=water.medium.link(2), journal=journal, notify=found.notify)
+    return Gateway(config, link=channel.medium.link(2), journal=journal, notify=found.notify)
 
 
-def started(found: Island) -> Started:
+def started(found: LocalNetwork) -> Started:
     return next(notice for notice in found.notices if isinstance(notice, Started))
 
 
-async def health(found: Island, document: str = "journal") -> dict[str, Any]:
+async def health(found: LocalNetwork, document: str = "journal") -> dict[str, Any]:
     with found.client() as client:
         replies = await get(client, f"@acoustic/2/{document}")
     answer: dict[str, Any] = json.loads(replies.payload(f"@acoustic/2/{document}"))
@@ -40,15 +52,15 @@ async def health(found: Island, document: str = "journal") -> dict[str, Any]:
 def test_gateway_keeps_its_journal_in_the_folder_and_says_where(tmp_path: Path, given: str) -> None:
     async def main() -> None:
         for _ in range(2):
-            found, water = Island(free_port()), Water()
+            found, channel = LocalNetwork(free_port()), Channel()
             in_config = tmp_path if given == "configuration" else None
             argument = tmp_path if given == "argument" else None
-            async with gateway(found, water, argument, configured=in_config):
+            async with gateway(found, channel, argument, configured=in_config):
                 assert started(found).journal == str(tmp_path / "node-2.sqlite")
                 assert started(found).forgotten == ""
                 assert f"journal   {tmp_path / 'node-2.sqlite'}" in started(found).lines()
                 assert await health(found) == {"kept": True, "failure": "", "doubt": ""}
-                second = gateway(Island(free_port()), Water(), tmp_path)
+                second = gateway(LocalNetwork(free_port()), Channel(), tmp_path)
                 with pytest.raises(ConfigError, match="in use by another node or process"):
                     await second.start()
 
@@ -63,8 +75,8 @@ def test_gateway_keeps_its_journal_in_the_folder_and_says_where(tmp_path: Path, 
 
 def test_gateway_without_a_journal_says_what_a_restart_forgets() -> None:
     async def main() -> None:
-        found, water = Island(free_port()), Water()
-        async with gateway(found, water, None):
+        found, channel = LocalNetwork(free_port()), Channel()
+        async with gateway(found, channel, None):
             assert started(found).journal == ""
             assert started(found).forgotten.startswith("no journal, so a restart forgets calls of")
             assert any("restart forgets" in line for line in started(found).lines())
@@ -88,7 +100,7 @@ def test_gateway_goes_on_while_its_journal_cannot_be_written(
             super().commit(writes)
 
     async def main() -> None:
-        found, water = Island(free_port()), Water()
+        found, channel = LocalNetwork(free_port()), Channel()
         journal = Failing(tmp_path / "node-2.sqlite", 2)
 
         async def changed(failure: str) -> None:
@@ -96,7 +108,7 @@ def test_gateway_goes_on_while_its_journal_cannot_be_written(
                 found.changed.clear()
                 await found.changed.wait()
 
-        async with gateway(found, water, journal):
+        async with gateway(found, channel, journal):
             await changed("the disk is full")
             assert await health(found) == {"kept": True, "failure": "the disk is full", "doubt": ""}
             journal.failures = 0
@@ -115,8 +127,8 @@ def test_damaged_journal_does_not_stop_a_gateway_which_says_so_in_its_health(
     (tmp_path / "node-2.sqlite").write_bytes(b"rust")
 
     async def main() -> None:
-        found, water = Island(free_port()), Water()
-        async with gateway(found, water, tmp_path):
+        found, channel = LocalNetwork(free_port()), Channel()
+        async with gateway(found, channel, tmp_path):
             doubt = (await health(found))["doubt"]
             assert "node-2.sqlite: it is damaged" in doubt
             assert (await health(found, "node"))["doubt"] == doubt
@@ -138,11 +150,11 @@ def test_journal_is_released_when_the_gateway_does_not_start(tmp_path: Path) -> 
             super().close()
 
     async def main() -> None:
-        port, water = free_port(), Water()
-        async with gateway(Island(port), water, None):
+        port, channel = free_port(), Channel()
+        async with gateway(LocalNetwork(port), channel, None):
             journal = Closing(tmp_path / "node-2.sqlite", 2)
             with pytest.raises(Exception, match="in use"):
-                await gateway(Island(port), Water(), journal).start()
+                await gateway(LocalNetwork(port), Channel(), journal).start()
             assert journal.open == 0
         anew = journal_in(tmp_path, 2)
         anew.recover()

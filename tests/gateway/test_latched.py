@@ -10,13 +10,13 @@ import pytest
 import zenoh
 import zenoh.ext
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
+    Channel,
     Heard,
-    Water,
     config_of,
     get,
     hear,
-    island,
+    local_network,
     matched,
     run,
     zenoh_config,
@@ -59,12 +59,12 @@ SECTION: Final[dict[str, Any]] = {
 
 def test_a_late_subscriber_of_zenoh_has_the_last_samples_at_once() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with AsyncExitStack() as stack:
-            a = await stack.enter_async_context(island(1, water, section=SECTION))
+            a = await stack.enter_async_context(local_network(1, channel, section=SECTION))
             shore = stack.enter_context(a.client())
             early = await hear(shore, "auv1/**")
-            async with island(2, water, section=SECTION) as b:
+            async with local_network(2, channel, section=SECTION) as b:
                 with b.client() as auv:
                     for key, payload in (
                         ("auv1/map", b"the map"),
@@ -76,7 +76,7 @@ def test_a_late_subscriber_of_zenoh_has_the_last_samples_at_once() -> None:
                         await matched(auv, key)
                         auv.put(key, payload)
                         assert await early.payload() == payload
-            # Nobody is left beyond the water: it comes from the gateway of this island.
+            # Nobody is left across the channel: it comes from the gateway of this local network.
             late = stack.enter_context(a.client())
             sample = await Heard(late, "auv1/map", history=1).next()
             assert sample.payload.to_bytes() == b"the map"
@@ -94,17 +94,17 @@ def test_a_late_subscriber_of_zenoh_has_the_last_samples_at_once() -> None:
 @pytest.mark.parametrize("mode", ["client", "peer"])
 def test_late_joiners_have_it_whatever_the_mode_of_the_gateway(mode: str) -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         with zenoh_router() as port:
             async with AsyncExitStack() as stack:
-                link = water.medium.link(1)
+                link = channel.medium.link(1)
                 shore = zenoh.open(zenoh_config("client", connect=port))
                 stack.callback(shore.close)
                 settings = zenoh_config(mode, connect=port)
                 gateway = Gateway(config_of(1, settings, SECTION), link=link)
                 await stack.enter_async_context(gateway)
                 early = await hear(shore, "auv1/map")
-                async with island(2, water, section=SECTION) as b:
+                async with local_network(2, channel, section=SECTION) as b:
                     with b.client() as auv:
                         await matched(auv, "auv1/map")
                         auv.put("auv1/map", b"the map")
@@ -118,12 +118,12 @@ def test_late_joiners_have_it_whatever_the_mode_of_the_gateway(mode: str) -> Non
 
 def test_late_joiners_have_nothing_of_a_key_that_was_deleted() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with AsyncExitStack() as stack:
-            a = await stack.enter_async_context(island(1, water, section=SECTION))
+            a = await stack.enter_async_context(local_network(1, channel, section=SECTION))
             shore = stack.enter_context(a.client())
             early = await hear(shore, "auv1/raw/**")
-            b = await stack.enter_async_context(island(2, water, section=SECTION))
+            b = await stack.enter_async_context(local_network(2, channel, section=SECTION))
             auv = stack.enter_context(b.client())
             await matched(auv, "auv1/raw/ctd")
             await matched(auv, "auv1/raw/sonar")
@@ -149,19 +149,19 @@ def test_late_joiners_have_nothing_of_a_key_that_was_deleted() -> None:
 
 def test_what_zenoh_has_in_a_cache_before_the_gateway_begins_crosses_too() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with AsyncExitStack() as stack:
             b = await stack.enter_async_context(
-                island(3, water, section={"address": 3, "streams": []})
+                local_network(3, channel, section={"address": 3, "streams": []})
             )
             auv = stack.enter_context(ros_session(b.port))
             publisher = zenoh.ext.declare_advanced_publisher(
                 auv, "auv1/map", cache=zenoh.ext.CacheConfig(max_samples=1)
             )
             publisher.put(b"the map")
-            a = await stack.enter_async_context(island(1, water, section=SECTION))
+            a = await stack.enter_async_context(local_network(1, channel, section=SECTION))
             told = await hear(stack.enter_context(a.client()), "auv1/map")
-            await stack.enter_async_context(island(2, water, section=SECTION, join=b.port))
+            await stack.enter_async_context(local_network(2, channel, section=SECTION, join=b.port))
             assert await told.payload() == b"the map"
 
     run(main())
@@ -169,15 +169,15 @@ def test_what_zenoh_has_in_a_cache_before_the_gateway_begins_crosses_too() -> No
 
 def test_late_joiners_have_it_after_the_gateway_was_restarted() -> None:
     async def main() -> None:
-        water, journal = Water(), MemoryJournal()
+        channel, journal = Channel(), MemoryJournal()
         section = ROS_SECTION | {"streams": [*ROS_SECTION["streams"], STREAMS[0]]}
         async with AsyncExitStack() as stack:
-            async with island(1, water, section=section, journal=journal) as a:
+            async with local_network(1, channel, section=section, journal=journal) as a:
                 shore = stack.enter_context(a.client())
                 early = await hear(shore, "auv1/map")
                 ros = stack.enter_context(ros_session(a.port))
                 told = Node(ros, "early", domain=7).subscribe("/map", STRING, LATCHED)
-                async with island(2, water, section=section) as b:
+                async with local_network(2, channel, section=section) as b:
                     with b.client() as auv, ros_session(b.port) as session:
                         await matched(auv, "auv1/map")
                         auv.put("auv1/map", b"the map")
@@ -186,7 +186,7 @@ def test_late_joiners_have_it_after_the_gateway_was_restarted() -> None:
                         node.publisher("/map", STRING, LATCHED)({"data": "the map"})
                         await told.next()
             assert any(key.startswith("latched/") for key in journal.recover().entries)
-            async with island(1, water, section=section, journal=journal) as a:
+            async with local_network(1, channel, section=section, journal=journal) as a:
                 late = stack.enter_context(a.client())
                 sample = await Heard(late, "auv1/map", history=1).next()
                 assert sample.payload.to_bytes() == b"the map"
@@ -199,7 +199,9 @@ def test_late_joiners_have_it_after_the_gateway_was_restarted() -> None:
             # What another definition has made is nothing of this one's.
             streams = [each for each in section["streams"] if each.get("topic") == "auv1/map"]
             changed = [each | {"encoding": "text/plain"} for each in streams]
-            async with island(1, water, section=section | {"streams": changed}, journal=journal):
+            async with local_network(
+                1, channel, section=section | {"streams": changed}, journal=journal
+            ):
                 pass
             assert not any(key.startswith("latched/") for key in journal.recover().entries)
 

@@ -6,16 +6,16 @@ import threading
 import pytest
 import zenoh
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     LIMIT_S,
     TABLE,
-    Water,
+    Channel,
     cbor,
     config_of,
     free_port,
     get,
     hear,
-    island,
+    local_network,
     matched,
     run,
     until,
@@ -29,11 +29,11 @@ from zacoustic.zenoh.session.session import endpoints_of, mode_of
 
 def test_port_in_use_is_one_line_with_endpoint_and_advice() -> None:
     async def main() -> None:
-        water = Water()
-        async with island(1, water) as a:
+        channel = Channel()
+        async with local_network(1, channel) as a:
             config = config_of(2, zenoh_config("router", listen=a.port))
             with pytest.raises(SessionError) as caught:
-                await Gateway(config, link=water.medium.link(2)).start()
+                await Gateway(config, link=channel.medium.link(2)).start()
         text = str(caught.value)
         assert text.startswith(f"cannot listen on tcp/127.0.0.1:{a.port}: Address already in use (")
         assert "\n" not in text
@@ -48,7 +48,7 @@ def test_unreachable_router_is_one_line_with_endpoint_and_advice() -> None:
     async def main() -> None:
         config = config_of(2, zenoh_config("client", connect=port))
         with pytest.raises(SessionError, match=f"no Zenoh router at tcp/127.0.0.1:{port} "):
-            await Gateway(config, link=Water().medium.link(2)).start()
+            await Gateway(config, link=Channel().medium.link(2)).start()
 
     run(main())
 
@@ -66,18 +66,18 @@ def test_other_errors_of_a_session_say_what_to_change(settings: str, expected: s
         config = zenoh.Config.from_json5(settings)
         config.insert_json5("scouting/multicast/enabled", "false")
         with pytest.raises(SessionError, match=expected):
-            await Gateway(config_of(2, config), link=Water().medium.link(2)).start()
+            await Gateway(config_of(2, config), link=Channel().medium.link(2)).start()
 
     run(main())
 
 
 def test_failure_of_the_link_leaves_nothing_open() -> None:
     async def main() -> None:
-        water, port = Water(), free_port()
+        channel, port = Channel(), free_port()
         for _ in range(2):  # the second finds the port free again
             config = config_of(2, zenoh_config("router", listen=port))
             with pytest.raises(LinkOpenError, match="no node 9"):
-                await Gateway(config, link=water.medium.link(9)).start()
+                await Gateway(config, link=channel.medium.link(9)).start()
 
     run(main())
 
@@ -88,18 +88,18 @@ def test_config_without_session_or_link_is_refused() -> None:
             Gateway(config_of(1, zenoh_config("peer")))
         without: object = None
         with pytest.raises(ConfigError, match="no Zenoh settings"):
-            Gateway(config_of(1, without), link=Water().medium.link(1))  # type: ignore[arg-type]
+            Gateway(config_of(1, without), link=Channel().medium.link(1))  # type: ignore[arg-type]
 
     run(main())
 
 
 def test_start_that_is_cancelled_leaves_nothing_open() -> None:
     async def main() -> None:
-        water, port = Water(), free_port()
+        channel, port = Channel(), free_port()
         settings = zenoh_config("router", listen=port)
         settings.insert_json5("scouting/delay", "200")  # opening takes this long, ms
         starting = asyncio.ensure_future(
-            Gateway(config_of(2, settings), link=water.medium.link(2)).start()
+            Gateway(config_of(2, settings), link=channel.medium.link(2)).start()
         )
         await asyncio.wait({starting}, timeout=0.01)
         starting.cancel()
@@ -114,7 +114,7 @@ def test_gateway_says_what_it_is_and_that_it_ends() -> None:
         notices: list[Notice] = []
         port = free_port()
         config = config_of(2, zenoh_config("router", listen=port))
-        gateway = Gateway(config, link=Water().medium.link(2), notify=notices.append)
+        gateway = Gateway(config, link=Channel().medium.link(2), notify=notices.append)
         async with gateway:
             started = notices[-1]
             assert isinstance(started, Started)
@@ -133,8 +133,8 @@ def test_gateway_says_what_it_is_and_that_it_ends() -> None:
 
 def test_fault_of_the_link_comes_out_and_the_gateway_closes() -> None:
     async def main() -> None:
-        water = Water()
-        link = water.medium.link(1)
+        channel = Channel()
+        link = channel.medium.link(1)
 
         def broken(_: object) -> None:
             raise ZeroDivisionError("a bug in a driver")
@@ -154,10 +154,10 @@ def test_fault_of_the_link_comes_out_and_the_gateway_closes() -> None:
 
 def test_client_of_a_router_is_back_by_itself_after_the_router_restarts() -> None:
     async def main() -> None:
-        water, port = Water(), free_port()
+        channel, port = Channel(), free_port()
         router = zenoh.open(zenoh_config("router", listen=port))
         try:
-            async with island(1, water, join=port) as a, island(2, water) as b:
+            async with local_network(1, channel, join=port) as a, local_network(2, channel) as b:
                 router.close()  # type: ignore[no-untyped-call]
                 router = zenoh.open(zenoh_config("router", listen=port))
                 with zenoh.open(zenoh_config("client", connect=port)) as shore, b.client() as auv:
@@ -199,8 +199,8 @@ def test_threads_of_a_closed_gateway_are_gone() -> None:
     before = set(threading.enumerate())
 
     async def main() -> None:
-        water = Water()
-        async with island(1, water) as a:
+        channel = Channel()
+        async with local_network(1, channel) as a:
             await until(lambda: a.notices, a.changed)
 
     run(main())

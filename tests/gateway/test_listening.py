@@ -9,7 +9,7 @@ import msgspec
 import pytest
 import zenoh
 
-from tests.gateway.islands import SECTION, Island, Water, config_of, free_port, run
+from tests.gateway.networks import SECTION, Channel, LocalNetwork, config_of, free_port, run
 from zacoustic.config import config_from_mapping
 from zacoustic.gateway import Gateway
 from zacoustic.zenoh.gateway.notices import Started
@@ -40,9 +40,9 @@ def listening() -> set[str]:
 def test_a_file_without_listen_is_reached_from_this_computer_only() -> None:
     async def scene() -> None:
         before = listening()
-        found = Island(0)
+        found = LocalNetwork(0)
         config = config_of(1, zenoh.Config.from_json5(SILENT % "peer"))
-        async with Gateway(config, link=Water().medium.link(1), notify=found.notify):
+        async with Gateway(config, link=Channel().medium.link(1), notify=found.notify):
             opened = {place.rpartition(":")[0] for place in listening() - before}
             assert opened == {"0100007F"}  # 127.0.0.1
         (started,) = [each for each in found.notices if isinstance(each, Started)]

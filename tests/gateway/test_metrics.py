@@ -17,20 +17,20 @@ pytest.importorskip("prometheus_client")
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.cli.watched import WATCHED
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     SECTION,
-    Island,
-    Water,
+    Channel,
+    LocalNetwork,
     cbor,
     config_of,
     free_port,
     hear,
-    island,
+    local_network,
     matched,
     run,
     zenoh_config,
 )
-from tests.gateway.test_command import ended, open_water, running, start, write_file
+from tests.gateway.test_command import ended, open_medium, running, start, write_file
 from zacoustic.app.tools.field.jsonlog import FIELDS, JsonFormatter
 from zacoustic.config import config_from_mapping
 from zacoustic.config.metrics import metrics_argument, parse_metrics
@@ -44,12 +44,12 @@ Labels = tuple[tuple[str, str], ...]
 
 @asynccontextmanager
 async def measured(
-    water: Water, address: int, place: tuple[str, int] | None = ("127.0.0.1", 0)
-) -> AsyncIterator[tuple[Island, str]]:
+    channel: Channel, address: int, place: tuple[str, int] | None = ("127.0.0.1", 0)
+) -> AsyncIterator[tuple[LocalNetwork, str]]:
     """Run a gateway with metrics; gives where they are."""
-    found = Island(free_port())
+    found = LocalNetwork(free_port())
     config = config_of(address, zenoh_config("router", listen=found.port), WATCHED)
-    link = water.medium.link(address, SimConfig(acknowledges=True))
+    link = channel.medium.link(address, SimConfig(acknowledges=True))
     async with Gateway(config, link=link, notify=found.notify, metrics=place):
         started = next(each for each in found.notices if isinstance(each, Started))
         yield found, started.metrics
@@ -72,8 +72,11 @@ async def scrape(url: str) -> dict[tuple[str, Labels], float]:
 
 def test_metrics_are_those_of_the_health_report() -> None:
     async def scene() -> None:
-        water = Water()
-        async with measured(water, 1) as (shore, url), island(2, water, section=WATCHED) as auv:
+        channel = Channel()
+        async with (
+            measured(channel, 1) as (shore, url),
+            local_network(2, channel, section=WATCHED) as auv,
+        ):
             assert url.startswith("http://127.0.0.1:")
             with shore.client() as client, auv.client() as vehicle:
                 await matched(vehicle, "auv1/nav")
@@ -113,10 +116,10 @@ def test_metrics_are_those_of_the_health_report() -> None:
 
 def test_no_metrics_unless_asked_for_and_none_when_it_has_ended() -> None:
     async def scene() -> None:
-        water = Water()
-        async with measured(water, 1, None) as (_, url):
+        channel = Channel()
+        async with measured(channel, 1, None) as (_, url):
             assert url == ""
-        async with measured(water, 1) as (_, url):
+        async with measured(channel, 1) as (_, url):
             await scrape(url)
         with pytest.raises(OSError, match="refused"):
             await scrape(url)
@@ -126,11 +129,11 @@ def test_no_metrics_unless_asked_for_and_none_when_it_has_ended() -> None:
 
 def test_place_that_is_taken_ends_the_gateway_in_one_line() -> None:
     async def scene() -> None:
-        water = Water()
-        async with measured(water, 1) as (_, url):
+        channel = Channel()
+        async with measured(channel, 1) as (_, url):
             port = int(url.rpartition(":")[2].partition("/")[0])
             with pytest.raises(LinkOpenError, match=f"cannot listen at 127.0.0.1:{port}"):
-                async with measured(water, 2, ("127.0.0.1", port)):
+                async with measured(channel, 2, ("127.0.0.1", port)):
                     pass
 
     run(scene())
@@ -141,7 +144,7 @@ def test_absent_library_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> 
         monkeypatch.setitem(sys.modules, "prometheus_client", None)
         monkeypatch.delitem(sys.modules, "zacoustic.zenoh.gateway.status.metrics", raising=False)
         with pytest.raises(ConfigError, match=r"pip install 'zacoustic\[metrics\]'"):
-            async with measured(Water(), 1):
+            async with measured(Channel(), 1):
                 pass
 
     run(scene())
@@ -206,7 +209,7 @@ def test_gateway_logs_json_on_standard_error_and_nothing_on_standard_output(
         from contextlib import AsyncExitStack
 
         async with AsyncExitStack() as stack:
-            link = await open_water(stack, tmp_path)
+            link = await open_medium(stack, tmp_path)
             file = write_file(tmp_path / "shore.json5", listen=free_port())
             words = ["--link", link, "--log", "json", "--metrics", "0"]
             process = await stack.enter_async_context(running("gateway", file, *words))

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.gateway.islands import SECTION, Water, get, hear, island, matched, run
+from tests.gateway.networks import SECTION, Channel, get, hear, local_network, matched, run
 
 PHOTO = random.Random("photo").randbytes(20_000)
 TOPIC: dict[str, Any] = {
@@ -21,9 +21,9 @@ TOPIC: dict[str, Any] = {
 LARGE = SECTION | {"streams": [*SECTION["streams"], TOPIC], "objects": {"max_bytes": 20_000}}
 
 
-def water() -> Water:
+def channel() -> Channel:
     """Water in which a photo takes six minutes, and here four seconds."""
-    return Water(profile="evologics_s2c_18_34", time_scale=100.0)
+    return Channel(profile="evologics_s2c_18_34", time_scale=100.0)
 
 
 async def document(client: Any, address: int) -> dict[str, Any]:
@@ -51,9 +51,9 @@ async def ended(client: Any, address: int) -> dict[str, Any]:
 def test_a_photo_crosses_and_both_ends_tell_of_it() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            sea = water()
-            a = await stack.enter_async_context(island(1, sea, section=LARGE))
-            b = await stack.enter_async_context(island(2, sea, section=LARGE))
+            sea = channel()
+            a = await stack.enter_async_context(local_network(1, sea, section=LARGE))
+            b = await stack.enter_async_context(local_network(2, sea, section=LARGE))
             shore, auv = (stack.enter_context(each.client()) for each in (a, b))
             await matched(shore, "photo")
             heard = await hear(auv, "photo")
@@ -78,8 +78,8 @@ def test_a_photo_crosses_and_both_ends_tell_of_it() -> None:
 def test_a_publisher_gives_it_up() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            sea = water()
-            a = await stack.enter_async_context(island(1, sea, section=LARGE))
+            sea = channel()
+            a = await stack.enter_async_context(local_network(1, sea, section=LARGE))
             shore = stack.enter_context(a.client())
             await matched(shore, "photo")
             shore.put("photo", PHOTO)
@@ -88,7 +88,7 @@ def test_a_publisher_gives_it_up() -> None:
             assert await order(shore, 1, f"id={found['sending'][0]['id']}")
             assert not await order(shore, 1, f"id={found['sending'][0]['id']}")
             assert (await ended(shore, 1))["outcome"] == "cancelled"
-            b = await stack.enter_async_context(island(2, sea, section=LARGE))
+            b = await stack.enter_async_context(local_network(2, sea, section=LARGE))
             heard = await hear(stack.enter_context(b.client()), "photo")
             shore.put("photo", b"small")
             assert await heard.payload() == b"small"
@@ -99,9 +99,9 @@ def test_a_publisher_gives_it_up() -> None:
 def test_a_subscriber_gives_it_up() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            sea = water()
-            a = await stack.enter_async_context(island(1, sea, section=LARGE))
-            b = await stack.enter_async_context(island(2, sea, section=LARGE))
+            sea = channel()
+            a = await stack.enter_async_context(local_network(1, sea, section=LARGE))
+            b = await stack.enter_async_context(local_network(2, sea, section=LARGE))
             shore, auv = (stack.enter_context(each.client()) for each in (a, b))
             await matched(shore, "photo")
             shore.put("photo", PHOTO)
@@ -123,7 +123,7 @@ def test_a_subscriber_gives_it_up() -> None:
 @pytest.mark.parametrize("parameters", ["", "?id=x", "?id=-1", "?source=1", "?transfer=2"])
 def test_an_order_that_names_nothing_is_refused(parameters: str) -> None:
     async def main() -> None:
-        async with island(1, water(), section=LARGE) as shore:
+        async with local_network(1, channel(), section=LARGE) as shore:
             with shore.client() as client:
                 replies = await get(client, f"@acoustic/1/objects/cancel{parameters}")
                 assert not replies.good
@@ -134,14 +134,14 @@ def test_an_order_that_names_nothing_is_refused(parameters: str) -> None:
 
 def test_too_large_is_counted_and_everything_under_the_prefix_is_no_order() -> None:
     async def main() -> None:
-        async with island(1, water(), section=LARGE) as shore:
+        async with local_network(1, channel(), section=LARGE) as shore:
             with shore.client() as client:
                 await matched(client, "photo")
                 client.put("photo", bytes(20_001))
                 while True:
                     replies = await get(client, "@acoustic/1/**")
                     assert not replies.errors
-                    lost = json.loads(replies.payload("@acoustic/1/dropped"))["island"]
+                    lost = json.loads(replies.payload("@acoustic/1/dropped"))["local"]
                     if lost:
                         break
                 assert lost == {"photo": {"refused": 1}}, lost

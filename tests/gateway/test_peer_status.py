@@ -1,4 +1,4 @@
-"""What the modem measured, on the island: keys, dates, schedule, errors."""
+"""What the modem measured, on the local network: keys, dates, schedule, errors."""
 
 import json
 import random
@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     SECTION,
+    Channel,
     Heard,
-    Island,
-    Water,
+    LocalNetwork,
     config_of,
     free_port,
     get,
@@ -41,10 +41,10 @@ RANGES = SECTION | {"ranging": [{"by": 1, "to": 2, "every_s": 1}]}
 
 
 @asynccontextmanager
-async def island_on(
+async def network_on(
     link: SimLink, address: int, section: dict[str, Any] | None = None
-) -> AsyncIterator[Island]:
-    found = Island(free_port())
+) -> AsyncIterator[LocalNetwork]:
+    found = LocalNetwork(free_port())
     config = config_of(address, zenoh_config("router", listen=found.port), section)
     async with Gateway(config, link=link, notify=found.notify):
         yield found
@@ -61,10 +61,10 @@ async def document(heard: Heard, key: str) -> dict[str, Any]:
 
 def test_scheduled_range_is_put_and_answered_under_its_key() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            island_on(water.medium.link(1, ASKS), 1, RANGES) as shore,
-            island_on(water.medium.link(2, ASKS), 2, RANGES),
+            network_on(channel.medium.link(1, ASKS), 1, RANGES) as shore,
+            network_on(channel.medium.link(2, ASKS), 2, RANGES),
         ):
             with shore.client() as client:
                 heard = await hear(client, "@acoustic/1/**")
@@ -84,16 +84,16 @@ def test_scheduled_range_is_put_and_answered_under_its_key() -> None:
 
 def test_fixes_and_readings_are_put_as_they_come_and_metrics_come_from_all_of_them() -> None:
     async def main() -> None:
-        water = Water()
-        link = water.medium.link(1)
-        async with island_on(link, 1) as shore:
+        channel = Channel()
+        link = channel.medium.link(1)
+        async with network_on(link, 1) as shore:
             with shore.client() as client:
                 heard = await hear(client, "@acoustic/1/**")
                 receiver = link._receiver
                 assert receiver is not None
                 fix = LinkMetrics(east_m=30.0, north_m=40.0, up_m=-5.0, accuracy_m=0.4)
                 bearing = LinkMetrics(bearing_rad=0.64, elevation_rad=-0.1, integrity=140.0)
-                now = water.medium.clock()
+                now = channel.medium.clock()
                 for metrics in (fix, bearing):
                     receiver.measured(PeerMeasured(address=2, measured_at=now, metrics=metrics))
                 receiver.measured(ModemRead(read_at=now, firmware="1.9", battery_v=24.1))
@@ -122,9 +122,9 @@ def test_measurements_are_those_of_the_engine_that_runs(monkeypatch: pytest.Monk
         raise ValueError("a bug")
 
     async def main() -> None:
-        water = Water()
-        link = water.medium.link(1)
-        async with island_on(link, 1) as shore:
+        channel = Channel()
+        link = channel.medium.link(1)
+        async with network_on(link, 1) as shore:
             with shore.client() as client:
                 heard = await hear(client, "@acoustic/1/modem")
                 receiver = link._receiver
@@ -136,7 +136,7 @@ def test_measurements_are_those_of_the_engine_that_runs(monkeypatch: pytest.Monk
                     lambda: any(isinstance(each, EngineLost) for each in shore.notices),
                     shore.changed,
                 )
-                now = water.medium.clock()
+                now = channel.medium.clock()
                 receiver.measured(ModemRead(read_at=now, firmware="1.9"))
                 modem = await document(heard, "@acoustic/1/modem")
                 assert modem["firmware"] == "1.9"
@@ -146,12 +146,12 @@ def test_measurements_are_those_of_the_engine_that_runs(monkeypatch: pytest.Monk
 
 def test_gateway_whose_link_measures_no_ranges_does_not_start_with_a_schedule() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         config = config_of(1, zenoh_config("router", listen=free_port()), RANGES)
         with pytest.raises(RangeUnavailableError, match="this link measures no ranges"):
-            await Gateway(config, link=water.medium.link(1)).start()
+            await Gateway(config, link=channel.medium.link(1)).start()
         config = config_of(2, zenoh_config("router", listen=free_port()), RANGES)
-        async with Gateway(config, link=water.medium.link(2)):
+        async with Gateway(config, link=channel.medium.link(2)):
             pass  # the schedule is not its own
 
     run(main())

@@ -1,4 +1,4 @@
-"""Two gateways on one island: no loop, no echo, nothing twice; one takes over from the other."""
+"""Two gateways on one network: no loop, no echo, nothing twice; one takes over from the other."""
 
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -6,18 +6,18 @@ from contextlib import AsyncExitStack, asynccontextmanager
 import pytest
 import zenoh
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     SECTION,
     TABLE,
     UNRELATED,
-    Island,
-    Water,
+    Channel,
+    LocalNetwork,
     cbor,
     config_of,
     counts,
     get,
     hear,
-    island,
+    local_network,
     matched,
     run,
     until,
@@ -34,9 +34,9 @@ from zacoustic.zenoh.gateway.redundant import RETIRED_S, RedundantGateways
 class Fleet:
     """Gateways 1 and 3 on the shore, gateway 2 on the vehicle, a router that outlives them."""
 
-    water: Water
-    first: Island
-    second: Island
+    channel: Channel
+    first: LocalNetwork
+    second: LocalNetwork
     first_stack: AsyncExitStack
     shore: zenoh.Session
     auv: zenoh.Session
@@ -46,16 +46,16 @@ class Fleet:
 async def fleet() -> AsyncIterator[Fleet]:
     async with AsyncExitStack() as stack:
         found = Fleet()
-        found.water = Water()
+        found.channel = Channel()
         router = stack.enter_context(zenoh_router())
         found.first_stack = AsyncExitStack()
         found.first = await found.first_stack.enter_async_context(
-            island(1, found.water, join=router)
+            local_network(1, found.channel, join=router)
         )
         await stack.enter_async_context(found.first_stack)
-        found.second = await stack.enter_async_context(island(3, found.water, join=router))
+        found.second = await stack.enter_async_context(local_network(3, found.channel, join=router))
         await until(lambda: alive(found.first) == (1, 3), found.first.changed)
-        vehicle = await stack.enter_async_context(island(2, found.water))
+        vehicle = await stack.enter_async_context(local_network(2, found.channel))
         found.shore = stack.enter_context(found.first.client())
         found.auv = stack.enter_context(vehicle.client())
         await matched(found.shore, "chat")
@@ -63,8 +63,8 @@ async def fleet() -> AsyncIterator[Fleet]:
         yield found
 
 
-def alive(of: Island) -> tuple[int, ...]:
-    """Return the gateways on an island as its last notice about them says."""
+def alive(of: LocalNetwork) -> tuple[int, ...]:
+    """Return the gateways on a local network as its last notice about them says."""
     found = [each.addresses for each in of.notices if isinstance(each, RedundancyChanged)]
     return found[-1] if found else ()
 
@@ -96,17 +96,17 @@ def test_one_put_is_one_transmission_and_one_delivery_without_echo() -> None:
     run(main())
 
 
-def test_gateways_of_one_island_do_not_speak_at_one_instant() -> None:
-    """An event on the island makes samples for both, and a receiver would hear neither."""
+def test_gateways_of_one_local_network_do_not_speak_at_one_instant() -> None:
+    """An event on the local network makes samples for both, and a receiver would hear neither."""
 
     async def main() -> None:
-        water = Water(profile="evologics_s2c_18_34", time_scale=4.0)
+        channel = Channel(profile="evologics_s2c_18_34", time_scale=4.0)
         async with AsyncExitStack() as stack:
             router = stack.enter_context(zenoh_router())
-            first = await stack.enter_async_context(island(1, water, join=router))
-            second = await stack.enter_async_context(island(3, water, join=router))
+            first = await stack.enter_async_context(local_network(1, channel, join=router))
+            second = await stack.enter_async_context(local_network(3, channel, join=router))
             await until(lambda: alive(first) == alive(second) == (1, 3), first.changed)
-            vehicle = await stack.enter_async_context(island(2, water))
+            vehicle = await stack.enter_async_context(local_network(2, channel))
             shore = stack.enter_context(first.client())
             heard = await hear(stack.enter_context(vehicle.client()), "fleet/*/status")
             for node in ("shore", "buoy"):
@@ -163,26 +163,26 @@ async def declared(session: zenoh.Session, address: int) -> None:
 def test_service_whose_server_is_a_redundant_gateway_is_left_to_it() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
-            a = await stack.enter_async_context(island(1, water))
-            await stack.enter_async_context(island(2, water, join=a.port))
+            channel = Channel()
+            a = await stack.enter_async_context(local_network(1, channel))
+            await stack.enter_async_context(local_network(2, channel, join=a.port))
             client = stack.enter_context(a.client())
             await until(lambda: alive(a) == (1, 2), a.changed)
             await matched(client, "chat")
             replies = await get(client, "auv1/echo", b"x")
             assert (replies.good, replies.errors) == ({}, [])
-            assert water.emissions == []
+            assert channel.emissions == []
 
     run(main())
 
 
 def test_second_gateway_with_the_same_address_is_refused() -> None:
     async def main() -> None:
-        water = Water()
-        async with island(1, water, section=SECTION) as a:
+        channel = Channel()
+        async with local_network(1, channel, section=SECTION) as a:
             config = config_of(1, zenoh_config("client", connect=a.port))
             with pytest.raises(SessionError, match="has the address 1"):
-                await Gateway(config, link=water.medium.link(3)).start()
+                await Gateway(config, link=channel.medium.link(3)).start()
             assert not [each for each in a.notices if isinstance(each, RedundancyChanged)]
             assert [each.redundant for each in a.notices if isinstance(each, Started)] == [()]
 
@@ -191,11 +191,11 @@ def test_second_gateway_with_the_same_address_is_refused() -> None:
 
 def test_gateway_of_another_fleet_is_not_redundant() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            island(3, water, section=UNRELATED) as other,
-            island(1, water, join=other.port) as a,
-            island(2, water),
+            local_network(3, channel, section=UNRELATED) as other,
+            local_network(1, channel, join=other.port) as a,
+            local_network(2, channel),
         ):
             with a.client() as shore:
                 await declared(shore, 1)
@@ -208,7 +208,7 @@ def test_gateway_of_another_fleet_is_not_redundant() -> None:
                 ]
             config = config_of(3, zenoh_config("client", connect=other.port))
             with pytest.raises(SessionError, match="has the address 3"):
-                await Gateway(config, link=water.medium.link(2)).start()
+                await Gateway(config, link=channel.medium.link(2)).start()
 
     run(main())
 
@@ -243,7 +243,7 @@ def test_each_gateway_forwards_its_own_keys_of_a_stream_with_node_in_its_name() 
     assert not redundant.delivers(stream("fleet/{node}/status"))
 
 
-def test_what_nobody_beyond_the_water_sends_or_wants_is_no_job() -> None:
+def test_what_nobody_at_a_remote_node_sends_or_wants_is_no_job() -> None:
     vehicle = RedundantGateways(2, lambda: 0)
     assert not vehicle.forwards(stream("auv1/text"))
     assert not vehicle.delivers(stream("auv1/nav"))
@@ -253,16 +253,18 @@ def test_what_nobody_beyond_the_water_sends_or_wants_is_no_job() -> None:
     assert not shore.delivers(stream("auv1/text"))
 
 
-def test_redundant_gateway_that_is_gone_is_of_this_island_for_what_it_had_on_the_air() -> None:
+def test_redundant_gateway_that_is_gone_is_of_this_local_network_for_what_it_had_on_the_air() -> (
+    None
+):
     now = 0
     redundant = RedundantGateways(1, lambda: now)
-    assert not redundant.shares_island(3)
+    assert not redundant.shares_network(3)
     assert redundant.update(3, is_alive=True)
     assert not redundant.update(3, is_alive=True)
-    assert redundant.shares_island(3)
+    assert redundant.shares_network(3)
     redundant.update(3, is_alive=False)
-    assert redundant.shares_island(3)
+    assert redundant.shares_network(3)
     now = round(RETIRED_S * 1e9)
-    assert not redundant.shares_island(3)
+    assert not redundant.shares_network(3)
     assert not redundant.update(1, is_alive=False)
     assert redundant.alive == (1,)

@@ -1,10 +1,10 @@
-"""Reliable topics through gateways: what is put on one island is put on the other, in order."""
+"""Reliable topics through gateways: what is put on one network is put on the other, in order."""
 
 import json
 from contextlib import AsyncExitStack
 from typing import Any
 
-from tests.gateway.islands import SECTION, Water, get, hear, island, matched, run
+from tests.gateway.networks import SECTION, Channel, get, hear, local_network, matched, run
 
 ORDERS: dict[str, Any] = {
     "id": 30,
@@ -20,9 +20,9 @@ RELIABLE = SECTION | {"streams": [*SECTION["streams"], ORDERS]}
 def test_samples_cross_reliably_and_their_outcomes_are_counted() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
-            a = await stack.enter_async_context(island(1, water, section=RELIABLE))
-            b = await stack.enter_async_context(island(2, water, section=RELIABLE))
+            channel = Channel()
+            a = await stack.enter_async_context(local_network(1, channel, section=RELIABLE))
+            b = await stack.enter_async_context(local_network(2, channel, section=RELIABLE))
             shore, auv = (stack.enter_context(each.client()) for each in (a, b))
             await matched(shore, "orders")
             heard = await hear(auv, "orders")

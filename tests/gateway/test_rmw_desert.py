@@ -1,4 +1,4 @@
-"""A gateway on DESERT's socket, with Zenoh on its island and nodes of rmw_desert in the water."""
+"""A gateway on DESERT's socket, between a Zenoh network and nodes of rmw_desert."""
 
 import asyncio
 import json
@@ -10,8 +10,8 @@ import msgspec
 import zenoh
 
 from tests.core.rmw_desert.peer import REQUEST, RESPONSE, SAMPLE, Heard, packet
-from tests.gateway.islands import (
-    Island,
+from tests.gateway.networks import (
+    LocalNetwork,
     cbor,
     fence,
     free_port,
@@ -57,7 +57,7 @@ SECTION: dict[str, Any] = {
     ],
 }  # fmt: skip
 
-Body = Callable[[Island, zenoh.Session, Vehicle], Awaitable[None]]
+Body = Callable[[LocalNetwork, zenoh.Session, Vehicle], Awaitable[None]]
 
 
 def on_desert(
@@ -71,7 +71,7 @@ def on_desert(
     async def main() -> None:
         server = StandInServer(standin(), time_scale=SCALE)
         await server.open()
-        found = Island(free_port())
+        found = LocalNetwork(free_port())
         config = config_from_mapping(section or SECTION, source="test")
         config = msgspec.structs.replace(
             config,
@@ -93,7 +93,7 @@ def on_desert(
 
 
 def test_samples_cross_between_zenoh_and_rmw_desert() -> None:
-    async def body(found: Island, client: zenoh.Session, vehicle: Vehicle) -> None:
+    async def body(found: LocalNetwork, client: zenoh.Session, vehicle: Vehicle) -> None:
         heard = await hear(client, "auv1/pose")
         vehicle.say(packet(SAMPLE, 3, 1.5, "auv"))
         sample = await heard.next()
@@ -108,20 +108,20 @@ def test_samples_cross_between_zenoh_and_rmw_desert() -> None:
     on_desert(body)
 
 
-def test_what_would_crash_the_vehicle_stays_on_the_island_and_is_counted() -> None:
-    async def body(found: Island, client: zenoh.Session, vehicle: Vehicle) -> None:
+def test_what_would_crash_the_vehicle_stays_on_the_local_network_and_is_counted() -> None:
+    async def body(found: LocalNetwork, client: zenoh.Session, vehicle: Vehicle) -> None:
         client.put("auv1/goal", cbor(x=0.5, name="x" * 128), encoding="application/cbor")
         client.put("auv1/goal", cbor(x=0.5, name="next"), encoding="application/cbor")
         assert await vehicle.hear() == Heard(SAMPLE, 4, [0.5, "next"])
         dropped = await get(client, "@acoustic/1/dropped")
         report = json.loads(dropped.payload("@acoustic/1/dropped"))
-        assert report["island"] == {"auv1/goal": {"payload": 1}}
+        assert report["local"] == {"auv1/goal": {"payload": 1}}
 
     on_desert(body)
 
 
-def test_calls_of_the_island_are_answered_from_the_water_or_fail() -> None:
-    async def body(found: Island, client: zenoh.Session, vehicle: Vehicle) -> None:
+def test_calls_of_the_local_network_are_answered_from_the_channel_or_fail() -> None:
+    async def body(found: LocalNetwork, client: zenoh.Session, vehicle: Vehicle) -> None:
         call = asyncio.create_task(
             get(client, "auv1/add", cbor(a=2, b=40), encoding="application/cbor")
         )
@@ -135,8 +135,8 @@ def test_calls_of_the_island_are_answered_from_the_water_or_fail() -> None:
     on_desert(body)
 
 
-def test_calls_from_the_water_are_served_on_the_island() -> None:
-    async def body(found: Island, client: zenoh.Session, vehicle: Vehicle) -> None:
+def test_calls_from_the_channel_are_served_on_the_local_network() -> None:
+    async def body(found: LocalNetwork, client: zenoh.Session, vehicle: Vehicle) -> None:
         def answer(query: zenoh.Query) -> None:
             with query:
                 assert query.payload is not None
@@ -153,7 +153,7 @@ def test_calls_from_the_water_are_served_on_the_island() -> None:
 
 
 def test_beacons_become_notices() -> None:
-    async def body(found: Island, client: zenoh.Session, vehicle: Vehicle) -> None:
+    async def body(found: LocalNetwork, client: zenoh.Session, vehicle: Vehicle) -> None:
         assert await vehicle.hear() == Heard(SAMPLE, 2, [])
         own = await vehicle.hear()
         assert (own.stream_id, own.items[0]) == (1, "shore")
@@ -166,7 +166,7 @@ def test_beacons_become_notices() -> None:
 
 
 def test_nobody_is_known_by_address_and_orders_do_not_cross() -> None:
-    async def body(found: Island, client: zenoh.Session, vehicle: Vehicle) -> None:
+    async def body(found: LocalNetwork, client: zenoh.Session, vehicle: Vehicle) -> None:
         heard = await hear(client, "auv1/pose")
         vehicle.say(packet(SAMPLE, 3, 1.5, "auv"))
         await heard.next()

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tests.gateway.islands import fence
+from tests.gateway.networks import fence
 from tests.gateway.rosnode import DEFAULT, LATCHED, Node, Told, reply
 from tests.gateway.rospair import FIBONACCI, Pair, with_pair
 
@@ -193,7 +193,7 @@ async def test_two_goals_are_told_apart(pair: Pair) -> None:
 
 
 @with_pair(frame_loss=0.3)
-async def test_over_water_that_loses_a_third_a_goal_runs_once_and_ends(pair: Pair) -> None:
+async def test_over_channel_that_loses_a_third_a_goal_runs_once_and_ends(pair: Pair) -> None:
     server, client = await opened(pair)
     assert await client.send(10)
     goal = await server.goals.next()

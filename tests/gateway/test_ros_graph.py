@@ -1,4 +1,4 @@
-"""What nodes of ROS 2 see of the gateways, and what that costs on the water: nothing."""
+"""What nodes of ROS 2 see of the gateways, and what that costs on the channel: nothing."""
 
 import asyncio
 import json
@@ -9,14 +9,14 @@ from typing import Any, Final
 import msgspec
 import zenoh
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     LIMIT_S,
-    Water,
+    Channel,
     config_of,
     fence,
     free_port,
     get,
-    island,
+    local_network,
     matched,
     run,
     zenoh_config,
@@ -60,7 +60,7 @@ AUV_CALLS: Final = {
 
 
 async def graph(node: Node, gateway: int) -> list[Token]:
-    """Return what the gateway of an island has declared."""
+    """Return what the gateway of a local network has declared."""
     await fence(node.session)
     loop = asyncio.get_running_loop()
     ended: asyncio.Future[None] = loop.create_future()
@@ -80,7 +80,7 @@ async def graph(node: Node, gateway: int) -> list[Token]:
 
 
 @with_pair()
-async def test_the_graph_shows_what_lives_beyond_the_water(pair: Pair) -> None:
+async def test_the_graph_shows_what_lives_at_a_remote_node(pair: Pair) -> None:
     tokens = await graph(pair.shore, 1)
     assert {
         (
@@ -222,18 +222,18 @@ async def test_a_proxy_goes_when_a_program_here_serves_and_comes_back_after_it(p
 
 def test_servers_of_a_node_that_is_lost_are_not_there_until_it_is_back() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         section = changed(heartbeat_s=1, lost_after_s=2)
         async with AsyncExitStack() as stack:
-            a = await stack.enter_async_context(island(1, water, section=section))
+            a = await stack.enter_async_context(local_network(1, channel, section=section))
             node = Node(stack.enter_context(ros_session(a.port)), "operator", domain=7)
-            async with island(2, water, section=section):
+            async with local_network(2, channel, section=section):
                 assert await node.available(Entity.SERVER, "/add") is not None
             await node.available(Entity.SERVER, "/add", is_there=False)
             await node.available(Entity.SERVER, "/fibonacci/_action/send_goal", is_there=False)
             # What is published may still come from somebody else.
             assert await node.available(Entity.PUBLISHER, "/chat") is not None
-            async with island(2, water, section=section):
+            async with local_network(2, channel, section=section):
                 assert await node.available(Entity.SERVER, "/add") is not None
 
     run(main())
@@ -248,7 +248,7 @@ async def test_endpoints_that_do_not_fit_a_stream_are_explained(pair: Pair) -> N
     counts: dict[str, Any] = {}
     while counts.get("map", {}).get("graph") != 2:
         found = await get(pair.shore.session, key)
-        counts = json.loads(found.payload(key))["island"]
+        counts = json.loads(found.payload(key))["local"]
 
 
 class Clock:
@@ -261,16 +261,16 @@ class Clock:
         return self.now
 
 
-def test_a_day_of_nodes_and_endpoints_puts_nothing_on_the_water() -> None:
+def test_a_day_of_nodes_and_endpoints_puts_nothing_on_the_channel() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         clock = Clock()
         async with AsyncExitStack() as stack:
             gateways, ports = [], [free_port(), free_port()]
             for address, port in zip((1, 2), ports, strict=True):
                 config = config_of(address, zenoh_config("router", listen=port), SECTION)
                 gateway = Gateway(
-                    config, link=water.medium.link(address), notify=lambda _: None, clock=clock
+                    config, link=channel.medium.link(address), notify=lambda _: None, clock=clock
                 )
                 gateways.append(await stack.enter_async_context(gateway))
             for port in ports:
@@ -291,20 +291,20 @@ def test_a_day_of_nodes_and_endpoints_puts_nothing_on_the_water() -> None:
             for gateway in gateways:
                 assert gateway._session is not None
                 assert gateway._session.runner.engine.poll_timeout() is None
-            assert water.emissions == []
+            assert channel.emissions == []
 
     run(main())
 
 
-def test_two_gateways_on_one_island_do_not_hear_each_other_as_nodes() -> None:
+def test_two_gateways_on_one_local_network_do_not_hear_each_other_as_nodes() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         nodes = [*SECTION["nodes"], {"address": 3, "name": "buoy"}]
         section = changed(nodes=nodes)
         async with AsyncExitStack() as stack:
-            a = await stack.enter_async_context(island(1, water, section=section))
-            await stack.enter_async_context(island(3, water, section=section, join=a.port))
-            b = await stack.enter_async_context(island(2, water, section=section))
+            a = await stack.enter_async_context(local_network(1, channel, section=section))
+            await stack.enter_async_context(local_network(3, channel, section=section, join=a.port))
+            b = await stack.enter_async_context(local_network(2, channel, section=section))
             shore = Node(stack.enter_context(ros_session(a.port)), "operator", domain=7)
             auv = Node(stack.enter_context(ros_session(b.port)), "autopilot", domain=7)
             told, back = auv.subscribe("/chat", STRING), shore.subscribe("/chat", STRING)

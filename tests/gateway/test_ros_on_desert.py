@@ -7,7 +7,7 @@ import pytest
 import zenoh
 
 from tests.core.rmw_desert.peer import REQUEST, RESPONSE, SAMPLE, Heard, packet
-from tests.gateway.islands import Island, fence, matched
+from tests.gateway.networks import LocalNetwork, fence, matched
 from tests.gateway.rosnode import Node, ros_session
 from tests.gateway.test_rmw_desert import on_desert
 from tests.links.desert.test_rmw_desert import Vehicle
@@ -29,7 +29,7 @@ SECTION: dict[str, Any] = {
 
 
 def test_unmodified_nodes_of_both_middlewares_meet() -> None:
-    async def body(found: Island, client: zenoh.Session, vehicle: Vehicle) -> None:
+    async def body(found: LocalNetwork, client: zenoh.Session, vehicle: Vehicle) -> None:
         with ros_session(found.port) as session:
             node = Node(session, "shore")
             told = node.subscribe("/log", STRING)

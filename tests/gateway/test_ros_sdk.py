@@ -1,6 +1,6 @@
 """A ROS 2 client written by others, across two gateways on emulated modems.
 
-It finds by tokens alone what lives beyond the water; publishes, subscribes, calls and serves.
+It finds by tokens alone what lives across the channel; publishes, subscribes, calls and serves.
 """
 
 import asyncio
@@ -11,7 +11,7 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any, Final
 
-from tests.gateway.islands import LIMIT_S, config_of, free_port, run, zenoh_config
+from tests.gateway.networks import LIMIT_S, config_of, free_port, run, zenoh_config
 from zacoustic.bytestream import ByteStream
 from zacoustic.gateway import Gateway
 from zacoustic_evologics.config import EvologicsConfig

@@ -3,7 +3,7 @@
 import time
 from typing import Any
 
-from tests.gateway.islands import fence, get
+from tests.gateway.networks import fence, get
 from tests.gateway.rosnode import Told, reply
 from tests.gateway.rospair import ADD, Pair, with_pair
 from zacoustic.ros.tokens import Entity

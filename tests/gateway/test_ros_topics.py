@@ -4,14 +4,14 @@ import time
 from contextlib import AsyncExitStack
 from typing import Final
 
-from tests.gateway.islands import (
-    Water,
+from tests.gateway.networks import (
+    Channel,
     config_of,
     fence,
     free_port,
     get,
     hear,
-    island,
+    local_network,
     matched,
     run,
     until,
@@ -116,22 +116,24 @@ def test_a_subscription_that_joins_a_latched_topic_an_hour_later_has_it_at_once(
 
     async def main() -> None:
         nonlocal passed_ns
-        water = Water()
+        channel = Channel()
         async with AsyncExitStack() as stack:
-            a = await stack.enter_async_context(island(1, water, section=SECTION, clock=clock))
+            a = await stack.enter_async_context(
+                local_network(1, channel, section=SECTION, clock=clock)
+            )
 
             def node(name: str) -> Node:
                 return Node(stack.enter_context(ros_session(a.port)), name, domain=7)
 
             early = await heard(node("early"), "/map", STRING, LATCHED)
-            async with island(2, water, section=SECTION) as b:
+            async with local_network(2, channel, section=SECTION) as b:
                 with ros_session(b.port) as session:
                     publish = Node(session, "mapper", domain=7).publisher("/map", STRING, LATCHED)
                     publish({"data": "the map"})
                     assert (await early.next())[0] == {"data": "the map"}
                     publish({"data": "a newer map"})
                     assert (await early.next())[0] == {"data": "a newer map"}
-            # Nobody is left beyond the water: it comes from the gateway of this island.
+            # Nobody is left across the channel: it comes from the gateway of this local network.
             passed_ns = 3600 * NS_PER_S
             value, beside = await node("late").subscribe("/map", STRING, LATCHED).next()
             assert value == {"data": "a newer map"}
@@ -146,18 +148,18 @@ def test_a_subscription_that_joins_a_latched_topic_an_hour_later_has_it_at_once(
 
 def test_what_was_latched_before_the_gateway_began_crosses_too() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with AsyncExitStack() as stack:
             b = await stack.enter_async_context(
-                island(3, water, section={"address": 3, "streams": []})
+                local_network(3, channel, section={"address": 3, "streams": []})
             )
             auv = Node(stack.enter_context(ros_session(b.port)), "autopilot", domain=7)
             auv.publisher("/map", STRING, LATCHED)({"data": "the map"})
             await fence(auv.session)
-            a = await stack.enter_async_context(island(1, water, section=SECTION))
+            a = await stack.enter_async_context(local_network(1, channel, section=SECTION))
             shore = Node(stack.enter_context(ros_session(a.port)), "operator", domain=7)
             told = await heard(shore, "/map", STRING, LATCHED)
-            await stack.enter_async_context(island(2, water, section=SECTION, join=b.port))
+            await stack.enter_async_context(local_network(2, channel, section=SECTION, join=b.port))
             assert (await told.next())[0] == {"data": "the map"}
 
     run(main())
@@ -217,13 +219,13 @@ async def test_keys_of_humble_have_no_hash(pair: Pair) -> None:
     assert (await told.next())[0] == {"data": "from Humble"}
 
 
-def test_islands_of_two_distributions_and_domains_hear_each_other() -> None:
+def test_networks_of_two_distributions_and_domains_hear_each_other() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         other = changed(ros={"domain": 42, "distro": "humble"})
         async with AsyncExitStack() as stack:
-            a = await stack.enter_async_context(island(1, water, section=SECTION))
-            b = await stack.enter_async_context(island(2, water, section=other))
+            a = await stack.enter_async_context(local_network(1, channel, section=SECTION))
+            b = await stack.enter_async_context(local_network(2, channel, section=other))
             shore = Node(stack.enter_context(ros_session(a.port)), "operator", domain=7)
             auv = Node(
                 stack.enter_context(ros_session(b.port)), "autopilot", distro="humble", domain=42
@@ -238,12 +240,16 @@ def test_islands_of_two_distributions_and_domains_hear_each_other() -> None:
 
 def test_one_end_may_be_of_ros_and_the_other_not() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         streams = [dict(stream) for stream in SECTION["streams"] if stream["id"] == 14]
         plain = [{"id": 14, "topic": "chat", "type": STRING, "depth": 8}]
         async with AsyncExitStack() as stack:
-            a = await stack.enter_async_context(island(1, water, section=changed(streams=streams)))
-            b = await stack.enter_async_context(island(2, water, section=changed(streams=plain)))
+            a = await stack.enter_async_context(
+                local_network(1, channel, section=changed(streams=streams))
+            )
+            b = await stack.enter_async_context(
+                local_network(2, channel, section=changed(streams=plain))
+            )
             shore = Node(stack.enter_context(ros_session(a.port)), "operator", domain=7)
             auv = stack.enter_context(b.client())
             await ready(shore, "/chat", STRING)
@@ -290,16 +296,16 @@ async def test_a_topic_on_demand_crosses_when_a_node_subscribes(pair: Pair) -> N
 
 def test_without_time_stamps_a_latched_topic_still_crosses() -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with AsyncExitStack() as stack:
             port = free_port()
             settings = zenoh_config("router", listen=port)
             settings.insert_json5("timestamping/enabled", "false")
             config = config_of(1, settings, SECTION)
             await stack.enter_async_context(
-                Gateway(config, link=water.medium.link(1), notify=lambda _: None)
+                Gateway(config, link=channel.medium.link(1), notify=lambda _: None)
             )
-            b = await stack.enter_async_context(island(2, water, section=SECTION))
+            b = await stack.enter_async_context(local_network(2, channel, section=SECTION))
             shore = Node(stack.enter_context(ros_session(port)), "operator", domain=7)
             auv = Node(stack.enter_context(ros_session(b.port)), "mapper", domain=7)
             told = await heard(shore, "/map", STRING, LATCHED)

@@ -5,7 +5,7 @@ from contextlib import AsyncExitStack
 import cbor2
 import zenoh
 
-from tests.gateway.islands import LIMIT_S, UNRELATED, Water, cbor, fence, get, island, run
+from tests.gateway.networks import LIMIT_S, UNRELATED, Channel, cbor, fence, get, local_network, run
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.gateway import Marker, read_marker
 from zacoustic.zenoh.session.asking.queries import QueryHandler
@@ -17,10 +17,10 @@ Serve = Callable[[zenoh.Query], None]
 async def shore_and_server(
     stack: AsyncExitStack, key: str = "", serve: Serve | None = None
 ) -> zenoh.Session:
-    """Open two islands, with a server on that of the vehicle; returns a client on the shore."""
-    water = Water()
-    a = await stack.enter_async_context(island(1, water))
-    b = await stack.enter_async_context(island(2, water))
+    """Open two networks, with a server on that of the vehicle; returns a client on the shore."""
+    channel = Channel()
+    a = await stack.enter_async_context(local_network(1, channel))
+    b = await stack.enter_async_context(local_network(2, channel))
     auv = stack.enter_context(b.client())
     if serve is not None:
         answer = serve
@@ -30,7 +30,7 @@ async def shore_and_server(
                 answer(query)
 
         auv.declare_queryable(key, on_query, complete=True)
-        # The island must know the server before the first call arrives.
+        # The local network must know the server before the first call arrives.
         await fence(auv)
     return stack.enter_context(a.client())
 
@@ -178,9 +178,9 @@ def test_call_without_an_answer_ends_at_the_deadline_of_the_stream() -> None:
 
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
-            a = await stack.enter_async_context(island(1, water))
-            b = await stack.enter_async_context(island(2, water))
+            channel = Channel()
+            a = await stack.enter_async_context(local_network(1, channel))
+            b = await stack.enter_async_context(local_network(2, channel))
             auv, shore = stack.enter_context(b.client()), stack.enter_context(a.client())
             auv.declare_queryable("auv1/hasty", held.append)
             await fence(auv)
@@ -195,16 +195,16 @@ def test_call_without_an_answer_ends_at_the_deadline_of_the_stream() -> None:
 def test_call_that_waits_when_the_gateway_stops_gets_an_error() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
+            channel = Channel()
             # The gateway is a client of a router that outlives it.
-            router = await stack.enter_async_context(island(3, water, section=UNRELATED))
+            router = await stack.enter_async_context(local_network(3, channel, section=UNRELATED))
             shore = stack.enter_context(router.client())
-            async with island(1, water, join=router.port):
+            async with local_network(1, channel, join=router.port):
                 waiting = asyncio.ensure_future(get(shore, "auv1/arm", cbor(arm=True)))
                 async with asyncio.timeout(LIMIT_S):
-                    while not water.sent_by(1):
-                        water.changed.clear()
-                        await water.changed.wait()
+                    while not channel.sent_by(1):
+                        channel.changed.clear()
+                        await channel.changed.wait()
             assert (await waiting).errors == ["auv1/arm: UNKNOWN: the gateway is stopping"]
 
     run(main())
@@ -224,8 +224,8 @@ def test_too_many_calls_at_once_are_refused_and_none_is_left_silent() -> None:
 def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            water = Water()
-            a = await stack.enter_async_context(island(3, water, section=UNRELATED))
+            channel = Channel()
+            a = await stack.enter_async_context(local_network(3, channel, section=UNRELATED))
             server, client = stack.enter_context(a.client()), stack.enter_context(a.client())
             worker, rung = Worker("test"), asyncio.Event()
             loop = asyncio.get_running_loop()

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.gateway.islands import SECTION, Water, free_port, get, island, run, until
+from tests.gateway.networks import SECTION, Channel, free_port, get, local_network, run, until
 from zacoustic.app.cli import main
 from zacoustic.zenoh.gateway.notices import SilenceJournalled
 
@@ -26,8 +26,8 @@ async def state(client: Any, parameters: str = "") -> dict[str, Any]:
 
 def test_command_keeps_the_modem_silent_until_it_is_resumed() -> None:
     async def scene() -> None:
-        water = Water()
-        async with island(1, water) as shore:
+        channel = Channel()
+        async with local_network(1, channel) as shore:
             with shore.client() as client:
                 assert await state(client) == {
                     "address": 1, "silent": False, "commanded": False, "until_utc": None,
@@ -40,9 +40,9 @@ def test_command_keeps_the_modem_silent_until_it_is_resumed() -> None:
                 client.put("auv1/text", b"nor the urgent one")
                 assert (await state(client))["silent"]
                 await asyncio.sleep(0)
-                assert water.emissions == []
+                assert channel.emissions == []
                 assert not (await state(client, "?command=resume"))["silent"]
-                await until(lambda: water.emissions, water.changed)
+                await until(lambda: channel.emissions, channel.changed)
                 kept = [each for each in shore.notices if isinstance(each, SilenceJournalled)]
                 assert [each.silent for each in kept] == [True, False]
 
@@ -61,7 +61,7 @@ def test_command_keeps_the_modem_silent_until_it_is_resumed() -> None:
 )
 def test_command_that_is_wrong_is_refused(parameters: str, input_error: str) -> None:
     async def scene() -> None:
-        async with island(1, Water()) as shore:
+        async with local_network(1, Channel()) as shore:
             with shore.client() as client:
                 replies = await get(client, f"@acoustic/1/silence{parameters}")
                 assert not replies.good
@@ -76,7 +76,7 @@ def test_quiet_window_is_told() -> None:
         section = SECTION | {
             "quiet": [{"from": "00:00", "to": "12:00"}, {"from": "12:00", "to": "00:00"}]
         }
-        async with island(1, Water(), section=section) as shore:
+        async with local_network(1, Channel(), section=section) as shore:
             with shore.client() as client:
                 found = await state(client)
                 assert (found["silent"], found["commanded"]) == (True, False)
@@ -86,7 +86,7 @@ def test_quiet_window_is_told() -> None:
 
 def test_verb_commands_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> None:
     async def scene() -> None:
-        async with island(1, Water()) as shore:
+        async with local_network(1, Channel()) as shore:
             where = ["--connect", f"tcp/127.0.0.1:{shore.port}"]
             assert await verb(*where) == 0
             assert await verb("--for", "30m", *where) == 0
@@ -133,12 +133,12 @@ def test_permit_log_has_every_emission(tmp_path: Path) -> None:
     log = tmp_path / "deep" / "permit.jsonl"
 
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         section = SECTION | {"permit_log": str(log)}
-        async with island(1, water, section=section) as shore:
+        async with local_network(1, channel, section=section) as shore:
             with shore.client() as client:
                 client.put("chat", b"hello")
-                await until(lambda: water.sent_by(1), water.changed)
+                await until(lambda: channel.sent_by(1), channel.changed)
                 await get(client, "@acoustic/1/link")
 
     run(scene())

@@ -1,4 +1,4 @@
-"""On-demand topics on real Zenoh: who looks at them on one island decides what leaves the other."""
+"""On-demand topics on real Zenoh: who looks at them on one side decides what leaves the other."""
 
 import asyncio
 import json
@@ -6,17 +6,17 @@ from typing import Any, TypeVar
 
 import pytest
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     LIMIT_S,
     SECTION,
+    Channel,
     Heard,
-    Island,
-    Water,
+    LocalNetwork,
     cbor,
     fence,
     get,
     hear,
-    island,
+    local_network,
     run,
     until,
     zenoh_router,
@@ -50,11 +50,11 @@ def _no_grace(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(matching, "GRACE_S", 0.0)
 
 
-def told(where: Island, kind: type[N]) -> list[N]:
+def told(where: LocalNetwork, kind: type[N]) -> list[N]:
     return [notice for notice in where.notices if isinstance(notice, kind)]
 
 
-async def wanted(where: Island, stream: str, *subscribers: int) -> None:
+async def wanted(where: LocalNetwork, stream: str, *subscribers: int) -> None:
     """Wait until a gateway knows that these subscribe to a topic of it."""
 
     def last() -> tuple[int, ...] | None:
@@ -66,10 +66,10 @@ async def wanted(where: Island, stream: str, *subscribers: int) -> None:
 
 def test_nothing_leaves_before_somebody_beyond_looks_and_after_nobody_does() -> None:
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            island(1, water, section=DEMANDED) as shore,
-            island(2, water, section=DEMANDED) as auv,
+            local_network(1, channel, section=DEMANDED) as shore,
+            local_network(2, channel, section=DEMANDED) as auv,
         ):
             with shore.client() as looker, auv.client() as vehicle:
                 vehicle.put("auv1/nav", NAV)
@@ -78,7 +78,7 @@ def test_nothing_leaves_before_somebody_beyond_looks_and_after_nobody_does() -> 
                 assert json.loads(dropped.payload("@acoustic/2/dropped"))["unsubscribed"] == {
                     "auv1/nav": 1
                 }
-                assert water.emissions == []
+                assert channel.emissions == []
                 heard = Heard(looker, "auv1/**")
                 await wanted(auv, "auv1/nav", 1)
                 vehicle.put("auv1/nav", NAV)
@@ -106,11 +106,11 @@ def test_nothing_leaves_before_somebody_beyond_looks_and_after_nobody_does() -> 
 
 def test_only_the_nodes_are_asked_of_which_somebody_wants_to_see_something() -> None:
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            island(1, water, section=DEMANDED) as shore,
-            island(2, water, section=DEMANDED) as auv,
-            island(3, water, section=DEMANDED) as buoy,
+            local_network(1, channel, section=DEMANDED) as shore,
+            local_network(2, channel, section=DEMANDED) as auv,
+            local_network(3, channel, section=DEMANDED) as buoy,
         ):
             with shore.client() as looker, auv.client() as vehicle, buoy.client() as other:
                 heard = await hear(looker, "fleet/auv1/status")
@@ -129,10 +129,10 @@ def test_only_the_nodes_are_asked_of_which_somebody_wants_to_see_something() -> 
 
 def test_reliable_topic_is_delivered_while_somebody_looks() -> None:
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            island(1, water, section=DEMANDED) as shore,
-            island(2, water, section=DEMANDED) as auv,
+            local_network(1, channel, section=DEMANDED) as shore,
+            local_network(2, channel, section=DEMANDED) as auv,
         ):
             with shore.client() as looker, auv.client() as vehicle:
                 heard = await hear(looker, "auv1/log")
@@ -145,11 +145,11 @@ def test_reliable_topic_is_delivered_while_somebody_looks() -> None:
 
 def test_gateway_that_is_itself_a_client_sees_the_lookers_of_its_router() -> None:
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         with zenoh_router() as port:
             async with (
-                island(1, water, section=DEMANDED, join=port) as shore,
-                island(2, water, section=DEMANDED) as auv,
+                local_network(1, channel, section=DEMANDED, join=port) as shore,
+                local_network(2, channel, section=DEMANDED) as auv,
             ):
                 with shore.client() as looker, auv.client() as vehicle:
                     heard = await hear(looker, "auv1/nav")
@@ -162,14 +162,14 @@ def test_gateway_that_is_itself_a_client_sees_the_lookers_of_its_router() -> Non
 
 def test_looker_that_was_there_before_the_gateway_counts() -> None:
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         with zenoh_router() as port:
-            lookout = Island(port)
+            lookout = LocalNetwork(port)
             with lookout.client() as looker:
                 heard = await hear(looker, "auv1/nav")
                 async with (
-                    island(2, water, section=DEMANDED) as auv,
-                    island(1, water, section=DEMANDED, join=port),
+                    local_network(2, channel, section=DEMANDED) as auv,
+                    local_network(1, channel, section=DEMANDED, join=port),
                 ):
                     await wanted(auv, "auv1/nav", 1)
                     with auv.client() as vehicle:
@@ -183,10 +183,10 @@ def test_looker_that_is_back_at_once_costs_nothing(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(matching, "GRACE_S", 3600.0)
 
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            island(1, water, section=DEMANDED) as shore,
-            island(2, water, section=DEMANDED) as auv,
+            local_network(1, channel, section=DEMANDED) as shore,
+            local_network(2, channel, section=DEMANDED) as auv,
         ):
             with shore.client() as looker:
                 await hear(looker, "auv1/nav")
@@ -202,15 +202,15 @@ def test_looker_that_is_back_at_once_costs_nothing(monkeypatch: pytest.MonkeyPat
 
 def test_redundant_gateway_that_takes_over_asks_in_its_place() -> None:
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         with zenoh_router() as port:
-            lookout = Island(port)
+            lookout = LocalNetwork(port)
             with lookout.client() as looker:
                 async with (
-                    island(2, water, section=DEMANDED) as auv,
-                    island(3, water, section=DEMANDED, join=port),
+                    local_network(2, channel, section=DEMANDED) as auv,
+                    local_network(3, channel, section=DEMANDED, join=port),
                 ):
-                    async with island(1, water, section=DEMANDED, join=port):
+                    async with local_network(1, channel, section=DEMANDED, join=port):
                         heard = await hear(looker, "auv1/nav")
                         await wanted(auv, "auv1/nav", 1)
                     await wanted(auv, "auv1/nav", 1, 3)
@@ -223,10 +223,10 @@ def test_redundant_gateway_that_takes_over_asks_in_its_place() -> None:
 
 def test_lost_node_is_a_key_and_a_notice() -> None:
     async def scene() -> None:
-        water = Water()
+        channel = Channel()
         nodes = [dict(each) for each in SECTION["nodes"]]
         nodes[1]["lost_after_s"] = 0.05
-        async with island(1, water, section=SECTION | {"nodes": nodes}) as shore:
+        async with local_network(1, channel, section=SECTION | {"nodes": nodes}) as shore:
             with shore.client() as client:
                 await until(lambda: told(shore, PeerMissed), shore.changed)
                 assert told(shore, PeerMissed)[0].address == 2
@@ -236,7 +236,7 @@ def test_lost_node_is_a_key_and_a_notice() -> None:
                 assert found["heard_at_unix_s"] is None
                 assert found["since_unix_s"] > 1e9
                 heard = await hear(client, key)
-                async with island(2, water) as auv:
+                async with local_network(2, channel) as auv:
                     with auv.client() as vehicle:
                         vehicle.put("chat", b"here I am")
                         await until(lambda: told(shore, PeerBack), shore.changed)

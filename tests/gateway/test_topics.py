@@ -6,12 +6,22 @@ import cbor2
 import pytest
 import zenoh
 
-from tests.gateway.islands import Water, cbor, counts, get, hear, island, matched, run, until
+from tests.gateway.networks import (
+    Channel,
+    cbor,
+    counts,
+    get,
+    hear,
+    local_network,
+    matched,
+    run,
+    until,
+)
 from zacoustic.gateway import Marker, read_marker
 
 DOCUMENTS = (
     "clock", "dropped", "events", "journal", "ledger", "link", "node", "objects", "peers",
-    "streams", "water",
+    "streams", "channel",
 )  # fmt: skip
 NAV = {"depth": 12.5, "mode": "survey"}
 
@@ -22,10 +32,10 @@ class Pair:
     def __init__(self, stack: AsyncExitStack) -> None:
         self._stack = stack
 
-    async def open(self, **water: Any) -> None:
-        self.water = Water(**water)
-        self.a = await self._stack.enter_async_context(island(1, self.water))
-        self.b = await self._stack.enter_async_context(island(2, self.water))
+    async def open(self, **channel: Any) -> None:
+        self.channel = Channel(**channel)
+        self.a = await self._stack.enter_async_context(local_network(1, self.channel))
+        self.b = await self._stack.enter_async_context(local_network(2, self.channel))
         self.shore = self._stack.enter_context(self.a.client())
         self.auv = self._stack.enter_context(self.b.client())
         for session, key in ((self.shore, "chat"), (self.auv, "chat"), (self.auv, "auv1/nav")):
@@ -40,7 +50,7 @@ class Pair:
 
 
 def with_pair(test: Any) -> Any:
-    """Run a test with a pair of islands."""
+    """Run a test with a pair of local networks."""
 
     async def opened() -> None:
         async with AsyncExitStack() as stack:
@@ -159,7 +169,7 @@ async def test_last_value_answers_a_get_until_the_key_is_deleted(pair: Pair) -> 
 
 
 @with_pair
-async def test_get_on_the_island_of_the_publisher_is_not_answered_by_the_gateway(
+async def test_get_on_the_local_network_of_the_publisher_is_not_answered_by_the_gateway(
     pair: Pair,
 ) -> None:
     heard = await hear(pair.shore, "auv1/nav")
@@ -183,7 +193,7 @@ async def test_nothing_comes_back_and_nothing_is_sent_twice(pair: Pair) -> None:
 
 
 @with_pair
-async def test_sample_that_came_off_the_water_is_not_sent_again(pair: Pair) -> None:
+async def test_sample_that_came_off_the_channel_is_not_sent_again(pair: Pair) -> None:
     heard = await hear(pair.auv, "chat")
     pair.shore.put("chat", b"another gateway's", attachment=Marker(acoustic=3).encode())
     pair.shore.put("chat", b"ours", attachment=b"an application's")
@@ -216,7 +226,7 @@ async def test_bad_payloads_are_counted_and_the_next_good_one_crosses(
 
 
 @with_pair
-async def test_health_is_answered_published_and_stays_on_its_island(pair: Pair) -> None:
+async def test_health_is_answered_published_and_stays_on_its_local_network(pair: Pair) -> None:
     here, beyond = await hear(pair.auv, "@acoustic/**"), await hear(pair.shore, "@acoustic/2/**")
     at_shore = await hear(pair.shore, "auv1/nav")
     pair.auv.put("auv1/nav", cbor(**NAV))
@@ -234,14 +244,14 @@ async def test_health_is_answered_published_and_stays_on_its_island(pair: Pair) 
 
 def test_idle_gateways_transmit_nothing_and_have_no_timer() -> None:
     async def main() -> None:
-        water = Water()
-        async with island(1, water) as a, island(2, water):
+        channel = Channel()
+        async with local_network(1, channel) as a, local_network(2, channel):
             with a.client() as client:
                 assert len((await get(client, "@acoustic/1/**")).good) == len(DOCUMENTS)
             if timers := armed():  # the first health report
                 await until(lambda: not armed(), signal_behind(timers))
             assert armed() == []
-        assert water.emissions == []
+        assert channel.emissions == []
 
     run(main())
 
@@ -261,7 +271,7 @@ def signal_behind(timers: list[Any]) -> asyncio.Event:
 
 
 @pytest.mark.parametrize("profile", ["evologics_s2c_18_34"])
-def test_samples_cross_water_with_airtime_and_delay(profile: str) -> None:
+def test_samples_cross_channel_with_airtime_and_delay(profile: str) -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
             pair = Pair(stack)

@@ -20,7 +20,7 @@ from zacoustic_sim.medium import Attached, Detached, Observation, SimMedium
 SCALE = 50.0
 
 
-def water(*positions_m: float, **more: Any) -> Scenario:
+def channel(*positions_m: float, **more: Any) -> Scenario:
     nodes = tuple(
         NodeSpec(address=at, position=(x, 0.0, 10.0)) for at, x in enumerate(positions_m, start=1)
     )
@@ -71,7 +71,7 @@ def test_frame_takes_airtime_and_propagation_delay_at_any_time_scale() -> None:
         reception = next(what for _, what in seen if isinstance(what, Reception))
         assert reception.arrival.ends_at - emission.ends_at == NS_PER_S
 
-    case(water(0.0, 1500.0), body)
+    case(channel(0.0, 1500.0), body)
 
 
 def test_addressed_frame_is_for_one_modem_and_an_unaddressed_modem_hears_it_too() -> None:
@@ -95,7 +95,7 @@ def test_addressed_frame_is_for_one_modem_and_an_unaddressed_modem_hears_it_too(
                 0, 1 + heard[1], 1 + heard[2]
             ]  # fmt: skip
 
-        case(water(0.0, 100.0, 200.0), body, config=SimConfig(addressed=addressed))
+        case(channel(0.0, 100.0, 200.0), body, config=SimConfig(addressed=addressed))
 
 
 def test_frames_that_meet_at_a_receiver_are_lost_there() -> None:
@@ -112,7 +112,7 @@ def test_frames_that_meet_at_a_receiver_are_lost_there() -> None:
         outcomes = {what.outcome for _, what in seen if isinstance(what, Reception)}
         assert Outcome.RECEIVED not in outcomes
 
-    case(water(0.0, 100.0, 200.0, collisions="protocol"), body)
+    case(channel(0.0, 100.0, 200.0, collisions="protocol"), body)
 
 
 def test_half_duplex_modem_does_not_hear_while_it_transmits() -> None:
@@ -127,7 +127,7 @@ def test_half_duplex_modem_does_not_hear_while_it_transmits() -> None:
             Outcome.HALF_DUPLEX
         }
 
-    case(water(0.0, 100.0), body)
+    case(channel(0.0, 100.0), body)
 
 
 def _quiet(side: Side) -> Callable[[], bool]:
@@ -145,12 +145,12 @@ def test_modem_takes_a_frame_within_its_gap_and_waits() -> None:
         first, second = (what for _, what in seen if isinstance(what, Emission))
         assert second.started_at >= first.ready_at
 
-    case(water(0.0, 100.0), body)
+    case(channel(0.0, 100.0), body)
 
 
 def test_damaged_frames_reach_only_a_modem_without_a_check() -> None:
     # So far that nearly all is lost by noise, and noticed.
-    far_water = water(0.0, 5000.0, channel="sea", seed=3)
+    far_channel = channel(0.0, 5000.0, channel="sea", seed=3)
     for checked in (True, False):
 
         async def body(
@@ -175,7 +175,7 @@ def test_damaged_frames_reach_only_a_modem_without_a_check() -> None:
             assert (whole.count(False) == 0) is checked
             assert sides[1].link.capabilities.checked is checked
 
-        case(far_water, body, config=SimConfig(checked=checked), scale=200.0)
+        case(far_channel, body, config=SimConfig(checked=checked), scale=200.0)
 
 
 def test_scenario_with_unnoticed_damage_makes_modems_that_do_not_check() -> None:
@@ -187,7 +187,7 @@ def test_scenario_with_unnoticed_damage_makes_modems_that_do_not_check() -> None
         await sides[1].receiver.wait("frame", lambda: sides[1].receiver.frames, 10.0)
         assert sides[1].receiver.frames[0].frame_bytes != bytes(64)
 
-    case(water(0.0, 100.0, faults=FaultSpec(corrupt=1.0)), body)
+    case(channel(0.0, 100.0, faults=FaultSpec(corrupt=1.0)), body)
 
 
 def test_duplicates_and_losses_of_the_scenario_happen() -> None:
@@ -204,8 +204,8 @@ def test_duplicates_and_losses_of_the_scenario_happen() -> None:
         await sides[1].receiver.wait("silence", _quiet(sides[1]), 10.0)
         assert not sides[1].receiver.frames
 
-    case(water(0.0, 100.0, faults=FaultSpec(duplicate=1.0)), duplicates)
-    case(water(0.0, 100.0, loss=LossSpec(frame=1.0)), losses)
+    case(channel(0.0, 100.0, faults=FaultSpec(duplicate=1.0)), duplicates)
+    case(channel(0.0, 100.0, loss=LossSpec(frame=1.0)), losses)
 
 
 def test_unframed_modem_delivers_pieces() -> None:
@@ -219,7 +219,7 @@ def test_unframed_modem_delivers_pieces() -> None:
         assert len(sides[1].receiver.frames) > 4
         assert not sides[1].link.capabilities.framed
 
-    case(water(0.0, 100.0), body, config=SimConfig(framed=False))
+    case(channel(0.0, 100.0), body, config=SimConfig(framed=False))
 
 
 def test_attach_and_detach_are_observed_and_a_place_is_taken_once() -> None:
@@ -239,7 +239,7 @@ def test_attach_and_detach_are_observed_and_a_place_is_taken_once() -> None:
         await sides[1].hears(b"again")
         await again.close()
 
-    case(water(0.0, 100.0), body)
+    case(channel(0.0, 100.0), body)
 
 
 def test_closed_link_may_be_opened_again() -> None:
@@ -253,10 +253,10 @@ def test_closed_link_may_be_opened_again() -> None:
         with pytest.raises(LinkOpenError, match="open already"):
             await sides[0].link.open(sides[0].receiver)
 
-    case(water(0.0, 100.0), body)
+    case(channel(0.0, 100.0), body)
 
 
-def test_silent_water_has_no_timer() -> None:
+def test_silent_channel_has_no_timer() -> None:
     async def body(
         medium: SimMedium, sides: list[Side], seen: list[tuple[int, Observation]]
     ) -> None:
@@ -266,10 +266,10 @@ def test_silent_water_has_no_timer() -> None:
         assert medium._timer is None
         assert not medium._heap
 
-    case(water(0.0, 100.0), body)
+    case(channel(0.0, 100.0), body)
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
 def test_wrong_time_scale_is_refused(scale: float) -> None:
     with pytest.raises(ConfigError, match="time scale"):
-        SimMedium(water(0.0, 1.0), time_scale=scale)
+        SimMedium(channel(0.0, 1.0), time_scale=scale)

@@ -16,7 +16,7 @@ from zacoustic_sim.medium import SimMedium
 from zacoustic_sim.messages import VERSION, Hello, Transmit, encode_message
 from zacoustic_sim.server import STRANGERS_LIMIT, MediumServer
 
-WATER = Scenario(
+CHANNEL = Scenario(
     profile="ideal",
     channel="none",
     nodes=tuple(NodeSpec(address=at, position=(0.0, 0.0, 10.0)) for at in (1, 2, 3)),
@@ -25,7 +25,7 @@ WATER = Scenario(
 
 def case(body: Callable[[MediumServer], Awaitable[None]]) -> None:
     async def main() -> None:
-        server = MediumServer(SimMedium(WATER))
+        server = MediumServer(SimMedium(CHANNEL))
         await server.open()
         try:
             await body(server)
@@ -56,7 +56,7 @@ async def hung_up(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) ->
     return said
 
 
-def test_three_modems_share_the_water() -> None:
+def test_three_modems_share_the_channel() -> None:
     async def body(server: MediumServer) -> None:
         sides = [side(server, at) for at in (1, 2, 3)]
         for each in sides:
@@ -178,7 +178,7 @@ def test_client_that_does_not_read_is_dropped(monkeypatch: pytest.MonkeyPatch) -
 
 def test_absent_medium_is_waited_for_and_then_named_with_a_hint() -> None:
     async def main() -> None:
-        server = MediumServer(SimMedium(WATER))
+        server = MediumServer(SimMedium(CHANNEL))
         await server.open()
         address, port = server.address, server.port
         await server.close()
@@ -197,7 +197,7 @@ def test_absent_medium_is_waited_for_and_then_named_with_a_hint() -> None:
         opening = asyncio.ensure_future(patient.open())
         changed = patient.receiver._changed
         await until(lambda: len(patient.receiver.states) >= 2, changed)
-        late = MediumServer(SimMedium(WATER), port=port)
+        late = MediumServer(SimMedium(CHANNEL), port=port)
         await late.open()
         await opening
         await patient.close()
@@ -206,16 +206,16 @@ def test_absent_medium_is_waited_for_and_then_named_with_a_hint() -> None:
     run(main())
 
 
-def test_link_survives_a_restart_of_the_medium_with_other_water() -> None:
+def test_link_survives_a_restart_of_the_medium_with_other_channel() -> None:
     async def main() -> None:
-        server = MediumServer(SimMedium(WATER))
+        server = MediumServer(SimMedium(CHANNEL))
         await server.open()
         near = side(server, 1)
         await near.open()
         port = server.port
         await server.close()
         await near.receiver.wait("DOWN", lambda: not near.is_up, 10.0)
-        other = Scenario(nodes=WATER.nodes, profile="ahoi", channel="none")
+        other = Scenario(nodes=CHANNEL.nodes, profile="ahoi", channel="none")
         restarted = MediumServer(SimMedium(other), port=port)
         await restarted.open()
         await near.receiver.wait("UP", lambda: near.is_up, 10.0)
@@ -228,11 +228,11 @@ def test_link_survives_a_restart_of_the_medium_with_other_water() -> None:
 
 def test_port_in_use_is_a_clear_error() -> None:
     async def body(server: MediumServer) -> None:
-        second = MediumServer(SimMedium(WATER), server.host, server.port)
+        second = MediumServer(SimMedium(CHANNEL), server.host, server.port)
         with pytest.raises(LinkOpenError, match=f"cannot listen at {server.address}: Address"):
             await second.open()
         await second.close()
-        nowhere = MediumServer(SimMedium(WATER), "no such host")
+        nowhere = MediumServer(SimMedium(CHANNEL), "no such host")
         with pytest.raises(LinkOpenError, match="cannot listen at no such host:0: "):
             await nowhere.open()
 

@@ -118,7 +118,7 @@ def scenario() -> Scenario:
 
 
 @contextmanager
-def water(profile: str = "ideal", time_scale: float = TIME_SCALE) -> Iterator[SimMedium]:
+def channel(profile: str = "ideal", time_scale: float = TIME_SCALE) -> Iterator[SimMedium]:
     spec = msgspec.structs.replace(scenario(), profile=profile)
     medium = SimMedium(spec, time_scale=time_scale)
     try:
@@ -127,7 +127,7 @@ def water(profile: str = "ideal", time_scale: float = TIME_SCALE) -> Iterator[Si
         medium.close()
 
 
-class WaterServer:
+class ChannelServer:
     """A medium server on a loop in a thread: water for other processes and other loops."""
 
     def __init__(self, profile: str = "ideal", time_scale: float = TIME_SCALE) -> None:
@@ -152,7 +152,7 @@ class WaterServer:
             runner.run(self._serve())
 
     async def _serve(self) -> None:
-        with water(self._profile, self._time_scale) as medium:
+        with channel(self._profile, self._time_scale) as medium:
             server = MediumServer(medium, "127.0.0.1", 0)
             await server.open()
             self.locator = f"sim/{server.address}"

@@ -1,4 +1,4 @@
-"""Nodes on two islands with gateways, and one on a link of its own, in the same water."""
+"""Nodes on two local networks with gateways, and one on a link of its own, in the same water."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -9,11 +9,11 @@ import pytest
 from tests.node.fleet import (
     Arm,
     Nav,
+    channel,
     config,
     free_endpoint,
     run_on_zenoh,
     settle,
-    water,
     zenoh_config,
 )
 from zacoustic import DeliveryError, Node, ServiceError
@@ -22,8 +22,8 @@ from zacoustic_sim.medium import SimMedium
 
 
 @asynccontextmanager
-async def island(address: int, medium: SimMedium) -> AsyncIterator[str]:
-    """Run a gateway that is its island's router; gives the endpoint."""
+async def zenoh_session(address: int, medium: SimMedium) -> AsyncIterator[str]:
+    """Run a gateway that is its local network's router; gives the endpoint."""
     endpoint = free_endpoint()
     settings = zenoh_config("router", listen=[endpoint])
     known = msgspec.structs.replace(config(address), zenoh_config=settings)
@@ -33,10 +33,10 @@ async def island(address: int, medium: SimMedium) -> AsyncIterator[str]:
 
 @asynccontextmanager
 async def three_nodes() -> AsyncIterator[tuple[Node, Node, Node]]:
-    with water() as medium:
+    with channel() as medium:
         async with (
-            island(1, medium) as shore_endpoint,
-            island(2, medium) as auv_endpoint,
+            zenoh_session(1, medium) as shore_endpoint,
+            zenoh_session(2, medium) as auv_endpoint,
             Node("shore", config=config(), connect=shore_endpoint) as shore,
             Node("auv1", config=config(), connect=auv_endpoint) as auv,
             Node("auv2", config=config(), link=medium.link(3)) as other,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.node.fleet import Goto, Nav, config, water
+from tests.node.fleet import Goto, Nav, channel, config
 from tests.runtime.loop_checks import run
 from zacoustic import (
     DeliveryError,
@@ -47,7 +47,7 @@ async def wait_for_cancel(handle: Handle) -> Goto.Result:
 
 def test_a_goal_is_accepted_and_ends_with_a_result() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 auv.create_action_server(Goto, "auv1/goto", dive)
@@ -66,7 +66,7 @@ def test_a_goal_is_accepted_and_ends_with_a_result() -> None:
 
 def test_feedback_comes_while_the_goal_runs() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             heard: asyncio.Queue[Goto.Feedback] = asyncio.Queue()
             goes_on = asyncio.Event()
@@ -96,7 +96,7 @@ def test_feedback_comes_while_the_goal_runs() -> None:
 
 def test_a_goal_is_cancelled_and_its_callback_says_so() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 auv.create_action_server(Goto, "auv1/goto", wait_for_cancel)
@@ -112,7 +112,7 @@ def test_a_goal_is_cancelled_and_its_callback_says_so() -> None:
 
 def test_goals_and_cancels_can_be_refused(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             asked: list[float] = []
 
@@ -150,7 +150,7 @@ def test_goals_and_cancels_can_be_refused(caplog: pytest.LogCaptureFixture) -> N
 
 def test_what_goes_wrong_in_a_callback_aborts_the_goal(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
 
@@ -182,7 +182,7 @@ def test_what_goes_wrong_in_a_callback_aborts_the_goal(caplog: pytest.LogCapture
 
 def test_nobody_who_serves_is_an_error() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 client = shore.create_action_client(Goto, "auv1/goto")
@@ -194,7 +194,7 @@ def test_nobody_who_serves_is_an_error() -> None:
 
 def test_mistakes_are_told_when_they_are_made() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 with pytest.raises(LocalError, match="auv1/arm is a service, not an action"):
@@ -223,7 +223,7 @@ def test_mistakes_are_told_when_they_are_made() -> None:
 
 def test_without_a_config_client_and_server_share_the_id() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node(1, link=medium.link(1)) as shore, auv:
                 auv.create_action_server(Goto, "goto", dive, stream_id=30)
@@ -236,7 +236,7 @@ def test_without_a_config_client_and_server_share_the_id() -> None:
 
 def test_whoever_stops_to_wait_for_the_answer_cancels_the_goal() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             begun = asyncio.Event()
             stopped = asyncio.Event()
@@ -268,7 +268,7 @@ def test_whoever_stops_to_wait_for_the_answer_cancels_the_goal() -> None:
 
 def test_closing_a_node_ends_what_waits_and_closing_a_server_aborts() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with auv:
                 async with shore:
@@ -289,7 +289,7 @@ def test_closing_a_node_ends_what_waits_and_closing_a_server_aborts() -> None:
 
 def test_goal_is_found_again_by_the_next_life_of_its_client(tmp_path: Path) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             goes_on = asyncio.Event()
 
             async def pursue(handle: Handle) -> Goto.Result:
@@ -322,7 +322,7 @@ def test_server_that_was_closed_has_aborted_and_one_that_died_leaves_an_unknown_
     tmp_path: Path,
 ) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node("shore", config=config(), link=medium.link(1)) as shore:
                 client = shore.create_action_client(Goto, "auv1/goto")
                 for number, status in ((1, GoalStatus.ABORTED), (2, GoalStatus.UNKNOWN)):

@@ -1,4 +1,4 @@
-"""Action clients and action servers of one island, on Zenoh, with and without a configuration."""
+"""Action clients and servers of one network, on Zenoh, with and without a configuration."""
 
 import asyncio
 import json
@@ -35,7 +35,7 @@ async def pursue(handle: Handle) -> Goto.Result:
 
 
 @pytest.mark.parametrize("configured", [True, False])
-def test_goals_of_one_island(configured: bool) -> None:
+def test_goals_of_one_local_network(configured: bool) -> None:
     async def main() -> None:
         with router() as (endpoint, _):
             async with (

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from tests.node.fleet import Arm, Goto, Nav, Raw, WaterServer, config, router
+from tests.node.fleet import Arm, ChannelServer, Goto, Nav, Raw, config, router
 from zacoustic import DeliveryError, GoalStatus, LocalError, Sample, ServiceError, blocking
 from zacoustic.core.engine.events import LinkStateChanged
 
@@ -36,7 +36,7 @@ def two_nodes(mode: str) -> Iterator[tuple[blocking.Node, blocking.Node]]:
     with no_thread_left():
         if mode == "link":
             with (
-                WaterServer() as locator,
+                ChannelServer() as locator,
                 blocking.Node("shore", config=config(), link=locator) as shore,
                 blocking.Node("auv1", config=config(), link=locator) as auv,
             ):

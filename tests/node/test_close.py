@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.cli.watched import verb
-from tests.node.fleet import SECTION, WaterServer, water
+from tests.node.fleet import SECTION, ChannelServer, channel
 from tests.runtime.loop_checks import run
 from zacoustic import CommandKind, Config, DeliveryOutcome, Node, RemoteCommand
 from zacoustic.blocking import Node as BlockingNode
@@ -39,7 +39,7 @@ def test_publisher_hears_of_a_sample_behind_which_its_receiver_closes(
     topic: str, size: int, tmp_path: Path
 ) -> None:
     async def main() -> None:
-        with water(S2C, TIME_SCALE) as medium:
+        with channel(S2C, TIME_SCALE) as medium:
             for round_ in range(3):
                 shore = Node(1, config=config(1), link=medium.link(1), journal=tmp_path / "1")
                 auv = Node(2, config=config(2), link=medium.link(2), journal=tmp_path / "2")
@@ -67,13 +67,13 @@ def test_sub_that_ends_behind_a_sample_ends_pub_that_waits(tmp_path: Path) -> No
         assert told == 0
         assert await listening == 0
 
-    with WaterServer(S2C, TIME_SCALE) as locator:
+    with ChannelServer(S2C, TIME_SCALE) as locator:
         run(main(locator))
 
 
 def test_blocking_node_says_it_as_well() -> None:
     with (
-        WaterServer(S2C, TIME_SCALE) as locator,
+        ChannelServer(S2C, TIME_SCALE) as locator,
         BlockingNode(1, config=config(1), link=locator) as shore,
     ):
         with BlockingNode(2, config=config(2), link=locator) as auv:
@@ -86,7 +86,7 @@ def test_blocking_node_says_it_as_well() -> None:
 
 def test_node_that_owes_nothing_or_cannot_speak_closes_at_once() -> None:
     async def main() -> None:
-        with water(S2C, TIME_SCALE) as medium:
+        with channel(S2C, TIME_SCALE) as medium:
             async with Node(1, config=config(1), link=medium.link(1)) as shore:
                 auv = Node(2, config=config(2), link=medium.link(2))
                 await auv.open()

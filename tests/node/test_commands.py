@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.node.fleet import WaterServer, config, run_on_zenoh, water
+from tests.node.fleet import ChannelServer, channel, config, run_on_zenoh
 from tests.node.test_across import three_nodes
 from tests.runtime.loop_checks import run
 from zacoustic import (
@@ -30,7 +30,7 @@ OFF = RemoteCommand(kind=CommandKind.OVERRIDE, stream_id=11, on=False, min_inter
 
 def test_node_is_silenced_and_resumed_and_hears_of_it() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with (
                 Node("shore", config=config(), link=medium.link(1)) as shore,
                 Node("auv1", config=config(), link=medium.link(2)) as auv,
@@ -50,9 +50,9 @@ def test_node_is_silenced_and_resumed_and_hears_of_it() -> None:
     run(main())
 
 
-def test_topic_is_overridden_beyond_the_water_and_here(tmp_path: Path) -> None:
+def test_topic_is_overridden_at_a_remote_node_and_here(tmp_path: Path) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with (
                 Node("shore", config=config(), link=medium.link(1)) as shore,
                 Node("auv1", config=config(), link=medium.link(2), journal=tmp_path) as auv,
@@ -78,7 +78,7 @@ def test_topic_is_overridden_beyond_the_water_and_here(tmp_path: Path) -> None:
 
 def test_command_that_is_refused_raises_with_the_reason() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with (
                 Node("shore", config=config(), link=medium.link(1)) as shore,
                 Node("auv1", config=config(), link=medium.link(2)),
@@ -101,7 +101,7 @@ def test_command_that_is_refused_raises_with_the_reason() -> None:
 
 def test_command_under_way_fails_when_the_node_is_closed() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node("shore", config=config(), link=medium.link(1)) as shore:
                 waits = asyncio.ensure_future(shore.command(3, SILENCE))
                 await asyncio.sleep(0)
@@ -135,7 +135,7 @@ def test_commands_from_zenoh_reach_all_nodes() -> None:
 
 def test_commands_without_asyncio() -> None:
     with (
-        WaterServer() as locator,
+        ChannelServer() as locator,
         blocking.Node("shore", config=config(), link=locator) as shore,
         blocking.Node("auv1", config=config(), link=locator),
     ):

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from tests.node.fleet import SECTION, water
+from tests.node.fleet import SECTION, channel
 from tests.runtime.loop_checks import run
 from zacoustic import ConfigError, DeadlineMissed, DeadlineSide, Node, Qos
 from zacoustic.config import Config, config_from_mapping
@@ -30,7 +30,7 @@ async def missed(node: Node, number: int) -> DeadlineMissed:
 
 def test_both_ends_are_told_of_each_period_without_a_sample() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node("shore", config=config(1), link=medium.link(1))
             auv = Node("auv1", config=config(2), link=medium.link(2))
             async with shore, auv:
@@ -50,7 +50,7 @@ def test_both_ends_are_told_of_each_period_without_a_sample() -> None:
 
 def test_code_may_say_another_deadline_and_leaves_that_of_the_file_otherwise() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node(2, config=config(2), link=medium.link(2)) as node:
                 node.create_publisher(bytes, "nav/auv1", Qos(depth=2))
                 stream = node.find_stream("nav/auv1")

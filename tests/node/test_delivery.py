@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.node.fleet import SECTION, WaterServer, water
+from tests.node.fleet import SECTION, ChannelServer, channel
 from tests.runtime.loop_checks import run
 from zacoustic import (
     Config,
@@ -53,7 +53,7 @@ def publish(publisher: Publisher[bytes], payload: bytes) -> Delivery:
 
 def test_delivered_when_the_other_engine_has_it() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node(1, config=reliable_config(), link=medium.link(1))
             auv = Node(2, config=reliable_config(2), link=medium.link(2))
             async with shore, auv:
@@ -73,7 +73,7 @@ def test_delivered_when_the_other_engine_has_it() -> None:
 
 def test_delete_is_delivered_as_a_sample_is() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node(1, config=reliable_config(), link=medium.link(1))
             auv = Node(2, config=reliable_config(2), link=medium.link(2))
             async with shore, auv:
@@ -88,7 +88,7 @@ def test_delete_is_delivered_as_a_sample_is() -> None:
 
 def test_newer_sample_supersedes_and_an_old_one_expires() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node(1, config=reliable_config(), link=medium.link(1)) as shore:
                 target = shore.create_publisher(bytes, "target")
                 first, second = publish(target, b"1"), publish(target, b"2")
@@ -106,7 +106,7 @@ def test_newer_sample_supersedes_and_an_old_one_expires() -> None:
 
 def test_best_effort_has_no_delivery() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node(1, config=reliable_config(), link=medium.link(1)) as shore:
                 assert shore.create_publisher(bytes, "note").publish(b"x") is None
 
@@ -115,7 +115,7 @@ def test_best_effort_has_no_delivery() -> None:
 
 def test_end_of_the_node_ends_the_waiting() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node(1, config=reliable_config(), link=medium.link(1))
             await shore.open()
             delivery = publish(shore.create_publisher(bytes, "orders"), b"x")
@@ -133,7 +133,7 @@ def test_end_of_the_node_ends_the_waiting() -> None:
 
 def test_other_threads_publish_too() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node(1, config=reliable_config(), link=medium.link(1))
             auv = Node(2, config=reliable_config(2), link=medium.link(2))
             async with shore, auv:
@@ -165,7 +165,7 @@ class Disk(MemoryJournal):
 
 def test_stored_when_the_journal_has_it(tmp_path: Path) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             disk = Disk()
             node = Node(1, config=reliable_config(), link=medium.link(1), journal=disk)
             async with node:
@@ -188,11 +188,11 @@ def test_stored_when_the_journal_has_it(tmp_path: Path) -> None:
 
 def test_what_was_stored_is_delivered_by_the_next_life(tmp_path: Path) -> None:
     async def main() -> None:
-        with water() as empty:
+        with channel() as empty:
             node = Node(1, config=reliable_config(), link=empty.link(1), journal=tmp_path)
             async with node:
                 await publish(node.create_publisher(bytes, "log"), b"of a former life").stored()
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, config=reliable_config(2), link=medium.link(2))
             async with auv:
                 subscription = auv.subscribe(bytes, "log")
@@ -213,7 +213,7 @@ def test_what_was_stored_is_delivered_by_the_next_life(tmp_path: Path) -> None:
 
 def test_nothing_is_accepted_that_cannot_be_written_down() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             disk = Disk()
             node = Node(1, config=reliable_config(), link=medium.link(1), journal=disk)
             async with node:
@@ -234,7 +234,7 @@ def test_nothing_is_accepted_that_cannot_be_written_down() -> None:
 
 def test_publisher_is_told_what_was_pushed_out_before_it_was_stored() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             disk = Disk()
             node = Node(1, config=reliable_config(), link=medium.link(1), journal=disk)
             async with node:
@@ -251,7 +251,7 @@ def test_publisher_is_told_what_was_pushed_out_before_it_was_stored() -> None:
 def test_code_cannot_change_what_both_ends_have_agreed_on() -> None:
     async def main() -> None:
         reliable = Reliability.RELIABLE
-        with water() as medium:
+        with channel() as medium:
             async with Node(1, config=reliable_config(), link=medium.link(1)) as node:
                 with pytest.raises(ConfigError, match="note: reliability: reliable; allowed: best"):
                     node.create_publisher(bytes, "note", Qos(reliability=reliable))
@@ -267,7 +267,7 @@ def test_code_cannot_change_what_both_ends_have_agreed_on() -> None:
 
 def test_reliable_topic_needs_somebody_who_is_listed() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node(1, link=medium.link(1)) as node:
                 qos = Qos(reliability=Reliability.RELIABLE)
                 with pytest.raises(ConfigError, match="nobody is known to acknowledge"):
@@ -277,7 +277,9 @@ def test_reliable_topic_needs_somebody_who_is_listed() -> None:
 
 
 def test_blocking_delivery_waits_with_a_limit() -> None:
-    with WaterServer() as locator:  # a medium serves one loop, and each of these nodes has its own
+    with (
+        ChannelServer() as locator
+    ):  # a medium serves one loop, and each of these nodes has its own
         shore = blocking.Node(1, config=reliable_config(), link=locator)
         auv = blocking.Node(2, config=reliable_config(2), link=locator)
         with shore:

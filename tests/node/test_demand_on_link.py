@@ -4,7 +4,7 @@ from typing import Any, TypeVar
 
 import pytest
 
-from tests.node.fleet import SECTION, WaterServer, water
+from tests.node.fleet import SECTION, ChannelServer, channel
 from tests.runtime.loop_checks import run
 from zacoustic import (
     ConfigError,
@@ -47,7 +47,7 @@ async def happened(node: Node, kind: type[E], number: int = 1) -> E:
 
 def test_topic_crosses_as_long_as_a_subscription_is_open() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node("shore", config=config(1), link=medium.link(1))
             auv = Node("auv1", config=config(2), link=medium.link(2))
             async with shore, auv:
@@ -75,7 +75,7 @@ def test_topic_crosses_as_long_as_a_subscription_is_open() -> None:
 
 def test_key_of_one_node_is_asked_of_that_node() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             nodes = [
                 Node(name, config=config(address), link=medium.link(address))
                 for address, name in ((1, "shore"), (2, "auv1"), (3, "auv2"))
@@ -94,7 +94,7 @@ def test_key_of_one_node_is_asked_of_that_node() -> None:
 
 def test_reliable_sample_without_a_subscriber_ends_as_refused() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node("auv1", config=config(2), link=medium.link(2)) as auv:
                 delivery = auv.create_publisher(bytes, "log").publish(b"nobody")
                 assert delivery is not None
@@ -105,7 +105,7 @@ def test_reliable_sample_without_a_subscriber_ends_as_refused() -> None:
 
 def test_code_may_not_say_another_forward_than_the_file() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node("auv1", config=config(2), link=medium.link(2)) as auv:
                 with pytest.raises(
                     ConfigError, match="always: forward: on_demand; allowed: always"
@@ -124,7 +124,7 @@ def test_code_may_not_say_another_forward_than_the_file() -> None:
 
 def test_lost_and_found_are_events() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node("shore", config=config(1, lost_after_s=0.05), link=medium.link(1))
             async with shore:
                 lost = {(await happened(shore, PeerLost, number)).address for number in (1, 2)}
@@ -138,7 +138,7 @@ def test_lost_and_found_are_events() -> None:
 
 
 def test_lost_is_an_event_of_a_blocking_node() -> None:
-    with WaterServer() as locator:
+    with ChannelServer() as locator:
         rules = config(1, lost_after_s=0.05)
         with blocking.Node("shore", config=rules, link=locator) as shore:
             lost = next(event for event in shore.events() if isinstance(event, PeerLost))

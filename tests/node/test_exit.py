@@ -11,7 +11,7 @@ from typing import Final
 
 import pytest
 
-from tests.node.fleet import WaterServer, router
+from tests.node.fleet import ChannelServer, router
 
 ROOT: Final = Path(__file__).parents[2]
 LIMIT_S: Final = 5.0
@@ -66,7 +66,7 @@ else:
 @contextmanager
 def somewhere(mode: str) -> Iterator[dict[str, str]]:
     if mode == "link":
-        with WaterServer() as locator:
+        with ChannelServer() as locator:
             yield {"link": locator}
     else:
         with router() as (endpoint, session):

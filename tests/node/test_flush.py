@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import pytest
 
-from tests.node.fleet import SECTION, water
+from tests.node.fleet import SECTION, channel
 from tests.runtime.loop_checks import run
 from zacoustic import Config, DeliveryOutcome, LinkClosedError, LocalError, Node, Sample
 from zacoustic.config import config_from_mapping
@@ -112,7 +112,7 @@ def test_an_endpoint_made_in_a_foreign_thread_is_refused_and_nothing_is_left_of_
     async def main() -> None:
         heard: list[bytes] = []
         section = SECTION | {"streams": [{"id": 1, "topic": "note", "publishers": [2]}]}
-        with water() as medium:
+        with channel() as medium:
             shore, auv = (
                 Node(
                     address,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.node.fleet import SECTION, config, water
+from tests.node.fleet import SECTION, channel, config
 from tests.runtime.loop_checks import run
 from zacoustic import ConfigError, Node
 from zacoustic.core.engine.events import PeerSeen
@@ -41,7 +41,7 @@ def test_each_life_of_a_node_has_another_epoch(tmp_path: Path, given: str) -> No
     async def main() -> None:
         epochs = []
         for _ in range(3):
-            with water() as medium:
+            with channel() as medium:
                 epochs.append(await epoch_seen(medium, node(medium)))
         assert [epoch % 64 for epoch in epochs] == [(epochs[0] + more) % 64 for more in range(3)]
 
@@ -52,7 +52,7 @@ def test_each_life_of_a_node_has_another_epoch(tmp_path: Path, given: str) -> No
 
 def test_second_node_on_a_journal_is_refused_and_the_first_goes_on(tmp_path: Path) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node(2, config=config(), link=medium.link(2), journal=tmp_path) as node:
                 second = Node(2, config=config(), link=medium.link(3), journal=str(tmp_path))
                 with pytest.raises(ConfigError, match="in use by another node or process"):

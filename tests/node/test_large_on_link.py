@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.node.fleet import SECTION, WaterServer, water
+from tests.node.fleet import SECTION, ChannelServer, channel
 from tests.runtime.loop_checks import run
 from zacoustic import (
     Config,
@@ -51,7 +51,7 @@ def test_progress_is_told_at_both_ends() -> None:
     part = PHOTO[:3000]
 
     async def main() -> None:
-        with water(S2C) as medium:
+        with channel(S2C) as medium:
             shore = Node(1, config=config(), link=medium.link(1))
             auv = Node(2, config=config(2), link=medium.link(2))
             async with shore, auv:
@@ -80,7 +80,7 @@ def test_progress_is_told_at_both_ends() -> None:
 
 def test_flush_ends_with_the_last_answer_though_nothing_is_transmitted_after_it() -> None:
     async def main() -> None:
-        with water(S2C) as medium:
+        with channel(S2C) as medium:
             shore = Node(1, config=config(), link=medium.link(1))
             auv = Node(2, config=config(2), link=medium.link(2))
             async with shore, auv:
@@ -94,7 +94,7 @@ def test_flush_ends_with_the_last_answer_though_nothing_is_transmitted_after_it(
 
 def test_a_publisher_gives_it_up() -> None:
     async def main() -> None:
-        with water(S2C) as medium:
+        with channel(S2C) as medium:
             shore = Node(1, config=config(), link=medium.link(1))
             auv = Node(2, config=config(2), link=medium.link(2))
             async with shore, auv:
@@ -123,7 +123,7 @@ def test_a_publisher_gives_it_up() -> None:
 
 def test_a_subscriber_refuses_it() -> None:
     async def main() -> None:
-        with water(S2C) as medium:
+        with channel(S2C) as medium:
             shore = Node(1, config=config(), link=medium.link(1))
             auv = Node(2, config=config(2), link=medium.link(2))
             async with shore, auv:
@@ -139,7 +139,7 @@ def test_a_subscriber_refuses_it() -> None:
 
 def test_a_subscriber_takes_less() -> None:
     async def main() -> None:
-        with water(S2C) as medium:
+        with channel(S2C) as medium:
             shore = Node(1, config=config(), link=medium.link(1))
             auv = Node(2, config=config(2, max_bytes=5000), link=medium.link(2))
             async with shore, auv:
@@ -152,7 +152,7 @@ def test_a_subscriber_takes_less() -> None:
 
 
 def test_blocking() -> None:
-    with WaterServer(S2C) as locator:
+    with ChannelServer(S2C) as locator:
         shore = blocking.Node(1, config=config(), link=locator)
         auv = blocking.Node(2, config=config(2), link=locator)
         with shore, auv:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import msgspec
 import pytest
 
-from tests.node.fleet import Arm, Nav, config, free_endpoint, run_on_zenoh, water
+from tests.node.fleet import Arm, Nav, channel, config, free_endpoint, run_on_zenoh
 from tests.runtime.loop_checks import run
 from zacoustic import (
     Bounds,
@@ -63,7 +63,7 @@ def test_a_wrong_endpoint_is_refused(
     act: Callable[[Node], object], kind: type[ZacousticError], text: str
 ) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node("shore", config=config(), link=medium.link(1)) as node:
                 with pytest.raises(kind, match=text) as caught:
                     act(node)
@@ -74,7 +74,7 @@ def test_a_wrong_endpoint_is_refused(
 
 def test_without_config_or_stream_id_the_error_says_what_to_give() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node(1, link=medium.link(1)) as node:
                 with pytest.raises(LocalError, match=r"give stream_id=1\.\.175, or config=FILE"):
                     node.subscribe(Nav, "auv1/nav")
@@ -141,7 +141,7 @@ def test_a_cancelled_open_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch)
 
 def test_a_node_is_for_one_life() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             node = Node(1, link=medium.link(1))
             with pytest.raises(LocalError, match="node 1 is not open"):
                 node.subscribe(Nav, "nav", stream_id=1)
@@ -171,7 +171,7 @@ def test_the_address_comes_from_name_argument_or_file(
     async def main() -> None:
         path = tmp_path / "fleet.json5"
         path.write_text(FILE % head)
-        with water() as medium:
+        with channel() as medium:
             link = medium.link(address)
             async with Node(**arguments, config=path, link=link) as node:
                 assert node.address == address

@@ -6,7 +6,15 @@ from typing import Any
 
 import pytest
 
-from tests.node.fleet import SECTION, TIME_SCALE, WaterServer, config, router, run_on_zenoh, water
+from tests.node.fleet import (
+    SECTION,
+    TIME_SCALE,
+    ChannelServer,
+    channel,
+    config,
+    router,
+    run_on_zenoh,
+)
 from tests.runtime.loop_checks import run
 from zacoustic import CallTimeoutError, LinkClosedError, LocalError, Node, Range, blocking
 from zacoustic.config import Config, config_from_mapping
@@ -28,7 +36,7 @@ def shore(medium: SimMedium, known: Config | None = None) -> Node:
 
 def test_range_of_a_node_by_address_and_by_name() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with (
                 shore(medium) as near,
                 Node("auv1", config=config(), link=medium.link(2, ASKS)),
@@ -47,7 +55,7 @@ def test_range_of_a_node_by_address_and_by_name() -> None:
 
 def test_node_that_is_not_there_times_out_and_the_next_range_is_measured() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with (
                 shore(medium) as near,
                 Node("auv1", config=config(), link=medium.link(2, ASKS)),
@@ -72,7 +80,7 @@ def test_node_that_is_not_there_times_out_and_the_next_range_is_measured() -> No
 )
 def test_wrong_peer_is_a_clear_error(peer: int | str, error: type[Exception], message: str) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with shore(medium) as near:
                 with pytest.raises(error) as caught:
                     await near.range(peer)
@@ -83,7 +91,7 @@ def test_wrong_peer_is_a_clear_error(peer: int | str, error: type[Exception], me
 
 def test_link_that_measures_no_ranges_says_so_at_once() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node("shore", config=config(), link=medium.link(1)) as near:
                 with pytest.raises(RangeUnavailableError, match="this link measures no ranges"):
                     await near.range(2)
@@ -99,7 +107,7 @@ def test_link_that_measures_no_ranges_says_so_at_once() -> None:
 
 def test_name_without_a_config_and_node_that_is_closed_are_errors() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             near = Node(1, link=medium.link(1, ASKS))
             with pytest.raises(LocalError, match="not open"):
                 await near.range(2)
@@ -116,7 +124,7 @@ def test_name_without_a_config_and_node_that_is_closed_are_errors() -> None:
 
 def test_range_that_is_cancelled_is_not_measured_any_more() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with shore(medium) as near:
                 waiting = asyncio.ensure_future(near.range(3, timeout_s=60))
                 await asyncio.sleep(0)
@@ -130,7 +138,7 @@ def test_range_that_is_cancelled_is_not_measured_any_more() -> None:
 
 def test_schedule_of_the_config_makes_events() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             known = scheduled({"to": 2, "every_s": 1}, {"by": 3, "to": 1, "every_s": 1})
             async with (
                 shore(medium, known) as near,
@@ -146,7 +154,7 @@ def test_schedule_of_the_config_makes_events() -> None:
 
 def test_what_the_link_measures_of_its_own_accord_is_an_event() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             link = medium.link(1, ASKS)
             async with Node("shore", config=config(), link=link) as near:
                 receiver = link._receiver
@@ -170,7 +178,7 @@ def test_what_the_link_measures_of_its_own_accord_is_an_event() -> None:
 
 def test_blocking_node_waits_for_the_range() -> None:
     with (
-        WaterServer() as locator,
+        ChannelServer() as locator,
         blocking.Node("shore", config=config(), link=f"{locator}#acknowledges=true") as near,
         blocking.Node("auv1", config=config(), link=locator),
     ):

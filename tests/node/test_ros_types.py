@@ -5,8 +5,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from tests.gateway import islands
-from tests.node.fleet import water
+from tests.gateway import networks
+from tests.node.fleet import channel
 from tests.runtime.loop_checks import run
 from zacoustic import ConfigError, LocalError, Node, PayloadInvalidError
 from zacoustic.config import Config, config_from_mapping
@@ -40,7 +40,7 @@ def config() -> Config:
 
 def test_values_are_dicts_or_instances_of_a_generated_class() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node("shore", config=config(), link=medium.link(1))
             auv = Node("auv1", config=config(), link=medium.link(2))
             async with shore, auv:
@@ -63,7 +63,7 @@ def test_values_are_dicts_or_instances_of_a_generated_class() -> None:
 
 def test_without_a_config_the_name_of_a_ros_type_is_enough() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node(1, link=medium.link(1)) as shore, auv:
                 subscription = auv.subscribe(TWIST, "auv/cmd_vel", stream_id=11)
@@ -79,7 +79,7 @@ def test_without_a_config_the_name_of_a_ros_type_is_enough() -> None:
 
 def test_services_are_called_by_the_name_of_their_type() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node("shore", config=config(), link=medium.link(1))
             auv = Node("auv1", config=config(), link=medium.link(2))
             async with shore, auv:
@@ -92,7 +92,7 @@ def test_services_are_called_by_the_name_of_their_type() -> None:
 
 def test_a_node_on_a_link_takes_part_in_topics_of_ros() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore = Node("shore", config=config(), link=medium.link(1))
             async with shore:
                 publisher = shore.create_publisher("nav_msgs/msg/Odometry", "odom")
@@ -130,5 +130,5 @@ def test_on_zenoh_a_topic_of_ros_is_for_ros_clients() -> None:
             with pytest.raises(LocalError, match="odom is a topic of ROS 2 on this island"):
                 node.subscribe("nav_msgs/msg/Odometry", "odom")
 
-    with islands.zenoh_router() as port:
-        islands.run(main(port))
+    with networks.zenoh_router() as port:
+        networks.run(main(port))

@@ -7,7 +7,7 @@ import time
 import msgspec
 import pytest
 
-from tests.node.fleet import Arm, Raw, config, water
+from tests.node.fleet import Arm, Raw, channel, config
 from tests.runtime.loop_checks import run
 from zacoustic import (
     CallContext,
@@ -29,7 +29,7 @@ def two_nodes(medium: SimMedium) -> tuple[Node, Node]:
 
 def test_a_call_is_answered_by_a_function() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 auv.create_service(Arm, "auv1/arm", lambda request: Arm.Response(ok=request.on))
@@ -42,7 +42,7 @@ def test_a_call_is_answered_by_a_function() -> None:
 
 def test_a_handler_may_wait_and_may_take_the_context() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 contexts: list[CallContext] = []
@@ -68,7 +68,7 @@ def test_a_handler_may_wait_and_may_take_the_context() -> None:
 
 def test_a_handler_with_a_default_argument_takes_no_context() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
 
@@ -83,7 +83,7 @@ def test_a_handler_with_a_default_argument_takes_no_context() -> None:
 
 def test_without_a_config_client_and_service_share_the_id() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node(1, link=medium.link(1)) as shore, auv:
                 auv.create_service(Arm, "arm", lambda _: Arm.Response(ok=True), stream_id=20)
@@ -97,7 +97,7 @@ def test_what_a_handler_raises_reaches_the_caller_with_its_text(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
 
@@ -118,7 +118,7 @@ def test_what_a_handler_raises_reaches_the_caller_with_its_text(
 
 def test_a_response_that_is_none_is_an_error_of_the_service() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 auv.create_service(
@@ -132,7 +132,7 @@ def test_a_response_that_is_none_is_an_error_of_the_service() -> None:
 
 def test_kinds_of_failure_can_be_told_apart() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 client = shore.create_client(Arm, "auv1/arm")
@@ -164,7 +164,7 @@ def test_streams_that_differ_fail_the_call() -> None:
         level: int
 
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node(1, link=medium.link(1)) as shore, auv:
                 auv.create_service((Other, Other), "arm", lambda request: request, stream_id=20)
@@ -177,7 +177,7 @@ def test_streams_that_differ_fail_the_call() -> None:
 
 def test_closing_a_service_tells_those_who_wait() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 begun = asyncio.Event()
@@ -204,7 +204,7 @@ def test_closing_a_service_tells_those_who_wait() -> None:
 
 def test_a_cancelled_call_frees_its_number_and_a_closed_node_fails_its_calls() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node("shore", config=config(), link=medium.link(1)) as shore:
                 client = shore.create_client(Arm, "auv1/arm")
                 calls = [asyncio.ensure_future(client.call(Arm.Request(on=True))) for _ in "ab"]
@@ -220,7 +220,7 @@ def test_a_cancelled_call_frees_its_number_and_a_closed_node_fails_its_calls() -
 
 def test_who_serves_is_checked_when_the_endpoint_is_made() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 with pytest.raises(LocalError, match=r"served by node 2; this is node 1 \(shore\)"):

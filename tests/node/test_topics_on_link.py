@@ -9,7 +9,7 @@ from typing import Annotated
 import msgspec
 import pytest
 
-from tests.node.fleet import Nav, config, water
+from tests.node.fleet import Nav, channel, config
 from tests.runtime.loop_checks import run
 from zacoustic import (
     Bounds,
@@ -34,7 +34,7 @@ def two_nodes(medium: SimMedium) -> tuple[Node, Node]:
 
 def test_a_struct_crosses_and_arrives_as_its_class() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 subscription = shore.subscribe(Nav, "auv1/nav")
@@ -55,7 +55,7 @@ def test_a_late_subscription_to_a_latched_topic_has_the_last_samples_at_once() -
     latched = Qos(durability=Durability.TRANSIENT_LOCAL, depth=2)
 
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node("shore", address=1, link=medium.link(1)) as shore, auv:
                 early = shore.subscribe(bytes, "map", latched, stream_id=10)
@@ -76,7 +76,7 @@ def test_a_late_subscription_to_a_latched_topic_has_the_last_samples_at_once() -
 
 def test_without_a_config_the_code_declares_the_stream_by_its_id() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node("shore", address=1, link=medium.link(1)) as shore, auv:
                 subscription = shore.subscribe(Nav, "nav", stream_id=10)
@@ -104,7 +104,7 @@ def test_two_classes_of_one_name_are_two_types() -> None:
         return Twin
 
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node("shore", address=1, link=medium.link(1)) as shore, auv:
                 for node in (shore, auv):
@@ -118,7 +118,7 @@ def test_two_classes_of_one_name_are_two_types() -> None:
 
 def test_a_type_by_name_gives_dicts_and_bytes_are_opaque() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 by_name = shore.subscribe("Nav", "auv1/nav")
@@ -136,7 +136,7 @@ def test_a_type_by_name_gives_dicts_and_bytes_are_opaque() -> None:
 
 def test_a_deleted_key_arrives_as_a_sample_without_a_value() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 subscription = shore.subscribe(Nav, "auv1/nav")
@@ -152,7 +152,7 @@ def test_a_deleted_key_arrives_as_a_sample_without_a_value() -> None:
 
 def test_node_in_a_name_is_the_own_name_and_subscriptions_get_keys() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv, Node("auv2", config=config(), link=medium.link(3)) as other:
                 every = shore.subscribe("Nav", "fleet/{node}/status")
@@ -173,7 +173,7 @@ def test_node_in_a_name_is_the_own_name_and_subscriptions_get_keys() -> None:
 
 def test_other_placeholders_are_filled_in_by_the_publisher() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 subscription = shore.subscribe(bytes, "{node}/part/{part}")
@@ -187,7 +187,7 @@ def test_other_placeholders_are_filled_in_by_the_publisher() -> None:
 
 def test_a_callback_gets_every_sample_and_may_be_a_coroutine_function() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 seen: list[str] = []
@@ -214,7 +214,7 @@ def test_a_callback_that_raises_is_logged_and_called_again(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 calls = 0
@@ -240,7 +240,7 @@ def test_a_callback_that_raises_is_logged_and_called_again(
 
 def test_what_nobody_takes_is_bounded_by_depth_and_the_latest_win() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 slow = shore.subscribe(bytes, "note", Qos(depth=2))
@@ -258,7 +258,7 @@ def test_what_nobody_takes_is_bounded_by_depth_and_the_latest_win() -> None:
 
 def test_a_node_does_not_hear_itself() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 own = auv.subscribe(bytes, "note")
@@ -272,7 +272,7 @@ def test_a_node_does_not_hear_itself() -> None:
 
 def test_publish_works_from_another_thread_and_checks_the_value_there() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 subscription = shore.subscribe(Nav, "auv1/nav")
@@ -292,7 +292,7 @@ def test_publish_works_from_another_thread_and_checks_the_value_there() -> None:
 
 def test_values_that_cannot_be_sent_are_refused_at_once() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 nav = auv.create_publisher(Nav, "auv1/nav")
@@ -320,7 +320,7 @@ def test_a_class_that_refuses_a_sample_does_not_end_the_iteration() -> None:
                 raise ValueError("13 is unlucky")
 
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node(1, link=medium.link(1)) as shore, auv:
                 subscription = shore.subscribe(Picky, "x", stream_id=1)
@@ -337,7 +337,7 @@ def test_a_class_that_refuses_a_sample_does_not_end_the_iteration() -> None:
 
 def test_iteration_ends_when_the_subscription_or_the_node_is_closed() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with Node("shore", config=config(), link=medium.link(1)) as shore:
                 first, second = shore.subscribe(bytes, "note"), shore.subscribe(bytes, "note")
                 first.close()
@@ -355,7 +355,7 @@ def test_iteration_ends_when_the_subscription_or_the_node_is_closed() -> None:
 
 def test_a_node_whose_engine_fails_says_so_everywhere(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             link = medium.link(1)
             async with Node("shore", config=config(), link=link) as shore:
                 subscription = shore.subscribe(bytes, "note")
@@ -380,7 +380,7 @@ def test_events_tell_of_link_peers_and_differing_streams(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             auv = Node(2, link=medium.link(2))
             async with Node(1, link=medium.link(1)) as shore, auv:
                 shore.subscribe(bytes, "one", stream_id=1)
@@ -402,7 +402,7 @@ def test_events_tell_of_link_peers_and_differing_streams(
 
 def test_stats_and_ledger_are_those_of_the_engine() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 subscription = shore.subscribe(bytes, "note")
@@ -419,7 +419,7 @@ def test_stats_and_ledger_are_those_of_the_engine() -> None:
 
 def test_code_may_tune_how_samples_wait_and_not_what_both_ends_agree_on() -> None:
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             shore, auv = two_nodes(medium)
             async with shore, auv:
                 subscription = shore.subscribe(bytes, "note")

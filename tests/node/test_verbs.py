@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import pytest
 
-from tests.node.fleet import SECTION, Arm, WaterServer, free_endpoint, router
+from tests.node.fleet import SECTION, Arm, ChannelServer, free_endpoint, router
 from zacoustic import blocking
 
 ROOT: Final = Path(__file__).parents[2]
@@ -54,7 +54,7 @@ def place(
 ) -> Iterator[tuple[str, list[Any], list[Any]]]:
     """Give the name, and the arguments of two nodes: the shore and the vehicle."""
     if request.param == "link":
-        with WaterServer() as locator:
+        with ChannelServer() as locator:
             words = ["--link", locator, "--config", fleet]
             yield "link", words, [*words, "--address", 2]
     else:
@@ -113,7 +113,7 @@ def test_call(place: tuple[str, list[Any], list[Any]]) -> None:
 
 
 def test_sub_without_a_key_listens_to_all_topics(fleet: Path) -> None:
-    with WaterServer() as locator:
+    with ChannelServer() as locator:
         words = ["--link", locator, "--config", fleet]
         with (
             started("sub", "--count", 1, "--timeout", LIMIT_S, *words) as sub,
@@ -126,7 +126,7 @@ def test_sub_without_a_key_listens_to_all_topics(fleet: Path) -> None:
 
 
 def test_pub_once_waits_until_it_has_left(fleet: Path) -> None:
-    with WaterServer() as locator:
+    with ChannelServer() as locator:
         heard = threading.Event()
         with blocking.Node("shore", config=str(fleet), link=locator) as node:
             node.create_subscription(bytes, "note", lambda sample: heard.set())

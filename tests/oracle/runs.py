@@ -17,24 +17,23 @@ from typing import Any, Final, TextIO
 import msgspec
 import pytest
 
-import tests.virtual.commandstory
+import tests.virtual.commandscenario
 from tests.hostile import foreign
 from tests.hostile.drive import Drive
 from tests.hostile.scenario import hostile
-from tests.virtual.callstory import CallStory
-from tests.virtual.commandstory import CommandStory
-from tests.virtual.goalstory import GoalStory
+from tests.virtual.callscenario import CallScenario
+from tests.virtual.commandscenario import CommandScenario
+from tests.virtual.goalscenario import GoalScenario
 from tests.virtual.settling import Settling
 from tests.virtual.stopping import Pressing, stop_took_s
 from tests.virtual.test_polling import NODES as POLLED
 from tests.virtual.test_polling import network as polling
-from tests.virtual.test_rmw_desert import WHOLE
-from tests.virtual.test_rmw_desert import Story as DesertStory
+from tests.virtual.test_rmw_desert import WHOLE, DesertScenario
 from tests.virtual.test_tdma import Fleet
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.tap import EngineCall, Tap
 from zacoustic.core.linktypes import Transmission
-from zacoustic.testing.stories import random_story, tell
+from zacoustic.testing.scenarios import draw_scenario, run_scenario
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 FRAMES_PER_MARK: Final = 200
@@ -64,7 +63,7 @@ class Marks(msgspec.Struct, frozen=True):
         )
 
 
-class Witness:
+class Checker:
     """Makes engines, and takes down what they transmit.
 
     Args:
@@ -107,47 +106,47 @@ class Witness:
         return self._hash.hexdigest()[:16]
 
 
-Run = Callable[[int, Witness], object]
+Run = Callable[[int, Checker], object]
 
 
-def _story(seed: int, witness: Witness) -> None:
-    tell(random_story(seed), (), build=witness.make)
+def _scenario(seed: int, checker: Checker) -> None:
+    run_scenario(draw_scenario(seed), (), build=checker.make)
 
 
-def _hostile(seed: int, witness: Witness) -> None:
+def _hostile(seed: int, checker: Checker) -> None:
     # What foreign fleets say is part of the run, whatever ran before in this process.
     foreign.frames.cache_clear()
     foreign.subscribe_requests.cache_clear()
     Drive(hostile(seed)).run()
 
 
-def _call(seed: int, witness: Witness) -> None:
-    CallStory(seed).run()
+def _call(seed: int, checker: Checker) -> None:
+    CallScenario(seed).run()
 
 
-def _goal(seed: int, witness: Witness) -> None:
-    GoalStory(seed).run()
+def _goal(seed: int, checker: Checker) -> None:
+    GoalScenario(seed).run()
 
 
-def _order(seed: int, witness: Witness) -> None:
-    CommandStory(seed).run()
+def _order(seed: int, checker: Checker) -> None:
+    CommandScenario(seed).run()
 
 
-def _settling(seed: int, witness: Witness) -> None:
+def _settling(seed: int, checker: Checker) -> None:
     Settling(seed, senses_carrier=seed % 2 == 0).run()
 
 
-def _photo(seed: int, witness: Witness) -> None:
+def _photo(seed: int, checker: Checker) -> None:
     """Something that presses beside an object: listen windows, turns, copies."""
     loss = (0.0, 0.2, 0.4)[seed % 3]
     stop_took_s(seed, loss, 2 + seed % 2, tuple(Pressing)[seed % len(Pressing)])
 
 
-def _tdma(seed: int, witness: Witness) -> None:
+def _tdma(seed: int, checker: Checker) -> None:
     Fleet(seed).talk(10)
 
 
-def _polling(seed: int, witness: Witness) -> None:
+def _polling(seed: int, checker: Checker) -> None:
     network = polling(seed, loss=0.2, modem=Modem(addressed=seed % 2 == 0))
     rng = random.Random(seed)
     for node in POLLED:
@@ -157,21 +156,21 @@ def _polling(seed: int, witness: Witness) -> None:
     network.run(until_s=1500)
 
 
-def _rmw_desert(seed: int, witness: Witness) -> None:
-    story = DesertStory(
+def _rmw_desert(seed: int, checker: Checker) -> None:
+    drawn = DesertScenario(
         seed, WHOLE[seed % len(WHOLE)], channel="none",
         loss={"frame": 0.2}, faults={"duplicate": 0.05, "jitter_s": 0.5},
     )  # fmt: skip
     for number in range(20):
-        at_s = story.dice.uniform(0, 3600)
-        story.water.at(at_s, functools.partial(story.say, f"text {number} " * 5))
-        story.water.at(at_s + 60, functools.partial(story.call, number))
-    story.water.run()
+        at_s = drawn.dice.uniform(0, 3600)
+        drawn.medium.at(at_s, functools.partial(drawn.say, f"text {number} " * 5))
+        drawn.medium.at(at_s + 60, functools.partial(drawn.call, number))
+    drawn.medium.run()
 
 
 _KINDS: Final[dict[str, tuple[int, Run]]] = {
     "hostile": (96, _hostile),
-    "story": (60, _story),
+    "story": (60, _scenario),
     "call": (24, _call),
     "goal": (24, _goal),
     "order": (20, _order),
@@ -196,10 +195,10 @@ def run(name: str, output: TextIO | None = None) -> Marks:
         output: Takes a line for each frame.
     """
     kind, _, seed = name.partition(" ")
-    witness = Witness(output)
-    with _watched(witness):
-        _KINDS[kind][1](int(seed), witness)
-    return witness.marks()
+    checker = Checker(output)
+    with _watched(checker):
+        _KINDS[kind][1](int(seed), checker)
+    return checker.marks()
 
 
 def kept() -> dict[str, Marks]:
@@ -208,10 +207,10 @@ def kept() -> dict[str, Marks]:
 
 
 @contextlib.contextmanager
-def _watched(witness: Witness) -> Iterator[None]:
+def _watched(checker: Checker) -> Iterator[None]:
     """Have the engines of all virtual networks made by the witness."""
     with pytest.MonkeyPatch.context() as patch:
         defaults: dict[str, Any] = VirtualNetwork.__init__.__kwdefaults__  # type: ignore[assignment]
-        patch.setitem(defaults, "build", witness.make)
-        patch.setattr(tests.virtual.commandstory, "Engine", witness.make)
+        patch.setitem(defaults, "build", checker.make)
+        patch.setattr(tests.virtual.commandscenario, "Engine", checker.make)
         yield

@@ -24,9 +24,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from tests.gateway.islands import zenoh_router
+from tests.gateway.networks import zenoh_router
 from tests.pages.blocks import ROOT, blocks_of, files_of, steps_of
-from zacoustic.app.tools.demo.islands import free_ports
+from zacoustic.app.tools.demo.networks import free_ports
 
 LIMIT_S: Final = 90.0
 SERVING: Final = ("gateway", "medium", "emulate", "dashboard", "monitor", "record")

@@ -1,4 +1,4 @@
-"""Engines: what one sends another receives, and nothing off the water does harm."""
+"""Engines: what one sends another receives, and nothing off the channel does harm."""
 
 import gc
 import random

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from tests.gateway.islands import free_port, zenoh_router
+from tests.gateway.networks import free_port, zenoh_router
 from tests.recording.memory import BEGAN_NS
 from zacoustic.app.cli import main
 from zacoustic.run.recording.channels import SENT, FrameRecord, frames_channel

@@ -10,12 +10,12 @@ from typing import Any
 import msgspec
 import pytest
 
-import tests.virtual.commandstory
+import tests.virtual.commandscenario
 from tests.recording.memory import MemorySink, record_networks, recorded
-from tests.virtual.callstory import CallStory
-from tests.virtual.commandstory import CommandStory
+from tests.virtual.callscenario import CallScenario
+from tests.virtual.commandscenario import CommandScenario
 from tests.virtual.fleet import line
-from tests.virtual.goalstory import GoalStory
+from tests.virtual.goalscenario import GoalScenario
 from zacoustic.app.tools.design.sim.recorder import recorded_to
 from zacoustic.app.tools.inspect.recordings.checking import Verdict, check_messages
 from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
@@ -27,7 +27,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.run.recording.reading import ReadMessage
 from zacoustic.run.recording.recorder import EngineRecorder
-from zacoustic.testing.stories import random_story, tell
+from zacoustic.testing.scenarios import draw_scenario, run_scenario
 from zacoustic.testing.virtual import VirtualNetwork
 
 
@@ -35,18 +35,18 @@ def checked(recorder: EngineRecorder, sink: MemorySink) -> Verdict:
     """Replay a recording; everything has to be the same, and there has to be something."""
     recorder.finish()
     verdict = check_messages(sink.messages, "memory")
-    for life in verdict.lives:
+    for life in verdict.epochs:
         assert not life.difference, f"node {life.node}: {life.difference}"
         assert life.ledger_bytes == life.frame_bytes
     assert verdict.is_same
     return verdict
 
 
-def test_stories_with_loss_delay_repetition_and_restarts(count: Callable[[int], int]) -> None:
+def test_scenarios_with_loss_delay_repetition_and_restarts(count: Callable[[int], int]) -> None:
     frames = deliveries = 0
     for seed in range(4, 4 + count(200)):
         recorder, sink = recorded()
-        told = tell(random_story(seed), (), build=recorder.make)
+        told = run_scenario(draw_scenario(seed), (), build=recorder.make)
         assert not told.violations
         verdict = checked(recorder, sink)
         sent = sink.of("/frames")
@@ -55,31 +55,31 @@ def test_stories_with_loss_delay_repetition_and_restarts(count: Callable[[int], 
             for record in (msgspec.json.decode(message.data) for message in sent)
             if record["direction"] == "sent"
         ]
-        assert sum(sizes) == sum(life.ledger_bytes for life in verdict.lives)
-        frames += sum(life.frames for life in verdict.lives)
-        deliveries += sum(life.deliveries for life in verdict.lives)
+        assert sum(sizes) == sum(life.ledger_bytes for life in verdict.epochs)
+        frames += sum(life.frames for life in verdict.epochs)
+        deliveries += sum(life.deliveries for life in verdict.epochs)
     assert frames > 100
     assert deliveries > 100
 
 
-@pytest.mark.parametrize("story", [GoalStory, CallStory])
+@pytest.mark.parametrize("drawn", [GoalScenario, CallScenario])
 def test_goals_and_calls_with_restarts(
-    monkeypatch: pytest.MonkeyPatch, count: Callable[[int], int], story: Any
+    monkeypatch: pytest.MonkeyPatch, count: Callable[[int], int], drawn: Any
 ) -> None:
     for seed in range(count(100)):
         with monkeypatch.context() as patch:
             recorder, sink = record_networks(patch)
-            story(seed).run()
-        assert len(checked(recorder, sink).lives) >= 2
+            drawn(seed).run()
+        assert len(checked(recorder, sink).epochs) >= 2
 
 
 def test_commands_and_silence(monkeypatch: pytest.MonkeyPatch, count: Callable[[int], int]) -> None:
     for seed in range(count(100)):
         recorder, sink = recorded()
         monkeypatch.setattr(
-            tests.virtual.commandstory, "Engine", partial(_with_defaults, recorder.make)
+            tests.virtual.commandscenario, "Engine", partial(_with_defaults, recorder.make)
         )
-        CommandStory(seed).run()
+        CommandScenario(seed).run()
         checked(recorder, sink)
 
 
@@ -150,11 +150,11 @@ def measure(
 ) -> None:
     """Let a modem measure something of another one."""
 
-    def tell(engine: Engine, now: int) -> None:
+    def run_scenario(engine: Engine, now: int) -> None:
         measured = PeerMeasured(address=peer, measured_at=now, metrics=metrics)
         engine.handle_measurement(measured, now)
 
-    network.at(at_s, lambda: network.apply(node, tell))
+    network.at(at_s, lambda: network.apply(node, run_scenario))
 
 
 def test_what_modems_measure_is_an_input_like_others() -> None:
@@ -168,7 +168,7 @@ def test_what_modems_measure_is_an_input_like_others() -> None:
 
     network.at(6.0, lambda: network.apply(2, read))
     run_survey(network, until_s=100)
-    events = [life.events for life in checked(recorder, sink).lives]
+    events = [life.events for life in checked(recorder, sink).epochs]
     assert [each.get("PeerMeasured", 0) for each in events] == [2, 0]
     assert [each.get("ModemRead", 0) for each in events] == [0, 1]
 
@@ -176,12 +176,12 @@ def test_what_modems_measure_is_an_input_like_others() -> None:
 @pytest.mark.parametrize("seed", range(2))
 def test_dense_streams_objects_and_demand(seed: int) -> None:
     recorder, sink = recorded()
-    water = line(0, 800, 1500, seed=seed, loss={"frame": 0.2})
-    network = VirtualNetwork(water, survey(), build=recorder.make)
+    channel = line(0, 800, 1500, seed=seed, loss={"frame": 0.2})
+    network = VirtualNetwork(channel, survey(), build=recorder.make)
     run_survey(network)
     verdict = checked(recorder, sink)
-    assert len(verdict.lives) == 5
-    events = [life.events for life in verdict.lives]
+    assert len(verdict.epochs) == 5
+    events = [life.events for life in verdict.epochs]
     assert any(each.get("ObjectProgress") for each in events)
     assert sum(each.get("SampleReceived", 0) for each in events) > 100
 
@@ -220,13 +220,13 @@ def test_the_check_fails_when_a_single_bit_was_another(monkeypatch: pytest.Monke
     recorder.finish()
     assert b"this is a log" in b"".join(message.data for message in sink.of("/1/engine"))
     messages = altered(sink.messages, lambda data: data.replace(b"is a log", b"is a fog"))
-    assert not any("fog" in life.difference for life in check_messages(messages, "").lives)
+    assert not any("fog" in life.difference for life in check_messages(messages, "").epochs)
     # The command says "fog", and so the frame, but the recorded frame was altered as well: so only
     # one of the two.
     messages = altered(sink.messages, lambda data: data.replace(b"is a log", b"is a fog", 1))
     verdict = check_messages(messages, "")
     assert not verdict.is_same
-    assert any("poll_transmit" in life.difference for life in verdict.lives)
+    assert any("poll_transmit" in life.difference for life in verdict.epochs)
 
 
 def test_a_ledger_that_does_not_sum_is_found() -> None:
@@ -241,7 +241,7 @@ def test_a_ledger_that_does_not_sum_is_found() -> None:
     changed = msgspec.structs.replace(sink.messages[first], data=msgspec.json.encode(record))
     messages = [*sink.messages[:first], changed, *sink.messages[first + 1 :]]
     verdict = check_messages(messages, "")
-    assert [life.node for life in verdict.lives if "ledger" in life.difference] == [2]
+    assert [life.node for life in verdict.epochs if "ledger" in life.difference] == [2]
 
 
 def test_after_a_gap_a_life_is_recorded_no_more_and_the_next_one_is() -> None:
@@ -259,8 +259,8 @@ def test_after_a_gap_a_life_is_recorded_no_more_and_the_next_one_is() -> None:
     network.run(until_s=400)
     assert len(sink.of("/2/engine")) > 5
     verdict = check_messages(sink.messages, "")
-    assert [life.node for life in verdict.lives] == [1, 2, 2]
-    assert not any(life.difference for life in verdict.lives if life.epoch == 2)
+    assert [life.node for life in verdict.epochs] == [1, 2, 2]
+    assert not any(life.difference for life in verdict.epochs if life.epoch == 2)
 
 
 def test_what_an_engine_refuses_is_refused_again() -> None:

@@ -26,7 +26,7 @@ from zacoustic.testing.virtual import VirtualNetwork
 
 Row = tuple[Schema | None, Channel, Message]
 
-WATER = """{
+CHANNEL = """{
   nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [800, 0, 10] } ],
   config: "fleet.json5", loss: { frame: 0.1 },
   traffic: [
@@ -50,7 +50,7 @@ FLEET = """{ plugins: { acoustic: {
 @pytest.fixture
 def trial(tmp_path: Path) -> Path:
     """A recording that the command line has made."""
-    (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
+    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
     path = tmp_path / "trial.mcap"
     assert (

@@ -12,9 +12,18 @@ from typing import Any, NamedTuple
 import msgspec
 import pytest
 
-from tests.gateway.islands import Island, Water, cbor, config_of, free_port, get, hear, zenoh_config
-from tests.gateway.islands import run as run_islands
-from tests.node.fleet import water
+from tests.gateway.networks import (
+    Channel,
+    LocalNetwork,
+    cbor,
+    config_of,
+    free_port,
+    get,
+    hear,
+    zenoh_config,
+)
+from tests.gateway.networks import run as run_networks
+from tests.node.fleet import channel
 from tests.runtime.loop_checks import run
 from zacoustic import ConfigError, Node
 from zacoustic.app.tools.inspect.recordings.checking import check_recording
@@ -35,13 +44,13 @@ def values(path: Path, ending: str) -> list[Any]:
 
 def test_recorded_gateways_are_replayed_exactly(tmp_path: Path) -> None:
     async def main() -> None:
-        sea = Water()
+        sea = Channel()
         found = {}
         async with asyncio.TaskGroup() as group:
             done = asyncio.Event()
 
             async def live(address: int, ready: asyncio.Event) -> None:
-                here = found[address] = Island(free_port())
+                here = found[address] = LocalNetwork(free_port())
                 settings = config_of(address, zenoh_config("router", listen=here.port))
                 async with Gateway(
                     settings,
@@ -65,12 +74,12 @@ def test_recorded_gateways_are_replayed_exactly(tmp_path: Path) -> None:
                 assert replies.errors
             done.set()
 
-    run_islands(main())
+    run_networks(main())
     for address in (1, 2):
         verdict = check_recording(tmp_path / f"{address}.mcap")
-        assert verdict.is_same, verdict.lives
+        assert verdict.is_same, verdict.epochs
         assert not verdict.damage
-        assert verdict.lives[0].frames
+        assert verdict.epochs[0].frames
     assert values(tmp_path / "1.mcap", "/1/received/auv1/nav") == [
         {"depth": pytest.approx(12.3), "mode": "survey"}
     ]
@@ -88,7 +97,7 @@ def test_a_node_in_direct_mode_is_recorded_with_what_it_declares(tmp_path: Path)
         height: float
 
     async def main() -> None:
-        with water() as medium:
+        with channel() as medium:
             async with (
                 Node(1, link=medium.link(1), record=path) as shore,
                 Node(2, link=medium.link(2)) as auv,
@@ -141,8 +150,8 @@ def test_a_full_disk_ends_the_recording_and_not_the_gateway(
     monkeypatch.setattr("zacoustic.run.recording.writing.FLUSH_S", 0.01)
 
     async def main() -> None:
-        sea = Water()
-        here = Island(free_port())
+        sea = Channel()
+        here = LocalNetwork(free_port())
         settings = config_of(1, zenoh_config("router", listen=here.port))
         async with Gateway(
             settings, link=sea.medium.link(1), record=tmp_path / "a.mcap", notify=here.notify
@@ -160,7 +169,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_gateway(
         (started,) = [each for each in here.notices if isinstance(each, Started)]
         assert started.recording == str(tmp_path / "a.mcap")
 
-    run_islands(main())
+    run_networks(main())
 
 
 def test_what_finds_the_queue_full_is_dropped_counted_and_said(

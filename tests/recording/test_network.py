@@ -10,15 +10,15 @@ import cbor2
 import pytest
 import zenoh
 
-from tests.gateway.islands import (
+from tests.gateway.networks import (
     SECTION,
+    Channel,
     Heard,
-    Island,
-    Water,
+    LocalNetwork,
     cbor,
     fence,
     hear,
-    island,
+    local_network,
     matched,
     run,
     until,
@@ -103,14 +103,14 @@ def test_topics_documents_and_frames_of_a_running_gateway(tmp_path: Path) -> Non
     path = tmp_path / "a.mcap"
 
     async def main() -> RecordedKeys:
-        water = Water()
-        async with island(1, water) as shore, island(2, water) as auv:
+        channel = Channel()
+        async with local_network(1, channel) as shore, local_network(2, channel) as auv:
             recording = Recording(path, shore.port, "free/**")
             await recording.ready()
             with shore.client() as here, auv.client() as there:
                 # The gateway hears of a subscriber some time after that: so again and again.
                 while "@acoustic/1/frames" not in recording.heard:
-                    await one_frame(water, here, "chat", b"are you listening?")
+                    await one_frame(channel, here, "chat", b"are you listening?")
                 heard = await hear(here, "auv1/nav")
                 there.put("auv1/nav", cbor(depth=7.0, mode="idle"))
                 await heard.next()
@@ -141,18 +141,18 @@ def test_topics_documents_and_frames_of_a_running_gateway(tmp_path: Path) -> Non
     assert any('auv1/nav, 0 s old: {"depth": 7.0, "mode": "idle"}' in each for each in words)
 
 
-async def one_frame(water: Water, session: zenoh.Session, key: str, payload: bytes) -> None:
+async def one_frame(channel: Channel, session: zenoh.Session, key: str, payload: bytes) -> None:
     """Have node 1 send a frame."""
-    before = water.sent_by(1)
+    before = channel.sent_by(1)
     session.put(key, payload)
-    await until(lambda: water.sent_by(1) > before, water.changed)
+    await until(lambda: channel.sent_by(1) > before, channel.changed)
     await fence(session)
 
 
-async def until_sent(water: Water, address: int) -> None:
-    while not water.sent_by(address):
-        water.changed.clear()
-        await water.changed.wait()
+async def until_sent(channel: Channel, address: int) -> None:
+    while not channel.sent_by(address):
+        channel.changed.clear()
+        await channel.changed.wait()
 
 
 def data_of(message: ReadMessage) -> Any:
@@ -182,15 +182,15 @@ def test_a_router_that_is_gone_for_a_while_is_said_and_counted(
 
 def test_frames_are_put_only_while_somebody_subscribes() -> None:
     async def main() -> None:
-        water = Water()
-        async with island(1, water) as shore:
+        channel = Channel()
+        async with local_network(1, channel) as shore:
             with shore.client() as here:
                 here.put("auv1/text", b"before")
-                await until_sent(water, 1)
+                await until_sent(channel, 1)
                 heard = await hear(here, "@acoustic/1/frames")
                 # The gateway hears of a subscriber some time after that: so again and again.
                 while not heard.samples:
-                    await one_frame(water, here, "auv1/text", b"while")
+                    await one_frame(channel, here, "auv1/text", b"while")
                 first = json.loads(await heard.payload())
                 assert first["direction"] == "sent"
                 assert base64.b64decode(first["frame"]).endswith(b"while")
@@ -211,7 +211,7 @@ def test_a_recorded_network_is_put_again_byte_for_byte(tmp_path: Path) -> None:
         with zenoh_router() as port:
             recording = Recording(path, port)
             await recording.ready()
-            with Island(port).client() as here:
+            with LocalNetwork(port).client() as here:
                 for key, payload, encoding in sent:
                     await matched(here, key)
                     here.put(key, payload, encoding=encoding, attachment=b"beside")
@@ -220,7 +220,7 @@ def test_a_recorded_network_is_put_again_byte_for_byte(tmp_path: Path) -> None:
             await recording.end()
 
     async def again() -> tuple[list[Any], Played]:
-        with zenoh_router() as port, Island(port).client() as here:
+        with zenoh_router() as port, LocalNetwork(port).client() as here:
             heard = await hear(here, "**")
             result = await played(path, port)
             return [await heard.next() for _ in range(len(sent) + 1)], result
@@ -259,14 +259,14 @@ def test_topics_of_ros_are_recorded_and_put_under_their_own_keys(tmp_path: Path)
         with zenoh_router() as port:
             recording = Recording(path, port, config=config)
             await recording.ready()
-            with Island(port).client() as here:
+            with LocalNetwork(port).client() as here:
                 await matched(here, key)
                 here.put(key, cdr, attachment=beside)
                 await recording.until(key)
             await recording.end()
 
     async def again() -> Any:
-        with zenoh_router() as port, Island(port).client() as here:
+        with zenoh_router() as port, LocalNetwork(port).client() as here:
             heard = await hear(here, key)
             await played(path, port)
             return await heard.next()
@@ -281,10 +281,10 @@ def test_topics_of_ros_are_recorded_and_put_under_their_own_keys(tmp_path: Path)
 
 @pytest.fixture
 def trial(tmp_path: Path) -> Path:
-    from tests.recording.test_formats import FLEET, WATER
+    from tests.recording.test_formats import CHANNEL, FLEET
     from zacoustic.app.cli import main
 
-    (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
+    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
     path = tmp_path / "trial.mcap"
     assert (
@@ -293,9 +293,9 @@ def trial(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_recorded_engine_is_put_with_the_mark_of_what_came_off_the_water(trial: Path) -> None:
+def test_a_recorded_engine_is_put_with_the_mark_of_what_came_off_the_channel(trial: Path) -> None:
     async def main() -> tuple[list[Any], Played, Played]:
-        with zenoh_router() as port, Island(port).client() as here:
+        with zenoh_router() as port, LocalNetwork(port).client() as here:
             heard: Heard = await hear(here, "auv1/**")
             result = await played(trial, port, node=1, keys=["auv1/nav"])
             samples = [await heard.next() for _ in range(result.samples["auv1/nav"])]

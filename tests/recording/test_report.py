@@ -10,7 +10,7 @@ import pytest
 
 from tests.recording.memory import recorded
 from tests.recording.test_exact import measure, run_survey, survey
-from tests.recording.test_formats import FLEET, WATER
+from tests.recording.test_formats import CHANNEL, FLEET
 from tests.virtual.fleet import line
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import recorded_to
@@ -18,7 +18,7 @@ from zacoustic.app.tools.design.sim.simulation import simulate
 from zacoustic.app.tools.inspect.recordings.facts import Facts
 from zacoustic.app.tools.inspect.recordings.figures import Figures, figures_of
 from zacoustic.app.tools.inspect.recordings.gathering import add_messages, gather
-from zacoustic.app.tools.inspect.recordings.measuredwater import measure_water
+from zacoustic.app.tools.inspect.recordings.measuredchannel import measure_channel
 from zacoustic.app.tools.inspect.recordings.plots import plots_of
 from zacoustic.app.tools.inspect.recordings.reporttext import as_text
 from zacoustic.app.tools.inspect.recordings.spread import spread_of
@@ -27,24 +27,24 @@ from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 
 @pytest.fixture
-def water(tmp_path: Path) -> Path:
-    (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
+def channel(tmp_path: Path) -> Path:
+    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
     return tmp_path / "water.json5"
 
 
 @pytest.fixture
-def trial(water: Path) -> Path:
-    path = water.with_name("trial.mcap")
-    assert main(["sim", str(water), "--until", "300", "--record", str(path)]) == 0
+def trial(channel: Path) -> Path:
+    path = channel.with_name("trial.mcap")
+    assert main(["sim", str(channel), "--until", "300", "--record", str(path)]) == 0
     return path
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_figures_are_those_of_the_simulation(water: Path, seed: int) -> None:
-    path = water.with_name("trial.mcap")
+def test_figures_are_those_of_the_simulation(channel: Path, seed: int) -> None:
+    path = channel.with_name("trial.mcap")
     with recorded_to(path) as recorder:
-        told = simulate(water, seed=seed, until_s=1800, record=recorder)
+        told = simulate(channel, seed=seed, until_s=1800, record=recorder)
     found = figures_of(gather([path]))
     assert [each.name for each in found.streams] == ["auv1/nav", "auv1/raw", "auv1/arm"]
     for stream, expected in zip(found.streams, told.streams, strict=True):
@@ -117,7 +117,7 @@ def test_a_recording_that_ends_early_is_held_against_its_last_ledger() -> None:
     assert sum(node.frame_bytes - (node.covered_bytes or 0) for node in nodes) > 0
 
 
-def test_what_modems_measure_besides_frames_is_in_the_figures_and_in_the_water() -> None:
+def test_what_modems_measure_besides_frames_is_in_the_figures_and_on_the_channel() -> None:
     recorder, sink = recorded()
     network = VirtualNetwork(line(0, 800), survey(), build=recorder.make)
     for number, range_m in enumerate((600.0, 610.0, 620.0)):
@@ -132,7 +132,7 @@ def test_what_modems_measure_besides_frames_is_in_the_figures_and_in_the_water()
     assert (link.range_m.count, link.range_m.p50) == (3, 610.0)
     assert "range 50 %, m" in as_text(figures_of(facts))
     facts.frames.clear()  # on which these modems measure delays, and many do not
-    places = [node.position for node in measure_water(facts, seed=1).scenario.nodes]
+    places = [node.position for node in measure_channel(facts, seed=1).scenario.nodes]
     assert places == [(0.0, 0.0, 10.0), (pytest.approx(610.0), 0.0, 10.0)]
 
 
@@ -148,7 +148,7 @@ def test_nobody_is_blamed_for_what_is_sent_when_the_other_end_is_not_recorded() 
     assert link.loss is not None
     assert link.loss < 0.2
     assert figures_of(facts).nodes[0].frames > 2 * (link.sent or 0)
-    assert measure_water(facts, seed=1).losses["1 to 2"] < 0.2
+    assert measure_channel(facts, seed=1).losses["1 to 2"] < 0.2
 
 
 def test_links_without_addresses_have_figures_as_well() -> None:

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.recording.test_formats import FLEET, WATER
+from tests.recording.test_formats import CHANNEL, FLEET
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import recorded_to
 from zacoustic.app.tools.inspect.recordings.otherwise import replay_through
-from zacoustic.testing.stories import random_story, tell
+from zacoustic.testing.scenarios import draw_scenario, run_scenario
 
 
 @pytest.fixture
 def trial(tmp_path: Path) -> Path:
-    (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
+    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
     path = tmp_path / "trial.mcap"
     assert (
@@ -44,12 +44,12 @@ def test_the_same_configuration_makes_the_same_frames(
         assert life["same_table"]
 
 
-def test_stories_through_their_own_configuration_make_the_same_frames(tmp_path: Path) -> None:
+def test_scenarios_through_their_own_configuration_make_the_same_frames(tmp_path: Path) -> None:
     for seed in (2, 7):
         path = tmp_path / f"{seed}.mcap"
         with recorded_to(path) as recorder:
             assert recorder is not None
-            tell(random_story(seed), (), build=recorder.make)
+            run_scenario(draw_scenario(seed), (), build=recorder.make)
         for life in replay_through(path, {}):
             assert life.first_difference == ""
             assert life.same_frames == life.frames_then == life.frames_now

@@ -11,7 +11,7 @@ import pytest
 
 from tests.recording.memory import MemorySink, recorded
 from tests.recording.test_exact import run_survey, survey
-from tests.recording.test_formats import FLEET, WATER
+from tests.recording.test_formats import CHANNEL, FLEET
 from tests.virtual.fleet import line
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import SimulationRecorder, recorded_to
@@ -20,7 +20,7 @@ from zacoustic.app.tools.inspect.recordings.changes import Wanted, what_if
 from zacoustic.app.tools.inspect.recordings.facts import Facts
 from zacoustic.app.tools.inspect.recordings.figures import Figures, StreamFigures
 from zacoustic.app.tools.inspect.recordings.gathering import add_messages
-from zacoustic.app.tools.inspect.recordings.measuredwater import measure_water, with_loss
+from zacoustic.app.tools.inspect.recordings.measuredchannel import measure_channel, with_loss
 from zacoustic.app.tools.inspect.recordings.whatif import Change, Trial, configured
 from zacoustic.core.engine.events import Event, GoalStatus
 from zacoustic.core.streams.specs import ActionSpec
@@ -31,11 +31,11 @@ from zacoustic.testing.virtual import VirtualNetwork
 
 @pytest.fixture
 def trial(tmp_path: Path) -> Path:
-    (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
+    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
     path = tmp_path / "trial.mcap"
-    water = str(tmp_path / "water.json5")
-    assert main(["sim", water, "--until", "1800", "--record", str(path)]) == 0
+    channel = str(tmp_path / "water.json5")
+    assert main(["sim", channel, "--until", "1800", "--record", str(path)]) == 0
     return path
 
 
@@ -49,15 +49,15 @@ def share(figures: Figures, name: str) -> float:
     return found.delivered / found.expected
 
 
-def test_water_is_measured_as_it_was() -> None:
+def test_channel_is_measured_as_it_was() -> None:
     sink = MemorySink()
     recorder = SimulationRecorder(sink)
-    water = line(0, 600, 1500, loss={"frame": 0.25}, channel="none")
-    network = recorder.network = VirtualNetwork(water, survey(), build=recorder.make)
+    channel = line(0, 600, 1500, loss={"frame": 0.25}, channel="none")
+    network = recorder.network = VirtualNetwork(channel, survey(), build=recorder.make)
     run_survey(network)
     facts = Facts()
     add_messages(facts, sink.messages)
-    measured = measure_water(facts, seed=1)
+    measured = measure_channel(facts, seed=1)
     assert [node.position for node in measured.scenario.nodes] == [
         pytest.approx((0, 0, 10)),
         pytest.approx((600, 0, 10), abs=1),
@@ -73,11 +73,11 @@ def test_water_is_measured_as_it_was() -> None:
 
 def test_losses_are_added_or_replaced() -> None:
     recorder, sink = recorded()
-    water = line(0, 600, loss={"frame": 0.1}, channel="none")
-    run_survey(VirtualNetwork(water, survey(), build=recorder.make), until_s=600)
+    channel = line(0, 600, loss={"frame": 0.1}, channel="none")
+    run_survey(VirtualNetwork(channel, survey(), build=recorder.make), until_s=600)
     facts = Facts()
     add_messages(facts, sink.messages)
-    scenario = measure_water(facts, seed=1).scenario
+    scenario = measure_channel(facts, seed=1).scenario
     for link in with_loss(scenario, add=0.2).links:
         before = scenario.loss_between(link.source, link.target).frame
         assert link.loss is not None
@@ -135,7 +135,7 @@ def test_what_the_configuration_does_not_have_is_counted(trial: Path) -> None:
 def test_it_runs_no_longer_than_the_trial_did(tmp_path: Path) -> None:
     fleet = FLEET.replace("address: 1, nodes", "address: 1, heartbeat_s: 10, nodes")
     assert fleet != FLEET
-    (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
+    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(fleet, encoding="utf-8")
     with recorded_to(tmp_path / "a.mcap") as recorder:
         simulate(tmp_path / "water.json5", until_s=300, record=recorder)
@@ -145,7 +145,7 @@ def test_it_runs_no_longer_than_the_trial_did(tmp_path: Path) -> None:
 
 
 def test_one_end_alone_stands_for_what_arrived_from_the_other(tmp_path: Path) -> None:
-    (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
+    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
     whole, shore = tmp_path / "whole.mcap", tmp_path / "shore.mcap"
     with recorded_to(whole) as recorder:
@@ -206,10 +206,10 @@ def test_goals_are_pursued_as_they_were() -> None:
     networks[0].run(until_s=600)
     facts = Facts()
     add_messages(facts, sink.messages)
-    water = measure_water(facts, seed=2)
-    tables, rules = configured(facts, water.scenario, {})
+    channel = measure_channel(facts, seed=2)
+    tables, rules = configured(facts, channel.scenario, {})
     trial = Trial(
-        facts, Change(scenario=water.scenario, modem=water.modem, tables=tables, rules=rules)
+        facts, Change(scenario=channel.scenario, modem=channel.modem, tables=tables, rules=rules)
     )
     goto = stream(trial.run(), "goto")
     assert (goto.published, goto.delivered, goto.failed) == (4, 4, 0)
@@ -240,10 +240,10 @@ def test_the_command_prints_three_columns_or_json(
     assert main(["replay", str(trial), "--what-if", "--scenario", str(trial)]) == 2
 
 
-def test_the_water_can_be_another_one(trial: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_channel_can_be_another_one(trial: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     near = trial.with_name("near.json5")
-    near.write_text(WATER.replace("loss: { frame: 0.1 }", "loss: { frame: 0 }, channel: 'none'"))
+    near.write_text(CHANNEL.replace("loss: { frame: 0.1 }", "loss: { frame: 0 }, channel: 'none'"))
     found = what_if([str(trial)], Wanted(scenario=str(near)))
     assert share(found.again, "auv1/raw") > 0.97
     lonely = trial.with_name("lonely.json5")

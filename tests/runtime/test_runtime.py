@@ -488,16 +488,16 @@ def test_memory_journal_draws_an_epoch_and_keeps_writes_for_its_life() -> None:
     journal.close()
 
 
-def test_sample_goes_from_engine_to_engine_through_simulated_water() -> None:
+def test_sample_goes_from_engine_to_engine_through_simulated_channel() -> None:
     async def main() -> None:
-        water = Scenario(
+        channel = Scenario(
             channel="none",
             nodes=(
                 NodeSpec(address=1, position=(0.0, 0.0, 10.0)),
                 NodeSpec(address=2, position=(300.0, 0.0, 10.0)),
             ),
         )
-        medium = SimMedium(water, time_scale=100.0)
+        medium = SimMedium(channel, time_scale=100.0)
         spec = TopicSpec(stream_id=10, name="auv1/depth")
         arrived, events = asyncio.Event(), []
 

@@ -1,6 +1,6 @@
 """Telemetry between whole engines on the simulated channel: airtime for each sample that arrives.
 
-Everything on the water is counted, of both ends: samples, acknowledgements, introductions. What a
+Everything on the channel is counted, of both ends: samples, acknowledgements, introductions. What a
 codec gains in the samples and pays in acknowledgements is in the same sum.
 """
 
@@ -118,16 +118,16 @@ def cross(
         nonlocal delivered
         delivered += isinstance(event, SampleReceived) and event.stream_id == stream_id
 
-    water = VirtualNetwork(scenario, table, deliver=take, digest=False)
+    channel = VirtualNetwork(scenario, table, deliver=take, digest=False)
     for number, value in enumerate(values):
-        water.at(number * way.period_s, partial(water.publish, VEHICLE, stream_id, value))
+        channel.at(number * way.period_s, partial(channel.publish, VEHICLE, stream_id, value))
     until_s = len(values) * way.period_s + _SETTLING_S
     words = int(until_s / way.back_s) if way.back_s is not None else 0
     for number in range(words):
         # Out of step with the samples, so that the two seldom meet.
         at_s = number * (way.back_s or 0.0) + 0.6 * way.period_s
-        water.at(at_s, partial(water.publish, SHORE, _WORD, bytes(8)))
-    water.run(until_s=until_s + _SETTLING_S)
-    airtime_ns = sum(water.engine(address).stats.airtime_ns for address in (VEHICLE, SHORE))
-    word_ns = words * water.capabilities(SHORE).airtime_ns(9)
+        channel.at(at_s, partial(channel.publish, SHORE, _WORD, bytes(8)))
+    channel.run(until_s=until_s + _SETTLING_S)
+    airtime_ns = sum(channel.engine(address).stats.airtime_ns for address in (VEHICLE, SHORE))
+    word_ns = words * channel.capabilities(SHORE).airtime_ns(9)
     return Crossing(delivered, (airtime_ns - word_ns) / NS_PER_S)

@@ -15,7 +15,7 @@ LISTENER = 1
 """Address of the one who listens."""
 
 
-class Tally(msgspec.Struct):
+class Counters(msgspec.Struct):
     """What came of an exchange."""
 
     sizes: list[int]
@@ -60,7 +60,7 @@ def exchange(
     loss: float = 0.0,
     seed: int = 1,
     disorder: float = 0.0,
-) -> Tally:
+) -> Counters:
     """Send groups of samples, a frame each (or as many as they need), and read what arrives.
 
     Args:
@@ -74,7 +74,7 @@ def exchange(
         disorder: Share of frames that arrive again, and of those that arrive after their successor.
     """
     rng = random.Random(seed)
-    speaker, listener, tally = Speaker(codec), Listener(codec), Tally([], [])
+    speaker, listener, counters = Speaker(codec), Listener(codec), Counters([], [])
     types = {stream_id: each.type_spec for stream_id, each in codec.streams.items()}
     known: dict[bytes, Sequence[DenseSample]] = {}
     late: list[bytes] = []
@@ -88,8 +88,8 @@ def exchange(
             while pending:
                 speaker.acknowledged(LISTENER, pending.pop())
             taken, left = left[: encoded.taken], left[encoded.taken :]
-            tally.sizes.append(len(encoded.frame))
-            tally.messages.append(encoded.taken)
+            counters.sizes.append(len(encoded.frame))
+            counters.messages.append(encoded.taken)
             known[encoded.snapshot.digest] = taken
             arriving = late
             late = []
@@ -98,11 +98,11 @@ def exchange(
                 if rng.random() < disorder:
                     late.append(encoded.frame)
             for frame in arriving:
-                _receive(listener, frame, known, types, tally)
-                if ack_every and tally.received % ack_every == 0 and rng.random() >= loss:
+                _receive(listener, frame, known, types, counters)
+                if ack_every and counters.received % ack_every == 0 and rng.random() >= loss:
                     assert listener.mark is not None
                     pending.append(listener.mark)
-    return tally
+    return counters
 
 
 def _receive(
@@ -110,20 +110,20 @@ def _receive(
     frame: bytes,
     known: dict[bytes, Sequence[DenseSample]],
     types: dict[int, TypeSpec],
-    tally: Tally,
+    counters: Counters,
 ) -> None:
-    tally.received += 1
+    counters.received += 1
     try:
         decoded = listener.decode(frame)
     except PayloadError:
-        tally.undecodable += 1
+        counters.undecodable += 1
         return
     sent = known.get(decoded.snapshot.digest, ())
-    tally.wrong += abs(len(sent) - len(decoded.samples))
+    counters.wrong += abs(len(sent) - len(decoded.samples))
     expected = _in_order(sent)
     for (stream_id, value), (sent_id, sent_value) in zip(decoded.samples, expected, strict=False):
         is_right = stream_id == sent_id and is_near(types[stream_id], value, sent_value)
-        tally.wrong += not is_right
+        counters.wrong += not is_right
 
 
 def _in_order(samples: Sequence[DenseSample]) -> list[tuple[int, Any]]:

@@ -1,4 +1,4 @@
-"""The streams of a survey vehicle, with the resolution at which they cross the water."""
+"""The streams of a survey vehicle, with the resolution at which they cross the channel."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, Final

@@ -37,7 +37,7 @@ DOCUMENTS: Final[dict[str, Any]] = {
                 "receiving": [], "ended": [{"source": 1, "transfer": 3, "stream": "auv1/plan",
                                             "done_bytes": 900, "total_bytes": 900,
                                             "outcome": "delivered"}]},
-    "water": {
+    "channel": {
         "transmitting": {"way": "out", "peer": 1, "bytes": 24, "streams": ["auv1/nav"],
                          "begun_unix_s": 999.9, "airtime_s": 0.31, "outcome": ""},
         "last": [{"way": "in", "peer": 1, "bytes": 7, "streams": [], "begun_unix_s": 940.0,
@@ -46,7 +46,7 @@ DOCUMENTS: Final[dict[str, Any]] = {
                   "begun_unix_s": 990.0, "airtime_s": 0.4, "outcome": "not_delivered"}]},
     "journal": {"kept": True, "failure": ""},
     "modem": {"firmware": "1.9", "battery_v": 24.1},
-    "dropped": {"water": {"check": 2, "unconfirmed": 1}},
+    "dropped": {"channel": {"check": 2, "unconfirmed": 1}},
     "events": {"events": [
         {"at_unix_s": 100.0, "event": "link", "trouble": False, "text": "link up"},
         {"at_unix_s": 500.0, "event": "lost", "trouble": True, "text": "lost 3 buoy"}]},

@@ -43,7 +43,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     """How many there are."""
     range_m: float
     """From node 1 to the others, m."""
-    water: dict[str, Any]
+    channel: dict[str, Any]
     """What else the scenario says."""
     traffic: list[dict[str, Any]]
     """What is said."""
@@ -71,7 +71,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
                 {**node, "position": place} for node, place in zip(nodes, places, strict=True)
             ],
             "traffic": self.traffic,
-            **self.water,
+            **self.channel,
         }
         path = folder / f"{self.name}.json5"
         path.write_text(json.dumps(scenario))
@@ -126,7 +126,7 @@ CASES: Final = (
         ],
         nodes=2,
         range_m=1000,
-        water={"seed": 1},
+        channel={"seed": 1},
         traffic=[
             _says(2, "nav", 5, **_VALUES),
             _says(2, "log", 12, pattern="random", size_bytes=[10, 30]),
@@ -144,7 +144,7 @@ CASES: Final = (
         ],
         nodes=2,
         range_m=1500,
-        water={"seed": 2, "channel": "none", "loss": {"frame": 0.2}},
+        channel={"seed": 2, "channel": "none", "loss": {"frame": 0.2}},
         traffic=[
             _says(1, "orders", 25, pattern="random", size_bytes=[8, 20]),
             _says(2, "nav", 15, **_VALUES),
@@ -161,7 +161,7 @@ CASES: Final = (
         ],
         nodes=2,
         range_m=800,
-        water={"seed": 3, "loss": {"frame": 0.1}},
+        channel={"seed": 3, "loss": {"frame": 0.1}},
         traffic=[
             _says(2, "nav", 2, **_VALUES),
             _says(2, "ctd", 7, **_VALUES),
@@ -178,7 +178,7 @@ CASES: Final = (
         ],
         nodes=3,
         range_m=1000,
-        water={"seed": 4, "channel": "none", "loss": {"frame": 0.1}},
+        channel={"seed": 4, "channel": "none", "loss": {"frame": 0.1}},
         traffic=[
             {"node": 1, "service": "arm", "every_s": 40, "pattern": "random", "size_bytes": 4},
             {"node": 1, "service": "get", "every_s": 60, "pattern": "random", "size_bytes": 10},
@@ -196,7 +196,7 @@ CASES: Final = (
         ],
         nodes=2,
         range_m=1200,
-        water={"seed": 5, "channel": "none", "loss": {"frame": 0.1}},
+        channel={"seed": 5, "channel": "none", "loss": {"frame": 0.1}},
         traffic=[
             _says(2, "photo", 300, size_bytes=3000),
             _says(2, "nav", 20, **_VALUES),
@@ -210,7 +210,7 @@ CASES: Final = (
         ],
         nodes=4,
         range_m=700,
-        water={"seed": 6, "loss": {"frame": 0.05}},
+        channel={"seed": 6, "loss": {"frame": 0.05}},
         traffic=[
             *(_says(node, f"n{node}/nav", 9, **_VALUES) for node in (2, 3, 4)),
             _says(1, "cmd", 40, pattern="random", size_bytes=12),
@@ -223,7 +223,7 @@ CASES: Final = (
         streams=[{"id": 10, "topic": "{node}/nav", "type": "Nav", "depth": 4}],
         nodes=3,
         range_m=700,
-        water={"seed": 7},
+        channel={"seed": 7},
         traffic=[_says(node, f"n{node}/nav", 15, **_VALUES) for node in (2, 3)],
         access={"method": "polling", "poller": 1, "nodes": [2, 3], "max_range_m": 1500},
     ),

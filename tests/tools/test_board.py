@@ -87,7 +87,7 @@ def test_peers_causes_transfers_and_events() -> None:
     photo = {"id": 7, "to": 1, "stream": "photo", "done_bytes": 0, "total_bytes": 100}
     ended = {"source": 1, "stream": None, "outcome": "expired"}
     take(board, "objects", {"sending": [photo], "ended": [ended]})
-    take(board, "dropped", {"water": {"check": 2, "payload": 1}, "superseded": {"nav": 4}})
+    take(board, "dropped", {"channel": {"check": 2, "payload": 1}, "superseded": {"nav": 4}})
     up = {"at_unix_s": 1, "event": "link", "text": "link up"}
     take(board, "events", {"events": [up, {"at_unix_s": 995, "event": "lost", "trouble": True}]})
     view = board.view(2)

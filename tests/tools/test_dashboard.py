@@ -123,7 +123,7 @@ def test_frames_are_told_the_newest_first_below_what_is_being_sent() -> None:
         ("→ all: auv1/nav, auv1/photo", "not delivered", "10 s"),
         ("← 1: acknowledgements and the like", "", "60 s"),
     ]
-    assert frame_rows(full_view(water={})) == []
+    assert frame_rows(full_view(medium={})) == []
 
 
 def test_texts_of_the_network_are_no_html() -> None:
@@ -151,7 +151,7 @@ def test_streams_that_fail_stand_on_top_with_what_was_refused_and_what_expired()
         {"id": 3, "name": "reliable", **row, "delivering": 0, "expired": 3, "refused": 2},
         {"id": 4, "name": "late", **row, "deadline_missed": 7},
     ]
-    dropped = {"expired": {"best effort": 5, "reliable": 3}, "island": {"best effort": {"size": 4}}}
+    dropped = {"expired": {"best effort": 5, "reliable": 3}, "local": {"best effort": {"size": 4}}}
     view = full_view(streams={"streams": streams}, dropped=dropped)
     assert [each.name for each in troubled_first(view.streams)] == [
         "late", "best effort", "reliable", "fine",

@@ -14,7 +14,7 @@ from typing import Any, Final
 import pytest
 
 from tests.cli.watched import pair
-from tests.gateway.islands import LIMIT_S, cbor, run
+from tests.gateway.networks import LIMIT_S, cbor, run
 
 BROWSER: Final = shutil.which("chromium") or shutil.which("google-chrome")
 LIMIT_MS: Final = 60_000
@@ -43,7 +43,7 @@ def test_page_follows_the_gateway_says_what_is_dead_and_loads_nothing_from_elsew
     async def scene() -> None:
         async with api.async_playwright() as tool, AsyncExitStack() as gateways:
             found = await gateways.enter_async_context(pair())
-            where = ["--connect", f"tcp/127.0.0.1:{found.shore_island.port}"]
+            where = ["--connect", f"tcp/127.0.0.1:{found.shore_network.port}"]
             command = [sys.executable, "-m", "zacoustic", "dashboard", *where]
             environment = {name: each for name, each in os.environ.items() if "PYTEST" not in name}
             process = await asyncio.create_subprocess_exec(

@@ -11,15 +11,15 @@ from typing import Any
 import pytest
 
 from zacoustic.app.tools.demo.children import Child, ChildDiedError
-from zacoustic.app.tools.demo.islands import (
+from zacoustic.app.tools.demo.logbook import Logbook
+from zacoustic.app.tools.demo.networks import (
     NAMES,
     SHORE,
     VEHICLE,
     demo_text,
     free_ports,
-    write_islands,
+    write_networks,
 )
-from zacoustic.app.tools.demo.logbook import Logbook
 from zacoustic.app.tools.demo.verdict import as_text, summary_of
 from zacoustic.app.tools.demo.views import JsonView, LinesView, View
 from zacoustic.config import read_config
@@ -40,7 +40,7 @@ class Hand:
 
 @pytest.fixture
 def table(tmp_path: Path) -> StreamTable:
-    return read_config(write_islands(tmp_path, "sim/127.0.0.1:9")[SHORE].file).table
+    return read_config(write_networks(tmp_path, "sim/127.0.0.1:9")[SHORE].file).table
 
 
 @pytest.fixture
@@ -170,7 +170,7 @@ def test_a_lost_frame_alone_is_no_failure(logbook: Logbook, clock: Hand) -> None
     everything(logbook)
     frame = {"source": 2, "sequence": 1, "frame_bytes": 4}
     logbook.take("medium", {"event": "emission", **frame, "airtime_s": 0.2})
-    assert len(logbook.in_the_water()) == 1
+    assert len(logbook.on_the_channel()) == 1
     clock.now_s += 1.0
     logbook.take("medium", {"event": "reception", **frame, "node": 1, "outcome": "half_duplex",
                             "propagation_s": 0.667})  # fmt: skip
@@ -245,16 +245,18 @@ def test_the_live_view_shows_its_table_on_a_terminal_of_80_by_24(logbook: Logboo
     assert any(line.strip().startswith("auv1/nav  ") for line in shown)
 
 
-def test_each_island_has_the_same_streams_and_a_port_of_its_own(tmp_path: Path) -> None:
-    islands = write_islands(tmp_path, "sim/127.0.0.1:4711")
-    configs = {address: read_config(island.file) for address, island in islands.items()}
+def test_each_local_network_has_the_same_streams_and_a_port_of_its_own(tmp_path: Path) -> None:
+    networks = write_networks(tmp_path, "sim/127.0.0.1:4711")
+    configs = {
+        address: read_config(local_network.file) for address, local_network in networks.items()
+    }
     assert {address: config.address for address, config in configs.items()} == {1: 1, 2: 2}
     assert len({config.table.digest for config in configs.values()}) == 1
-    assert len({island.endpoint for island in islands.values()}) == 2
+    assert len({local_network.endpoint for local_network in networks.values()}) == 2
     assert {config.links[0].locator for config in configs.values()} == {"sim/127.0.0.1:4711"}
     assert {config.name for config in configs.values()} == set(NAMES.values())
-    for island in islands.values():
-        assert island.endpoint in island.file.read_text(encoding="utf-8")
+    for local_network in networks.values():
+        assert local_network.endpoint in local_network.file.read_text(encoding="utf-8")
 
 
 def test_the_clients_of_the_demo_are_plain_zenoh_programs() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from tests.gateway.islands import Water, free_port, get, hear, run, until, zenoh_settings
+from tests.gateway.networks import Channel, free_port, get, hear, run, until, zenoh_settings
 from tests.links.desert.desert_rig import config as desert_config
 from tests.tools.ward import (
     STREAMS,
@@ -37,10 +37,10 @@ from zacoustic.bytestream import ByteStream
 from zacoustic.config import read_config
 from zacoustic.link import registry
 from zacoustic.testing.linkpair import RecordingReceiver
+from zacoustic_desert.channel import SampleChannel
 from zacoustic_desert.link import DesertLink
 from zacoustic_desert.server import StandInServer
 from zacoustic_desert.standin import Observer, StandIn, StandInConfig
-from zacoustic_desert.water import SampleWater
 from zacoustic_evologics import Interpreter
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and limits")
@@ -52,7 +52,7 @@ def standin(
     nodes: int = 2, *, max_read_length: int = 64, observer: Observer | None = None
 ) -> StandInServer:
     behind = StandIn(
-        SampleWater(nodes, random.Random(1), half_duplex=False),
+        SampleChannel(nodes, random.Random(1), half_duplex=False),
         StandInConfig(max_read_length=max_read_length),
         rng=random.Random(1),
         observer=observer,
@@ -109,15 +109,15 @@ def test_a_healthy_desert(tmp_path: Path) -> None:
 
 def test_two_healthy_gateways_that_run(tmp_path: Path) -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            gateway(1, water.medium.link(1)) as shore,
-            gateway(2, water.medium.link(2)) as auv,
+            gateway(1, channel.medium.link(1)) as shore,
+            gateway(2, channel.medium.link(2)) as auv,
         ):
             with auv.client() as session, shore.client() as other:
                 session.put("auv1/nav", b"here")
                 other.put("cmd", b"there")
-                await until(lambda: water.sent_by(1) and water.sent_by(2), water.changed)
+                await until(lambda: channel.sent_by(1) and channel.sent_by(2), channel.changed)
             path = beside(tmp_path, shore, "sim/127.0.0.1:1")
             told = await examine(path)
             assert (told.code, told.findings) == (0, []), told
@@ -128,10 +128,10 @@ def test_two_healthy_gateways_that_run(tmp_path: Path) -> None:
 
 def test_a_healthy_schedule_with_a_right_clock_and_a_router(tmp_path: Path) -> None:
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with (
             time_server() as clock,
-            gateway(3, water.medium.link(3), nodes=[], streams=[]) as router,
+            gateway(3, channel.medium.link(3), nodes=[], streams=[]) as router,
             modem_file(
                 tmp_path, access=TDMA, zenoh=zenoh_settings("client", connect=router.port)
             ) as path,
@@ -185,7 +185,7 @@ def test_a_modem_that_another_program_has_put_into_another_state(
     run(main())
 
 
-def test_an_address_clash_in_the_water(tmp_path: Path) -> None:
+def test_an_address_clash_on_the_channel(tmp_path: Path) -> None:
     async def main() -> None:
         server = standin(3)
         await server.open()
@@ -220,10 +220,10 @@ def test_a_table_mismatch_between_ends(tmp_path: Path) -> None:
     other = [{**STREAMS[0], "stamp": "age"}, STREAMS[1]]
 
     async def main() -> None:
-        water = Water()
+        channel = Channel()
         async with (
-            gateway(1, water.medium.link(1)) as shore,
-            gateway(2, water.medium.link(2), streams=other) as auv,
+            gateway(1, channel.medium.link(1)) as shore,
+            gateway(2, channel.medium.link(2), streams=other) as auv,
         ):
             with auv.client() as session, shore.client() as watching:
                 session.put("auv1/nav", b"here")
@@ -239,8 +239,8 @@ def test_a_table_mismatch_between_ends(tmp_path: Path) -> None:
 
 def test_a_gateway_that_runs_with_another_file(tmp_path: Path) -> None:
     async def main() -> None:
-        water = Water()
-        async with gateway(1, water.medium.link(1)) as shore:
+        channel = Channel()
+        async with gateway(1, channel.medium.link(1)) as shore:
             path = beside(tmp_path, shore, streams=STREAMS[:1])
             told = await problem(path)
         assert "table mismatch: the gateway that runs has table" in told.text
@@ -509,7 +509,7 @@ def _says(says: Callable[[Any], bool], document: Any) -> bool:
 
 
 def _has_own(least: int, dropped: dict[str, Any]) -> bool:
-    return bool(dropped["water"]["own"] >= least)
+    return bool(dropped["channel"]["own"] >= least)
 
 
 def _has_cut(least: int, document: dict[str, Any]) -> bool:

@@ -12,7 +12,7 @@ import pytest
 from tests.pages.blocks import files_of
 from tests.tools.planned import ALLOWED, CASES, HOURS, Case, compare
 from zacoustic.app.cli import main
-from zacoustic.app.tools.design.plan.fleet import Water
+from zacoustic.app.tools.design.plan.fleet import AssumedChannel
 from zacoustic.app.tools.design.plan.report import plan, transmit_power_w
 from zacoustic.channel.profiles import PROFILES
 from zacoustic.errors import ConfigError
@@ -36,7 +36,7 @@ def fleet(folder: Path, *streams: dict[str, Any]) -> Path:
     return path
 
 
-def water(folder: Path, *traffic: dict[str, Any], **more: object) -> Path:
+def channel(folder: Path, *traffic: dict[str, Any], **more: object) -> Path:
     path = folder / "water.json5"
     scenario = {
         "config": "fleet.json5",
@@ -64,7 +64,7 @@ def test_a_plan_is_near_what_sim_measures(
 
 def test_airtime_of_lone_frames_is_exact(tmp_path: Path) -> None:
     fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2]})
-    path = water(tmp_path, {"node": 2, "topic": "log", "every_s": 10, "size_bytes": 20})
+    path = channel(tmp_path, {"node": 2, "topic": "log", "every_s": 10, "size_bytes": 20})
     (stream,) = plan(path, hours=1).streams
     # One frame in ten seconds: id and payload; HELLO, TAG and CONFIRM of the first minute on top.
     airtime_s = PROFILES["evologics_s2c_18_34"].airtime_s(21)
@@ -81,7 +81,7 @@ def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
         {"id": 10, "topic": "status", "type": "Nav", "publishers": [2]},
         {"id": 11, "topic": "cmd", "publishers": [1]},
     )
-    path = water(
+    path = channel(
         tmp_path,
         {"node": 2, "topic": "status", "every_s": 1.5, "value": {"lat": 54, "depth": 3}},
         {"node": 1, "topic": "cmd", "every_s": 60, "size_bytes": 6},
@@ -99,7 +99,7 @@ def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
         for change in report.changes
         if change.what.startswith("status: min_interval_s: ")
     )
-    slower = water(
+    slower = channel(
         tmp_path,
         {"node": 2, "topic": "status", "every_s": every_s, "value": {"lat": 54, "depth": 3}},
         {"node": 1, "topic": "cmd", "every_s": 60, "size_bytes": 6},
@@ -112,7 +112,7 @@ def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
 
 def test_what_comes_too_late_does_not_fit(tmp_path: Path) -> None:
     fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], "lifespan_s": 0.5})
-    path = water(tmp_path, {"node": 2, "topic": "log", "every_s": 10, "size_bytes": 40})
+    path = channel(tmp_path, {"node": 2, "topic": "log", "every_s": 10, "size_bytes": 40})
     report = plan(path, hours=0.2)
     assert not report.fits
     assert "worth nothing after 0.5 s" in " ".join(report.misfits)
@@ -131,7 +131,7 @@ def test_aloha_carries_less(tmp_path: Path) -> None:
 
 def test_a_cap_on_the_airtime_holds(tmp_path: Path) -> None:
     fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], "max_airtime": 0.05})
-    path = water(tmp_path, {"node": 2, "topic": "log", "every_s": 2, "size_bytes": 40})
+    path = channel(tmp_path, {"node": 2, "topic": "log", "every_s": 2, "size_bytes": 40})
     report = plan(path, hours=4)
     assert report.utilisation == pytest.approx(0.05, rel=0.1)
     assert not report.fits
@@ -156,7 +156,7 @@ def test_loss_costs_what_is_reliable(tmp_path: Path) -> None:
         {"id": 10, "topic": "orders", "type": "Nav", "publishers": [1], "subscribers": [2],
          "reliability": "reliable", "depth": 2, "min_interval_s": 30},
     )  # fmt: skip
-    calm, rough = (plan(path, water=Water(loss=loss), hours=2) for loss in (0.0, 0.3))
+    calm, rough = (plan(path, channel=AssumedChannel(loss=loss), hours=2) for loss in (0.0, 0.3))
     # Sample and answer again until both have arrived: 1 / 0.7² samples, 1 / 0.7 answers.
     assert rough.utilisation / calm.utilisation == pytest.approx(1.85, rel=0.15)
     assert rough.fits
@@ -216,7 +216,7 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture
         plan(silent)
     assert main(["plan", str(silent), "--loss", "2"]) == 2
     assert "--loss 2; allowed: 0 to 0.9" in capsys.readouterr().err
-    stranger = water(tmp_path, {"node": 2, "topic": "no", "every_s": 1, "size_bytes": 1})
+    stranger = channel(tmp_path, {"node": 2, "topic": "no", "every_s": 1, "size_bytes": 1})
     assert main(["plan", str(stranger)]) == 2
     assert '"no" of node 2; allowed: log' in capsys.readouterr().err
 
@@ -240,7 +240,9 @@ def test_what_fits_no_frame_does_not_fit_and_the_key_that_mends_it_is_named(
     def write(**extra: object) -> Path:
         fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], **extra})
         said = {"node": 2, "topic": "log", "every_s": 3600, "size_bytes": size_bytes}
-        return water(tmp_path, said, {"node": 2, "topic": "log", "every_s": 600, "size_bytes": 20})
+        return channel(
+            tmp_path, said, {"node": 2, "topic": "log", "every_s": 600, "size_bytes": 20}
+        )
 
     report = plan(write(), hours=4)
     assert not report.fits
@@ -274,7 +276,7 @@ def test_half_of_the_samples_are_never_later_than_nearly_all_of_them(tmp_path: P
                      "depth": 8})  # fmt: skip
     for loss in (0.0, 0.4, 0.7):
         said = {"node": 2, "topic": "log", "every_s": 40, "size_bytes": 20}
-        for row in plan(water(tmp_path, said, loss={"frame": loss}), hours=0.3).streams:
+        for row in plan(channel(tmp_path, said, loss={"frame": loss}), hours=0.3).streams:
             assert row.expected_s is not None
             assert row.worst_s is not None
             assert row.expected_s <= row.worst_s
@@ -287,7 +289,7 @@ def test_advice_names_keys_and_values_in_three_digits(tmp_path: Path) -> None:
         {"node": 2, "topic": name, "every_s": every_s, "size_bytes": 40}
         for name, every_s in (("a", 0.6789), ("b", 23.4567))
     ]
-    path = water(tmp_path, *traffic, profile="ahoi")
+    path = channel(tmp_path, *traffic, profile="ahoi")
     changes = plan(path, hours=0.2).changes
     assert changes
     for change in changes:

@@ -54,7 +54,7 @@ def test_picture_tells_streams_nodes_airtime_transfers_and_events() -> None:
     assert frames.index("→ all") < frames.index("← 1: acknowledgements")
     lost, up = text.index("lost 3 buoy"), text.index("link up", text.index("lost 3 buoy"))
     assert lost < up
-    assert "dropped off the water: 2 check, 1 unconfirmed" in text
+    assert "dropped off the channel: 2 check, 1 unconfirmed" in text
 
 
 def test_complete_picture_has_the_quiet_streams_too() -> None:
@@ -100,7 +100,7 @@ def test_narrow_terminal_gets_fewer_columns_and_no_line_that_is_too_long(
         ({"journal": {"kept": True, "failure": "disk full"}}, "journal fails: disk full"),
     ],
 )  # fmt: skip
-def test_what_keeps_frames_from_the_water_is_said_first(
+def test_what_keeps_frames_from_the_channel_is_said_first(
     changed: dict[str, object], words: str
 ) -> None:
     assert words in state_words(full_view(**changed))

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import msgspec
 
-from tests.gateway.islands import Island, config_of, free_port, zenoh_config, zenoh_settings
+from tests.gateway.networks import LocalNetwork, config_of, free_port, zenoh_config, zenoh_settings
 from zacoustic.app.cli import main
 from zacoustic.config import config_from_mapping
 from zacoustic.gateway import Gateway
@@ -137,11 +137,11 @@ async def modem_file(
         yield write(folder, links=link(locator, access), **section)
 
 
-def beside(folder: Path, island: Island, locator: str = "", **section: Any) -> Path:
-    """Write the file of a node whose gateway runs, and is the router of an island."""
+def beside(folder: Path, local_network: LocalNetwork, locator: str = "", **section: Any) -> Path:
+    """Write the file of a node whose gateway runs, and is the router of a local network."""
     if locator:
         section = {**section, "links": link(locator)}
-    return write(folder, zenoh=zenoh_settings("router", listen=island.port), **section)
+    return write(folder, zenoh=zenoh_settings("router", listen=local_network.port), **section)
 
 
 async def problem(path: Path, *more: str) -> Told:
@@ -152,9 +152,9 @@ async def problem(path: Path, *more: str) -> Told:
 
 
 @asynccontextmanager
-async def gateway(address: int, modem: Link, **section: Any) -> AsyncIterator[Island]:
+async def gateway(address: int, modem: Link, **section: Any) -> AsyncIterator[LocalNetwork]:
     """Run a gateway that is a router of its own."""
-    found = Island(free_port())
+    found = LocalNetwork(free_port())
     whole = {"address": address, "nodes": NODES, "streams": STREAMS, **section}
     config = config_from_mapping(whole, source="test", address=address)
     settings = zenoh_config("router", listen=found.port)

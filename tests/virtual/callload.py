@@ -76,16 +76,16 @@ def carry_calls(
             number = int.from_bytes(event.value[:4], "big")
             load.executed[number] = load.executed.get(number, 0) + 1
             response = event.value[:4] + bytes(_RESPONSE_BYTES - 4)
-            at_s = water.now / NS_PER_S + rng.uniform(0, handler_s)
-            water.at(at_s, partial(water.apply, 1, partial(_reply, event.call, response)))
+            at_s = medium.now / NS_PER_S + rng.uniform(0, handler_s)
+            medium.at(at_s, partial(medium.apply, 1, partial(_reply, event.call, response)))
         elif isinstance(event, ResponseReceived):
             number, at = began[event.call_id]
             assert int.from_bytes(event.value[:4], "big") == number
-            load.answered[number] = (water.now - at) / NS_PER_S
+            load.answered[number] = (medium.now - at) / NS_PER_S
         elif isinstance(event, CallFailed):
             load.failed[began[event.call_id][0]] = event.failure.name
 
-    water = VirtualNetwork(
+    medium = VirtualNetwork(
         line(
             0,
             delay_s * SOUND_M_S,
@@ -102,20 +102,20 @@ def carry_calls(
         value = number.to_bytes(4, "big") + bytes(_REQUEST_BYTES - 4)
 
         def begin(engine: Engine, now: int) -> None:
-            began[engine.call(_ARM, value, now)] = (number, water.now)
+            began[engine.call(_ARM, value, now)] = (number, medium.now)
 
         try:
-            water.apply(2, begin)
+            medium.apply(2, begin)
         except QueueFullError:
             load.refused += 1
-            water.at(water.now / NS_PER_S + period_s, partial(call, number))
+            medium.at(medium.now / NS_PER_S + period_s, partial(call, number))
 
     at_s = 0.0
     for number in range(calls):
-        water.at(at_s, partial(call, number))
+        medium.at(at_s, partial(call, number))
         at_s += rng.expovariate(1 / period_s)
-    water.run()
-    for stats in water.stats():
+    medium.run()
+    for stats in medium.stats():
         load.frames += stats.frames_transmitted
         load.bytes_sent += stats.bytes_transmitted
         load.airtime_s += stats.airtime_ns / NS_PER_S

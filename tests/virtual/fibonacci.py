@@ -62,9 +62,9 @@ def section(codec: str) -> dict[str, Any]:
     }
 
 
-def network(codec: str, deliver: Callable[[int, Event], None], **water: Any) -> VirtualNetwork:
+def network(codec: str, deliver: Callable[[int, Event], None], **medium: Any) -> VirtualNetwork:
     table = config_from_mapping(section(codec), source="test").table
-    scenario = line(0.0, 500.0, channel="none", **water)
+    scenario = line(0.0, 500.0, channel="none", **medium)
     return VirtualNetwork(scenario, table, deliver=deliver, digest=False)
 
 
@@ -90,25 +90,25 @@ class Run:
         self.fed: list[list[int]] = []
         self.result: ResultReceived | None = None
         self._key: GoalKey | None = None
-        self.water = network("packed", self._take, seed=seed, loss={"frame": loss})
+        self.medium = network("packed", self._take, seed=seed, loss={"frame": loss})
         for number in range(0 if cold else 6):
-            self.water.at(20 * number, partial(self.water.publish, 2, 12, b"log"))
-            self.water.at(20 * number + 10, partial(self.water.publish, 1, 13, b"log"))
+            self.medium.at(20 * number, partial(self.medium.publish, 2, 12, b"log"))
+            self.medium.at(20 * number + 10, partial(self.medium.publish, 1, 13, b"log"))
         self._bytes_before = 0
-        self.water.at(START_S, self._send)
-        self.water.run(until_s=1500)
+        self.medium.at(START_S, self._send)
+        self.medium.run(until_s=1500)
 
     @property
     def bytes_on_link(self) -> int:
         return self._count() - self._bytes_before
 
     def _count(self) -> int:
-        return sum(stats.bytes_transmitted for stats in self.water.stats())
+        return sum(stats.bytes_transmitted for stats in self.medium.stats())
 
     def _send(self) -> None:
         self._bytes_before = self._count()
         goal = {"order": ORDER}
-        self.water.apply(1, lambda engine, now: engine.actions.send_goal(30, goal, now))
+        self.medium.apply(1, lambda engine, now: engine.actions.send_goal(30, goal, now))
 
     def _take(self, node: int, event: Event) -> None:
         match event:
@@ -117,12 +117,12 @@ class Run:
                 self.received += 1
                 self._key = event.goal
                 self._serve(lambda engine, now: engine.actions.accept(event.goal, now))
-                start_s = self.water.now / 1e9
+                start_s = self.medium.now / 1e9
                 for number in range(ORDER):
-                    self.water.at(
+                    self.medium.at(
                         start_s + FEEDBACK_EVERY_S * (number + 1), partial(self._feed, number)
                     )
-                self.water.at(start_s + FEEDBACK_EVERY_S * (ORDER + 1), self._finish)
+                self.medium.at(start_s + FEEDBACK_EVERY_S * (ORDER + 1), self._finish)
             case GoalAnswered():
                 self.accepted = event.accepted
             case FeedbackReceived():
@@ -148,7 +148,7 @@ class Run:
         return self._key
 
     def _serve(self, command: Callable[[Any, int], object]) -> None:
-        self.water.apply(2, command)
+        self.medium.apply(2, command)
 
     def check(self) -> None:
         """Assert that the goal ran once, and that its client was told everything in order."""

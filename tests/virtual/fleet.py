@@ -1,9 +1,9 @@
-"""A fleet whose tables differ, and random stories of it.
+"""A fleet whose tables differ, and random scenarios of it.
 
 Each stream of a fleet exists in *variants*: another type under the same id, another name, other
 bounds, another stamp, no such stream. A table takes one variant of each. The stories are those of
-`zacoustic.testing.stories`: every value that is published carries a ticket, so one that was decoded
-by another variant shows another ticket, another name, or another value.
+`zacoustic.testing.scenarios`: every value that is published carries a ticket, so one that was
+decoded by another variant shows another ticket, another name, or another value.
 """
 
 import itertools
@@ -21,10 +21,10 @@ from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.values.types import FieldSpec, TypeSpec
-from zacoustic.testing.stories.invariants import OncePerCall
-from zacoustic.testing.stories.story import Cast, Lane, Shape, Story, cast_of
-from zacoustic.testing.stories.telling import Telling, settling_ns
-from zacoustic.testing.stories.witness import Arrived, Witness
+from zacoustic.testing.scenarios.checker import Arrived, Checker
+from zacoustic.testing.scenarios.invariants import OncePerCall
+from zacoustic.testing.scenarios.randomscenario import Cast, Lane, RandomScenario, Shape, cast_of
+from zacoustic.testing.scenarios.running import ScenarioRun, settling_ns
 from zacoustic.testing.virtual import Modem
 
 TICKETS: Final = 30_000
@@ -185,7 +185,7 @@ def _names(lane: Lane, type_name: str) -> bool:
     return lane.shape.type_spec is not None and lane.shape.type_spec.name == type_name
 
 
-class Differences(Witness):
+class Differences(Checker):
     """Remembers what was delivered, and which differences were reported."""
 
     def __init__(self) -> None:
@@ -206,7 +206,7 @@ class Differences(Witness):
 
 
 class Trial:
-    """One random story of a fleet: faults for a while, then calm.
+    """One random scenario of a fleet: faults for a while, then calm.
 
     Args:
         seed: Everything follows from it.
@@ -241,7 +241,7 @@ class Trial:
         modem = modem or Modem()
         overhead = 2 * (not modem.addressed) + 4 * (not modem.checked) + 3 * (not modem.framed)
         modem = msgspec.structs.replace(modem, mtu_bytes=min(64, mtu_bytes + overhead))
-        story = Story(
+        drawn = RandomScenario(
             seed=seed,
             scenario=_weather(
                 rng,
@@ -261,17 +261,17 @@ class Trial:
             calm_pause_s=60.0 * nodes,
         )
         self._differences = Differences()
-        self._telling = Telling(story, [self._differences, OncePerCall()], digest=True)
-        self.network = self._telling.network
+        self._scenario_run = ScenarioRun(drawn, [self._differences, OncePerCall()], digest=True)
+        self.network = self._scenario_run.network
 
     def run(self) -> None:
         """Tell the story."""
-        self._telling.run()
+        self._scenario_run.run()
 
     @property
     def wrong(self) -> list[str]:
         """What was misread, or ran twice."""
-        return self._telling.violations()
+        return self._scenario_run.violations()
 
     @property
     def delivered(self) -> list[tuple[int, int, int, int]]:
@@ -280,7 +280,7 @@ class Trial:
 
     def agree(self, one: int, other: int, stream_id: int) -> bool:
         """Tell whether two nodes define a stream in the same way."""
-        casts = self._telling.casts
+        casts = self._scenario_run.casts
         first, second = (casts[address].table.get(stream_id) for address in (one, other))
         return first is not None and second is not None and first.digest == second.digest
 
@@ -288,7 +288,7 @@ class Trial:
         """Return what is wrong at the end: what agrees and is silent, what differs and is not."""
         lately = self.delivered_after(self.end_s - 700)
         violations: list[str] = []
-        casts = self._telling.casts
+        casts = self._scenario_run.casts
         for node, source in itertools.permutations(casts, 2):
             for stream_id, lane in casts[source].lanes.items():
                 spec = lane.spec

@@ -77,7 +77,7 @@ class Settling:
             {"address": each, "position": [rng.uniform(0, side_m), rng.uniform(0, side_m), 10]}
             for each in addresses
         ]
-        water: dict[str, Any] = {
+        medium: dict[str, Any] = {
             "seed": seed,
             "channel": "none",
             "profile": rng.choice(("evologics_s2c_18_34", "evologics_s2c_7_17", "nanomodem")),
@@ -91,9 +91,9 @@ class Settling:
         if rng.random() < _UNREACHABLE:
             self._begin_s += rng.uniform(60, 1800)
             out = {"node": rng.choice(addresses), "from_s": BEGIN_S, "to_s": self._begin_s}
-            water["faults"] = {"blackouts": [out]}
+            medium["faults"] = {"blackouts": [out]}
         self.network = VirtualNetwork(
-            scenario_from_mapping(water, source=f"settling {seed}"),
+            scenario_from_mapping(medium, source=f"settling {seed}"),
             _table(addresses),
             modem=rng.choice(_modems(senses_carrier)),
             deliver=self._take,

@@ -132,7 +132,7 @@ def survey(hours: float, *, seed: int = 7) -> Result:
         {"node": node, "error_s": CLOCK_ERROR_S, "offset_s": rng.uniform(-1, 1) * CLOCK_ERROR_S}
         for node in NODES
     ]
-    water = scenario_from_mapping(
+    medium = scenario_from_mapping(
         {"nodes": nodes, "seed": seed, "channel": "none", "faults": {"clocks": clocks}},
         source="survey",
     )
@@ -147,7 +147,7 @@ def survey(hours: float, *, seed: int = 7) -> Result:
             longest = max(longest, network.now - waiting.pop(0))
 
     network = VirtualNetwork(
-        water,
+        medium,
         _TABLE,
         deliver=deliver,
         digest=False,

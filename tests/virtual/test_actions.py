@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import line
-from tests.virtual.goalstory import GoalStory
+from tests.virtual.goalscenario import GoalScenario
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
@@ -66,11 +66,11 @@ class Desk:
         """``(node, instant in s, event)``."""
         self._accepts = accepts
         positions = (400.0 * number for number in range(nodes))
-        water = line(*positions, channel="none", seed=seed, faults=faults or {})
+        medium = line(*positions, channel="none", seed=seed, faults=faults or {})
         self.frames: list[tuple[int, bytes]] = []
         """``(node, frame)``: what was transmitted, where it is traced."""
-        self.water = VirtualNetwork(
-            water,
+        self.medium = VirtualNetwork(
+            medium,
             tables or fleet(nodes, **settings),
             deliver=self._take,
             disturb=disturb,
@@ -79,17 +79,17 @@ class Desk:
 
     @property
     def now_s(self) -> float:
-        return self.water.now / NS_PER_S
+        return self.medium.now / NS_PER_S
 
     def send(self, node: int = 2, value: bytes = b"there", **settings: Any) -> GoalKey:
         """Send a goal from a node."""
-        return self.water.apply(
+        return self.medium.apply(
             node, lambda engine, now: engine.actions.send_goal(30, value, now, **settings)
         )
 
     def serve(self, command: Callable[[Engine, int], Any]) -> Any:
         """Give a command to the server's engine."""
-        return self.water.apply(1, command)
+        return self.medium.apply(1, command)
 
     def finish(
         self, goal: GoalKey, status: GoalStatus = SUCCEEDED, value: bytes | None = b"done"
@@ -105,7 +105,7 @@ class Desk:
 
     def cancel(self, goal: GoalKey) -> bool:
         """Cancel a goal at its client."""
-        return self.water.apply(
+        return self.medium.apply(
             goal.client, lambda engine, now: engine.actions.cancel_goal(goal, now)
         )
 
@@ -129,7 +129,7 @@ class Desk:
         return instant_s
 
     def run(self, until_s: float) -> None:
-        self.water.run(until_s=until_s)
+        self.medium.run(until_s=until_s)
 
     def _note(self, record: TraceRecord) -> None:
         if record.what == "transmit":
@@ -145,7 +145,7 @@ class Desk:
 
 @pytest.mark.parametrize("seed", [446, 1669])
 def test_confirm_that_waits_is_not_for_a_goal_of_the_next_epoch(seed: int) -> None:
-    assert GoalStory(seed).run() == []
+    assert GoalScenario(seed).run() == []
 
 
 @pytest.mark.parametrize("half", range(2))
@@ -153,18 +153,18 @@ def test_no_goal_runs_twice_and_each_ends_once_whatever_goes_wrong(
     half: int, count: Callable[[int], int]
 ) -> None:
     for number in range(count(1000)):
-        story = GoalStory(2 * number + half)
-        assert story.run() == []
+        drawn = GoalScenario(2 * number + half)
+        assert drawn.run() == []
 
 
-def test_story_finds_it_when_a_provisional_confirm_holds_at_once(
+def test_scenario_finds_it_when_a_provisional_confirm_holds_at_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def believe(self: Handshake, peer: Peer, now: int) -> None:
         peer.take(Change.CONFIRM)
 
     monkeypatch.setattr(Handshake, "_heard_provisional_confirm", believe)
-    assert any(GoalStory(seed).run() for seed in (302,))
+    assert any(GoalScenario(seed).run() for seed in (302,))
 
 
 def test_goal_is_accepted_fed_and_ended() -> None:
@@ -182,10 +182,10 @@ def test_goal_is_accepted_fed_and_ended() -> None:
     desk.run(60)
     assert desk.of(ResultReceived) == [ResultReceived(goal=goal, status=SUCCEEDED, value=b"done")]
     desk.run(10_000)
-    assert desk.water.is_quiet
+    assert desk.medium.is_quiet
     assert (
-        desk.water.journal(1).entries.keys()
-        == desk.water.journal(2).entries.keys()
+        desk.medium.journal(1).entries.keys()
+        == desk.medium.journal(2).entries.keys()
         == {"epoch", "life"}
     )
 
@@ -207,14 +207,14 @@ def test_cancel_overtakes_a_thousand_samples() -> None:
     goal = desk.send()
     desk.run(30)
     for number in range(1000):
-        desk.water.publish(2, 1, b"%60d" % number)
+        desk.medium.publish(2, 1, b"%60d" % number)
     desk.run(33.3)
-    assert desk.water.engine(2).pending(1) > 900
+    assert desk.medium.engine(2).pending(1) > 900
     desk.cancel(goal)
     desk.run(36)
     # The frame that is on the air, the next one, and the way: 400 m.
     assert desk.when(CancelRequested) < 33.3 + 1.0 + 1.0 + 0.3
-    assert desk.water.engine(2).pending(1) > 900
+    assert desk.medium.engine(2).pending(1) > 900
 
 
 def test_cancel_is_answered_and_the_goal_ends_canceled() -> None:
@@ -258,7 +258,7 @@ def test_copies_that_come_an_hour_late_neither_ask_again_nor_answer_another_canc
         at_s = 20 + 570 * number
         desk.run(at_s)
         if restarts and number == 3:
-            desk.water.restart(2)
+            desk.medium.restart(2)
         assert desk.cancel(goal)
         desk.run(at_s + 60)
         assert len(desk.of(CancelAnswered)) == number  # nobody has answered this one
@@ -270,11 +270,11 @@ def test_copies_that_come_an_hour_late_neither_ask_again_nor_answer_another_canc
     assert len(desk.of(CancelRequested)) == 6
     assert len(desk.of(CancelAnswered)) == 6
     # That it will end is final: whoever asks again is told at once.
-    frames = desk.water.engine(2).stats.frames_transmitted
+    frames = desk.medium.engine(2).stats.frames_transmitted
     assert desk.cancel(goal)
     assert len(desk.of(CancelAnswered)) == 7
     desk.run(9100)
-    assert desk.water.engine(2).stats.frames_transmitted == frames
+    assert desk.medium.engine(2).stats.frames_transmitted == frames
 
 
 def test_cancel_of_a_client_that_dies_is_not_answered_to_its_next_life() -> None:
@@ -283,10 +283,10 @@ def test_cancel_of_a_client_that_dies_is_not_answered_to_its_next_life() -> None
     desk.run(20)
     desk.cancel(goal)
     desk.run(25)
-    desk.water.crash(2)
+    desk.medium.crash(2)
     desk.answer_cancel(goal, accepted=False)
     desk.run(40)
-    desk.water.start(2)
+    desk.medium.start(2)
     desk.run(41)
     desk.cancel(goal)
     desk.run(60)
@@ -322,7 +322,7 @@ def test_goal_runs_where_hello_of_the_server_was_heard_after_its_confirmation() 
 
     desk = Desk(disturb=disturb, trace=True, timeout_s=60)
     for number in range(5):
-        desk.water.at(10 * number, partial(desk.water.publish, 2, 1, b"x"))
+        desk.medium.at(10 * number, partial(desk.medium.publish, 2, 1, b"x"))
     desk.run(60)
     # The server has said nothing but its confirmation.
     assert [frame for node, frame in desk.frames if node == 1] == [b"\xb5\2\0\1"]
@@ -333,9 +333,9 @@ def test_goal_runs_where_hello_of_the_server_was_heard_after_its_confirmation() 
     desk.run(300)
     assert [event.goal for event in desk.of(ResultReceived)] == [goal]
     assert len(desk.of(GoalReceived)) == 1
-    frames = desk.water.engine(1).stats.frames_transmitted
+    frames = desk.medium.engine(1).stats.frames_transmitted
     desk.run(3000)
-    assert desk.water.engine(1).stats.frames_transmitted == frames
+    assert desk.medium.engine(1).stats.frames_transmitted == frames
 
 
 def test_confirm_of_the_client_ends_what_the_server_says_of_itself() -> None:
@@ -376,15 +376,15 @@ def test_result_that_did_not_get_through_twice_is_asked_for() -> None:
 
 def test_goal_that_was_not_sent_yet_is_cancelled_without_a_frame() -> None:
     desk = Desk()
-    desk.water.set_link(2, up=False)
+    desk.medium.set_link(2, up=False)
     goal = desk.send()
     assert desk.cancel(goal)
-    desk.water.set_link(2, up=True)
+    desk.medium.set_link(2, up=True)
     desk.run(60)
     (answered,) = desk.of(GoalAnswered)
     assert answered.failure is GoalFailure.CANCELLED
     assert desk.of(GoalReceived) == []
-    assert desk.water.engine(2).stats.frames_transmitted == 0
+    assert desk.medium.engine(2).stats.frames_transmitted == 0
 
 
 def test_cancel_that_overtakes_its_goal_prevents_it() -> None:
@@ -392,7 +392,7 @@ def test_cancel_that_overtakes_its_goal_prevents_it() -> None:
     desk = Desk(disturb=lambda source, node, now: () if lost[0] else (0.0,))
     goal = desk.send()
     desk.run(3)
-    assert desk.water.engine(2).stats.transmitted == {30: 1}
+    assert desk.medium.engine(2).stats.transmitted == {30: 1}
     lost[0] = False
     desk.cancel(goal)
     desk.run(60)
@@ -406,7 +406,7 @@ def test_of_feedback_only_the_newest_goes_and_not_more_often_than_allowed() -> N
     goal = desk.send()
     desk.run(20)
     for number in range(300):
-        desk.water.at(20 + 0.1 * number, partial(desk.feed, goal, b"%d" % number))
+        desk.medium.at(20 + 0.1 * number, partial(desk.feed, goal, b"%d" % number))
     desk.run(60)
     got = [
         (at, int(event.value)) for _, at, event in desk.told if isinstance(event, FeedbackReceived)
@@ -424,7 +424,7 @@ def test_result_is_claimed_after_half_an_hour_of_silence() -> None:
     outage = {"blackouts": [{"node": 1, "from_s": 20, "to_s": 1820}]}
     desk = Desk(faults=outage)
     goal = desk.send()
-    desk.water.at(100, partial(desk.finish, goal))
+    desk.medium.at(100, partial(desk.finish, goal))
     desk.run(1820)
     assert desk.of(ResultReceived) == []
     desk.run(2200)
@@ -435,11 +435,11 @@ def test_goal_survives_its_client_and_its_server_is_asked() -> None:
     desk = Desk()
     goal = desk.send(tag=b"mission 7")
     desk.run(20)
-    desk.water.crash(2)
+    desk.medium.crash(2)
     desk.run(40)
     desk.finish(goal)
     desk.run(60)
-    desk.water.start(2)
+    desk.medium.start(2)
     desk.run(100)
     assert desk.of(GoalRecovered) == [GoalRecovered(goal=goal, tag=b"mission 7")]
     assert [event.goal for event in desk.of(ResultReceived)] == [goal]
@@ -454,7 +454,7 @@ def test_goal_of_a_former_life_can_be_cancelled() -> None:
     desk = Desk()
     goal = desk.send()
     desk.run(20)
-    desk.water.restart(2)
+    desk.medium.restart(2)
     desk.run(21)
     desk.cancel(goal)
     desk.run(40)
@@ -465,7 +465,7 @@ def test_goal_that_ran_when_its_server_died_is_unknown_and_does_not_run_again() 
     desk = Desk()
     goal = desk.send()
     desk.run(20)
-    desk.water.restart(1)
+    desk.medium.restart(1)
     desk.run(60)
     (failed,) = desk.of(GoalFailed)
     assert (failed.goal, failed.failure) == (goal, GoalFailure.UNKNOWN)
@@ -477,8 +477,8 @@ def test_server_without_a_journal_says_that_it_does_not_know_a_goal() -> None:
     desk = Desk(journal=False)
     desk.send()
     desk.run(20)
-    desk.water.restart(1)
-    desk.water.publish(1, 1, b"I am back")
+    desk.medium.restart(1)
+    desk.medium.publish(1, 1, b"I am back")
     desk.run(60)
     (failed,) = desk.of(GoalFailed)
     assert failed.failure is GoalFailure.UNKNOWN
@@ -490,12 +490,12 @@ def test_goal_of_which_nothing_is_heard_is_asked_after_and_then_given_up() -> No
     desk.send()
     desk.run(650)
     assert desk.of(GoalFailed) == []  # asked after 300 s, and answered
-    desk.water.crash(1)
+    desk.medium.crash(1)
     desk.run(2000)
     (failed,) = desk.of(GoalFailed)
     assert failed.failure is GoalFailure.TIMED_OUT
     assert 900 < desk.when(GoalFailed) < 1300
-    assert desk.water.is_quiet
+    assert desk.medium.is_quiet
 
 
 def test_goal_is_not_taken_when_its_client_has_given_it_up() -> None:
@@ -541,12 +541,12 @@ def test_goal_survives_a_new_epoch_of_its_client() -> None:
     desk.run(20)
     extra = TopicSpec(stream_id=2, name="b")
     for node in (1, 2):
-        desk.water.apply(node, lambda engine, now: engine.declare(extra, now))
+        desk.medium.apply(node, lambda engine, now: engine.declare(extra, now))
     desk.feed(goal, b"nobody has told the server of the new epoch")
     desk.run(60)
     desk.finish(goal)
     desk.run(120)
-    assert desk.water.engine(2).epoch > goal.epoch
+    assert desk.medium.engine(2).epoch > goal.epoch
     assert desk.of(GoalRecovered) == []
     assert [event.goal for event in desk.of(ResultReceived)] == [goal]
 
@@ -584,7 +584,7 @@ def test_several_clients_have_goals_of_the_same_number() -> None:
             def send(node: int = node, value: bytes = value) -> None:
                 goals[desk.send(node, value)] = value
 
-            desk.water.at(10.0 * node + number, send)
+            desk.medium.at(10.0 * node + number, send)
     desk.run(200)
     assert {event.goal: event.value for event in desk.of(GoalReceived)} == goals
     for goal, value in goals.items():

@@ -49,26 +49,26 @@ class Desk:
         self.ended: dict[tuple[int, int], list[Event]] = {}
         self.executed: list[tuple[int, bytes]] = []
         self._serve = serve or later(0)
-        water = line(
+        medium = line(
             *(300.0 * number for number in range(nodes)), channel="none", seed=seed, **settings
         )
-        self.water = VirtualNetwork(
-            water, tables or fleet(nodes), deliver=self._deliver, disturb=disturb
+        self.medium = VirtualNetwork(
+            medium, tables or fleet(nodes), deliver=self._deliver, disturb=disturb
         )
 
     def call(self, address: int, text: bytes, timeout_s: float | None = None) -> int:
         """Call from a node; returns the call id."""
-        return self.water.apply(
+        return self.medium.apply(
             address, lambda engine, now: engine.call(20, text, now, timeout_s=timeout_s)
         )
 
     def reply(self, event: RequestReceived, text: bytes) -> bool:
         """Answer from node 1."""
-        return self.water.apply(1, lambda engine, now: engine.reply(event.call, text, now))
+        return self.medium.apply(1, lambda engine, now: engine.reply(event.call, text, now))
 
     def fail(self, event: RequestReceived, failure: CallFailure, text: str) -> bool:
         """Answer from node 1 with an error."""
-        return self.water.apply(
+        return self.medium.apply(
             1, lambda engine, now: engine.reply_error(event.call, failure, text, now)
         )
 
@@ -95,8 +95,8 @@ def later(delay_s: float) -> Callable[[Desk, RequestReceived], None]:
     """Return a server that takes its time."""
 
     def serve(desk: Desk, event: RequestReceived) -> None:
-        at_s = desk.water.now / 1e9 + delay_s
-        desk.water.at(at_s, lambda: desk.reply(event, b"re " + event.value))
+        at_s = desk.medium.now / 1e9 + delay_s
+        desk.medium.at(at_s, lambda: desk.reply(event, b"re " + event.value))
 
     return serve
 
@@ -119,27 +119,27 @@ def test_several_clients_get_their_own_answers_at_once() -> None:
             calls[address, number] = desk.call(address, b"%d.%d" % (address, number))
 
     for address in range(2, 6):
-        desk.water.at(5.0 * address, partial(call, address))
-    desk.water.run(until_s=200)
+        desk.medium.at(5.0 * address, partial(call, address))
+    desk.medium.run(until_s=200)
     for (address, number), call_id in calls.items():
         event = desk.end(address, call_id)
         assert isinstance(event, ResponseReceived)
         assert event.value == b"re %d.%d" % (address, number)
     assert len(calls) == 12
-    assert desk.water.is_quiet
+    assert desk.medium.is_quiet
 
 
 def test_answer_arrives_after_a_late_frame_of_a_former_life_of_the_server() -> None:
     desk = Desk(serve=later(30))
     for number in range(3):
-        desk.water.at(100 * number, partial(desk.call, 2, b"%d" % number))
+        desk.medium.at(100 * number, partial(desk.call, 2, b"%d" % number))
     # The client does not know any more that the server knows it; the server does not know that.
     frame = Tag(7).encode() + b"\x01x"
     stray = ReceivedFrame(frame_bytes=frame, received_at=215 * 10**9, source=1)
-    desk.water.at(
-        215, lambda: desk.water.apply(2, lambda engine, now: engine.handle_frame(stray, now))
+    desk.medium.at(
+        215, lambda: desk.medium.apply(2, lambda engine, now: engine.handle_frame(stray, now))
     )
-    desk.water.run(until_s=400)
+    desk.medium.run(until_s=400)
     ends = [desk.end(2, call_id) for call_id in (1, 2, 3)]
     answers = [end.value for end in ends if isinstance(end, ResponseReceived)]
     assert answers == [b"re 0", b"re 1", b"re 2"]
@@ -149,42 +149,42 @@ def test_answer_arrives_after_a_late_frame_of_a_former_life_of_the_server() -> N
 def test_error_of_the_handler_reaches_the_caller() -> None:
     desk = Desk(serve=failing(CallFailure.HANDLER, "no arm"))
     call_id = desk.call(2, b"x")
-    desk.water.run(until_s=100)
+    desk.medium.run(until_s=100)
     assert desk.failure(2, call_id) == (CallFailure.HANDLER, "no arm")
 
 
 def test_nobody_who_serves_is_told() -> None:
     desk = Desk(serve=failing(CallFailure.NO_SERVER, ""))
     call_id = desk.call(2, b"x")
-    desk.water.run(until_s=100)
+    desk.medium.run(until_s=100)
     assert desk.failure(2, call_id) == (CallFailure.NO_SERVER, "")
 
 
 def test_server_that_is_not_there_is_a_time_out_at_the_deadline() -> None:
     desk = Desk(tables={2: fleet()})
     call_id = desk.call(2, b"x", timeout_s=25)
-    desk.water.run(until_s=24.9)
+    desk.medium.run(until_s=24.9)
     assert desk.ended == {}
-    desk.water.run(until_s=25)
+    desk.medium.run(until_s=25)
     assert desk.failure(2, call_id)[0] is CallFailure.TIMED_OUT
-    desk.water.run(until_s=60)
-    assert desk.water.is_quiet
+    desk.medium.run(until_s=60)
+    assert desk.medium.is_quiet
 
 
 def test_answer_after_the_deadline_is_not_sent() -> None:
     desk = Desk(serve=later(61))
     call_id = desk.call(2, b"x")
-    desk.water.run(until_s=300)
+    desk.medium.run(until_s=300)
     assert desk.failure(2, call_id)[0] is CallFailure.TIMED_OUT
     assert desk.executed == [(2, b"x")]
-    assert desk.water.engine(1).stats.transmitted.get(20) is None
+    assert desk.medium.engine(1).stats.transmitted.get(20) is None
 
 
 def test_service_that_differs_fails_long_before_the_deadline() -> None:
     tables = {1: fleet(), 2: StreamTable(fleet_with_response(), nodes={1: "n1", 2: "n2"})}
     desk = Desk(tables=tables)
     call_id = desk.call(2, b"x")
-    desk.water.run(until_s=15)
+    desk.medium.run(until_s=15)
     failure, text = desk.failure(2, call_id)
     assert failure is CallFailure.TABLE_MISMATCH
     assert text == "node 1 defines stream 20 in another way"
@@ -206,9 +206,9 @@ def test_request_that_arrives_twice_runs_once_and_its_answer_is_taken_once(seed:
         serve=later(rng.choice((0.0, 2.0))),
         faults={"duplicate": 1.0, "duplicate_after_s": delay_s},
     )
-    assert delay_s < settling_s(desk.water.engine(1).capabilities)
+    assert delay_s < settling_s(desk.medium.engine(1).capabilities)
     calls = [desk.call(2, b"%d" % number) for number in range(5)]
-    desk.water.run(until_s=200)
+    desk.medium.run(until_s=200)
     executed = [value for _, value in desk.executed]
     assert len(executed) == len(set(executed)), f"seed {seed}, duplicates after {delay_s} s"
     for number, call_id in enumerate(calls):
@@ -220,11 +220,11 @@ def test_request_that_arrives_twice_runs_once_and_its_answer_is_taken_once(seed:
 def test_cancelled_call_says_nothing_and_its_answer_is_dropped() -> None:
     desk = Desk(serve=later(5))
     call_id = desk.call(2, b"x")
-    desk.water.at(4, lambda: desk.water.apply(2, lambda engine, now: engine.cancel(call_id, now)))
-    desk.water.run(until_s=300)
+    desk.medium.at(4, lambda: desk.medium.apply(2, lambda engine, now: engine.cancel(call_id, now)))
+    desk.medium.run(until_s=300)
     assert desk.executed == [(2, b"x")]
     assert desk.ended == {}
-    assert desk.water.engine(2).stats.dropped == {"unexpected_answer": 1}
+    assert desk.medium.engine(2).stats.dropped == {"unexpected_answer": 1}
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -246,17 +246,17 @@ def test_old_answer_is_not_taken_for_a_call_of_the_next_life(seed: int) -> None:
         desk.ended.clear()
 
     def restart(life: int) -> None:
-        desk.water.restart(2)
+        desk.medium.restart(2)
         begin(life)
 
     begin(0)
     at_s = 0.0
     for life in range(1, 5):
         at_s += rng.uniform(0.5, 15)
-        desk.water.at(at_s, partial(restart, life))
+        desk.medium.at(at_s, partial(restart, life))
         # The server introduces itself, so that the new life knows it before its call is heard.
-        desk.water.at(at_s + rng.uniform(0, 3), lambda: desk.water.publish(1, 1, b"hello"))
-    desk.water.run(until_s=300)
+        desk.medium.at(at_s + rng.uniform(0, 3), lambda: desk.medium.publish(1, 1, b"hello"))
+    desk.medium.run(until_s=300)
     for call_id, text in lives.items():
         event = desk.end(2, call_id)
         if isinstance(event, ResponseReceived):
@@ -275,10 +275,10 @@ def test_unanswered_calls_do_not_pile_up() -> None:
             except QueueFullError:
                 refused += 1
 
-        desk.water.at(second / 4, call)
-    desk.water.run(until_s=1000)
+        desk.medium.at(second / 4, call)
+    desk.medium.run(until_s=1000)
     assert refused > 0
     assert len(desk.executed) + refused <= 600
     assert sum(map(len, desk.ended.values())) == 600 - refused
-    assert desk.water.engine(2).pending(20) == 0
-    assert desk.water.is_quiet
+    assert desk.medium.engine(2).pending(20) == 0
+    assert desk.medium.is_quiet

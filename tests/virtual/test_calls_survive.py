@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.virtual.callload import carry_calls
-from tests.virtual.callstory import CallStory
+from tests.virtual.callscenario import CallScenario
 from zacoustic.core.peers.peer import Peer
 from zacoustic.core.transport.calls.answering import Answering
 from zacoustic.core.wire.calls import CallKind
@@ -14,28 +14,28 @@ BLOCKS = range(10)
 
 
 @pytest.mark.parametrize("number", BLOCKS)
-def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
+def test_all_holds_in_any_scenario(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(2000), len(BLOCKS)):
-        violations = CallStory(seed).run()
+        violations = CallScenario(seed).run()
         assert not violations, f"{len(violations)} complaints, {violations[0]}"
 
 
-def test_stories_are_as_bad_as_they_promise() -> None:
-    stories = [CallStory(seed) for seed in range(100)]
-    faults = [story.network.scenario.faults for story in stories]
-    links = [link for story in stories for link in story.network.scenario.links]
+def test_scenarios_are_as_bad_as_they_promise() -> None:
+    scenarios = [CallScenario(seed) for seed in range(100)]
+    faults = [drawn.network.scenario.faults for drawn in scenarios]
+    links = [link for drawn in scenarios for link in drawn.network.scenario.links]
     assert max(link.loss.frame for link in links if link.loss) > 0.55
     assert max(len(spec.at_s) for each in faults for spec in each.crashes) == 10
     assert max(each.to_s - each.from_s for fault in faults for each in fault.blackouts) > 1500
-    assert {len(story.network.addresses) for story in stories} == {2, 3, 4}
+    assert {len(drawn.network.addresses) for drawn in scenarios} == {2, 3, 4}
 
 
-def test_stories_tell_of_every_outcome() -> None:
+def test_scenarios_tell_of_every_outcome() -> None:
     outcomes: set[str] = set()
     for seed in range(12):
-        story = CallStory(seed)
-        story.run()
-        outcomes |= set(story.outcomes)
+        drawn = CallScenario(seed)
+        drawn.run()
+        outcomes |= set(drawn.outcomes)
     assert outcomes == {"response", "HANDLER", "TIMED_OUT", "UNKNOWN", "refused"}
 
 
@@ -81,7 +81,7 @@ def _nothing_recovered(monkeypatch: pytest.MonkeyPatch) -> None:
         (_nothing_recovered, "is executed again", 11),
     ],
 )
-def test_stories_find_what_is_wrong(
+def test_scenarios_find_what_is_wrong(
     monkeypatch: pytest.MonkeyPatch,
     break_it: Callable[[pytest.MonkeyPatch], None],
     expected: str,
@@ -89,6 +89,6 @@ def test_stories_find_what_is_wrong(
 ) -> None:
     break_it(monkeypatch)
     for seed in range(first, first + 100):
-        if any(expected in line for line in CallStory(seed).run()):
+        if any(expected in line for line in CallScenario(seed).run()):
             return
     raise AssertionError(f'no story complains that something "{expected}"')

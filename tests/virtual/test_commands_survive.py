@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.virtual.commandstory import CommandStory
+from tests.virtual.commandscenario import CommandScenario
 from tests.virtual.fleet import line
 from zacoustic.core.engine.events import ResponseReceived
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.commands import commands as commands
+from zacoustic.core.transport.commands import commands
 from zacoustic.core.transport.commands.deduplication import DeduplicationTable, Freshness
 from zacoustic.testing.virtual import VirtualNetwork
 
@@ -19,18 +19,18 @@ BLOCKS = range(4)
 
 
 @pytest.mark.parametrize("number", BLOCKS)
-def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
+def test_all_holds_in_any_scenario(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(800), len(BLOCKS)):
-        violations = CommandStory(seed).run()
+        violations = CommandScenario(seed).run()
         assert not violations, f"{len(violations)} complaints, {violations[0]}"
 
 
-def test_stories_tell_of_every_outcome() -> None:
+def test_scenarios_tell_of_every_outcome() -> None:
     expected = {"answered", "TIMED_OUT", "overtaken by a later order"}
     for seed in range(30):
-        story = CommandStory(seed)
-        story.run()
-        expected -= set(story.outcomes)
+        drawn = CommandScenario(seed)
+        drawn.run()
+        expected -= set(drawn.outcomes)
         if not expected:
             return
     raise AssertionError(f"no story tells of {expected}")
@@ -64,7 +64,7 @@ def _many_last_words(monkeypatch: pytest.MonkeyPatch) -> None:
         (_many_last_words, "in a silence", 0),
     ],
 )
-def test_stories_find_what_is_wrong(
+def test_scenarios_find_what_is_wrong(
     monkeypatch: pytest.MonkeyPatch,
     break_it: Callable[[pytest.MonkeyPatch], None],
     expected: str,
@@ -72,7 +72,7 @@ def test_stories_find_what_is_wrong(
 ) -> None:
     break_it(monkeypatch)
     for seed in range(first, first + 100):
-        if any(expected in line for line in CommandStory(seed).run()):
+        if any(expected in line for line in CommandScenario(seed).run()):
             return
     raise AssertionError(f'no story complains that something "{expected}"')
 
@@ -80,9 +80,9 @@ def test_stories_find_what_is_wrong(
 def test_who_commands_is_silent_until_the_answer_could_be_there() -> None:
     """A silent node answers once: copies of the order would deafen the one that waits for it."""
     table = StreamTable(nodes={1: "shore", 2: "auv1"})
-    water = VirtualNetwork(line(0.0, 1000.0, channel="none", seed=7), table)
+    medium = VirtualNetwork(line(0.0, 1000.0, channel="none", seed=7), table)
     silence = RemoteCommand(kind=CommandKind.SILENCE, for_s=1800.0)
-    water.apply(1, lambda engine, now: engine.commands.send(2, silence, now, timeout_s=60.0))
-    water.run(until_s=10.0)
-    answered = [event for at, event in water.events if isinstance(event, ResponseReceived)]
+    medium.apply(1, lambda engine, now: engine.commands.send(2, silence, now, timeout_s=60.0))
+    medium.run(until_s=10.0)
+    answered = [event for at, event in medium.events if isinstance(event, ResponseReceived)]
     assert len(answered) == 1

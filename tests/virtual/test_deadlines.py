@@ -38,21 +38,21 @@ def fleet(**settings: Any) -> StreamTable:
 class Watchers:
     """A network, and what its nodes were told, with the instants in s."""
 
-    def __init__(self, table: StreamTable | None = None, **water: Any) -> None:
+    def __init__(self, table: StreamTable | None = None, **medium: Any) -> None:
         self.missed: list[tuple[int, float, DeadlineMissed]] = []
         self.handed_on: list[tuple[int, float]] = []
-        self.water = VirtualNetwork(
-            line(0, 400, 900, **{"channel": "none", **water}), table or fleet(), deliver=self._take
+        self.medium = VirtualNetwork(
+            line(0, 400, 900, **{"channel": "none", **medium}), table or fleet(), deliver=self._take
         )
 
     def _take(self, node: int, event: Event) -> None:
         if not isinstance(event, DeadlineMissed | SampleReceived):
             return
-        now_s = self.water.now / NS_PER_S
+        now_s = self.medium.now / NS_PER_S
         if isinstance(event, DeadlineMissed):
             self.missed.append((node, now_s, event))
             # Nobody is told late, or of an instant that is not his.
-            assert event.missed_at == self.water.local_ns(node)
+            assert event.missed_at == self.medium.local_ns(node)
         else:
             self.handed_on.append((node, now_s))
 
@@ -64,34 +64,34 @@ class Watchers:
         """Let node 2 publish."""
         for number in range(int(until_s / period_s)):
             publish = partial(self.publish, stream_id)
-            self.water.at(number * period_s, publish)
+            self.medium.at(number * period_s, publish)
 
     def publish(self, stream_id: int = 10, **settings: Any) -> None:
-        if self.water.is_running(2):
-            self.water.apply(
+        if self.medium.is_running(2):
+            self.medium.apply(
                 2, lambda engine, now: engine.publish(stream_id, b"here", now, **settings)
             )
 
 
 def test_no_timer_is_armed_before_a_first_sample_nor_without_a_deadline() -> None:
     watchers = Watchers()
-    watchers.water.run()
-    assert watchers.water.is_quiet
+    watchers.medium.run()
+    assert watchers.medium.is_quiet
     for number in range(3):
         watchers.publish(12)
-        watchers.water.run(until_s=100 * (number + 1))
+        watchers.medium.run(until_s=100 * (number + 1))
     assert len(watchers.handed_on) == 6
-    assert all(watchers.water.engine(node).poll_timeout() is None for node in NODES)
+    assert all(watchers.medium.engine(node).poll_timeout() is None for node in NODES)
     watchers.publish()
-    watchers.water.run(until_s=320)
-    assert all(watchers.water.engine(node).poll_timeout() is not None for node in NODES)
+    watchers.medium.run(until_s=320)
+    assert all(watchers.medium.engine(node).poll_timeout() is not None for node in NODES)
 
 
 def test_each_end_is_told_of_each_period_without_a_sample() -> None:
     watchers = Watchers()
     watchers.publish_every(20, 100)  # the last one at 80 s
-    watchers.water.at(199, watchers.publish)
-    watchers.water.run(until_s=225)
+    watchers.medium.at(199, watchers.publish)
+    watchers.medium.run(until_s=225)
     assert watchers.told(2, OFFERED) == [110, 140, 170]
     ours = [event for node, _, event in watchers.missed if node == 2]
     assert [event.missed for event in ours] == list(range(1, len(ours) + 1))
@@ -101,7 +101,7 @@ def test_each_end_is_told_of_each_period_without_a_sample() -> None:
     for node in (1, 3):
         last_s = max(at for each, at in watchers.handed_on if each == node and at < 100)
         assert watchers.told(node) == pytest.approx([last_s + 30 * n for n in (1, 2, 3)])
-        assert watchers.water.engine(node).stats.deadlines_missed == {10: 3}
+        assert watchers.medium.engine(node).stats.deadlines_missed == {10: 3}
         events = [event for each, _, event in watchers.missed if each == node]
         assert {(event.key, event.source) for event in events} == {("nav", 2)}
 
@@ -109,7 +109,7 @@ def test_each_end_is_told_of_each_period_without_a_sample() -> None:
 def test_what_is_published_in_time_and_lost_is_missed_by_the_receiver_alone() -> None:
     watchers = Watchers(faults={"blackouts": [{"node": 3, "from_s": 95, "to_s": 400}]})
     watchers.publish_every(20, 600)
-    watchers.water.run(until_s=590)
+    watchers.medium.run(until_s=590)
     assert watchers.told(2, OFFERED) == watchers.told(1) == []
     heard = [at for node, at in watchers.handed_on if node == 3]
     (gap,) = [(a, b) for a, b in itertools.pairwise(heard) if b - a > 30]
@@ -140,10 +140,10 @@ def test_receivers_are_told_exactly_of_the_gaps_in_any_weather(count: Callable[[
             },
         )
         for number in range(100):
-            watchers.water.at(10 * number + rng.uniform(0, 20), watchers.publish)
-        watchers.water.run(until_s=1200)
+            watchers.medium.at(10 * number + rng.uniform(0, 20), watchers.publish)
+        watchers.medium.run(until_s=1200)
         for node in (1, 3):
-            if node == 1 and watchers.water.life(1) > 1:
+            if node == 1 and watchers.medium.life(1) > 1:
                 continue  # a new life knows of nothing before
             heard = [at for each, at in watchers.handed_on if each == node]
             expected = [
@@ -158,15 +158,15 @@ def test_receivers_are_told_exactly_of_the_gaps_in_any_weather(count: Callable[[
 def test_keys_are_watched_each_by_itself_and_a_deleted_one_no_longer() -> None:
     watchers = Watchers()
     for at_s in (0, 20, 40, 60):
-        watchers.water.at(at_s, partial(watchers.publish, 11, instance=(0,)))
-    watchers.water.at(1, partial(watchers.publish, 11, instance=(1,)))
-    watchers.water.at(65, partial(watchers.publish, 11, instance=(0,), delete=True))
-    watchers.water.run(until_s=100)
+        watchers.medium.at(at_s, partial(watchers.publish, 11, instance=(0,)))
+    watchers.medium.at(1, partial(watchers.publish, 11, instance=(1,)))
+    watchers.medium.at(65, partial(watchers.publish, 11, instance=(0,), delete=True))
+    watchers.medium.run(until_s=100)
     for node in NODES:
         events = [event for each, _, event in watchers.missed if each == node]
         assert {event.key for event in events} == {"auv1/sonar"}
         assert [event.missed for event in events] == [1, 2, 3]
-        awaited = watchers.water.engine(node).deadlines.awaited()
+        awaited = watchers.medium.engine(node).deadlines.awaited()
         assert {each.key: (each.is_late, each.missed) for each in awaited} == {
             "auv1/ctd": (False, 0),
             "auv1/sonar": (True, 3),
@@ -176,35 +176,35 @@ def test_keys_are_watched_each_by_itself_and_a_deleted_one_no_longer() -> None:
 def test_a_new_life_awaits_nothing_before_a_first_sample() -> None:
     watchers = Watchers()
     watchers.publish_every(20, 100)
-    watchers.water.run(until_s=85)
+    watchers.medium.run(until_s=85)
     for node in (1, 2):
-        watchers.water.restart(node)
-    watchers.water.run(until_s=300)
+        watchers.medium.restart(node)
+    watchers.medium.run(until_s=300)
     assert {node for node, *_ in watchers.missed} == {3}
     watchers.publish()
-    watchers.water.run(until_s=340)
+    watchers.medium.run(until_s=340)
     assert {node for node, *_ in watchers.missed} == {1, 2, 3}
 
 
 def test_who_unsubscribes_is_told_no_more() -> None:
     watchers = Watchers(fleet(forward=Forward.ON_DEMAND))
-    want = watchers.water.apply
+    want = watchers.medium.apply
     for node in (1, 3):
         want(node, lambda engine, now: engine.subscriptions.want(10, now, frozenset({2})))
     watchers.publish_every(20, 300)
-    watchers.water.run(until_s=100)
+    watchers.medium.run(until_s=100)
     want(1, lambda engine, now: engine.subscriptions.want(10, now, frozenset()))
-    watchers.water.run(until_s=500)
+    watchers.medium.run(until_s=500)
     assert watchers.told(1) == []
     assert len(watchers.told(3)) > 5
-    assert watchers.water.engine(1).poll_timeout() is None
+    assert watchers.medium.engine(1).poll_timeout() is None
 
 
-def _transmissions(table: StreamTable, span_s: float, **water: Any) -> list[float]:
+def _transmissions(table: StreamTable, span_s: float, **medium: Any) -> list[float]:
     """Return when frames went out for one reliable sample that nobody can hear."""
     sent: list[float] = []
     network = VirtualNetwork(
-        line(0, 400, channel="none", **water),
+        line(0, 400, channel="none", **medium),
         table,
         trace=lambda record: (
             sent.append(record.at / NS_PER_S) if record.what == "transmit" else None
@@ -250,8 +250,8 @@ def test_after_half_an_hour_of_darkness_a_sample_comes_within_the_deadline() -> 
         for seed in range(20):
             end_s = 1800.0 + 7 * seed
             faults = {"blackouts": [{"node": 1, "from_s": 5, "to_s": end_s}]}
-            water = line(0, 400, channel="none", faults=faults, seed=seed)
-            network = VirtualNetwork(water, _reliable(deadline_s))
+            medium = line(0, 400, channel="none", faults=faults, seed=seed)
+            network = VirtualNetwork(medium, _reliable(deadline_s))
             network.at(10, partial(network.publish, 2, 10, b"x"))
             network.run(until_s=2200)
             (sample,) = network.samples(1)

@@ -49,34 +49,34 @@ def network(modem: Modem | None = None) -> tuple[VirtualNetwork, list[TraceRecor
         if record.what == "transmit":
             sent.append(record)
 
-    water = VirtualNetwork(line(0, 400, 800, channel="none"), fleet(), modem=modem, trace=trace)
-    return water, sent
+    medium = VirtualNetwork(line(0, 400, 800, channel="none"), fleet(), modem=modem, trace=trace)
+    return medium, sent
 
 
-def got(water: VirtualNetwork, address: int) -> list[tuple[int, object]]:
-    return [(event.stream_id, event.value) for event in water.samples(address)]
+def got(medium: VirtualNetwork, address: int) -> list[tuple[int, object]]:
+    return [(event.stream_id, event.value) for event in medium.samples(address)]
 
 
 @pytest.mark.parametrize("modem", MODEMS)
 def test_subscribers_hear_and_the_others_do_not(modem: Modem) -> None:
-    water, sent = network(modem)
+    medium, sent = network(modem)
     for minute, stream_id in enumerate((1, 2, 3, 4)):  # what confirms the first is over by then
-        water.at(90 * minute, partial(water.publish, 1, stream_id, bytes((stream_id,))))
-    water.run(until_s=360)
-    assert got(water, 2) == [(1, b"\x01"), (2, b"\x02"), (3, b"\x03"), (4, b"\x04")]
-    assert got(water, 3) == [(1, b"\x01"), (4, b"\x04")]
-    assert got(water, 1) == []
+        medium.at(90 * minute, partial(medium.publish, 1, stream_id, bytes((stream_id,))))
+    medium.run(until_s=360)
+    assert got(medium, 2) == [(1, b"\x01"), (2, b"\x02"), (3, b"\x03"), (4, b"\x04")]
+    assert got(medium, 3) == [(1, b"\x01"), (4, b"\x04")]
+    assert got(medium, 1) == []
     assert [record.peer for record in sent if record.streams] == [BROADCAST, 2, 2, BROADCAST]
 
 
 @pytest.mark.parametrize("modem", MODEMS)
 def test_key_is_filled_in_with_the_name_of_the_source(modem: Modem) -> None:
-    water, _ = network(modem)
-    water.at(0, lambda: water.publish(2, 5, b"x", instance=(1,)))
-    water.at(20, lambda: water.publish(3, 5, b"y", instance=(0,)))
-    water.run(until_s=60)
+    medium, _ = network(modem)
+    medium.at(0, lambda: medium.publish(2, 5, b"x", instance=(1,)))
+    medium.at(20, lambda: medium.publish(3, 5, b"y", instance=(0,)))
+    medium.run(until_s=60)
     keys = fleet().by_id(5).keys
-    events = water.samples(1)
+    events = medium.samples(1)
     assert [keys.key(event.source, event.instance) for event in events] == [
         "fleet/auv1/arm",
         "fleet/auv2/nav",
@@ -84,27 +84,27 @@ def test_key_is_filled_in_with_the_name_of_the_source(modem: Modem) -> None:
 
 
 def test_samples_of_other_keys_do_not_push_each_other_out() -> None:
-    water, _ = network()
-    water.set_link(1, up=False)
+    medium, _ = network()
+    medium.set_link(1, up=False)
     for instance in ((0,), (1,)):
         for number in range(3):
-            water.publish(1, 5, bytes((number,)), instance=instance)
-    water.set_link(1, up=True)
-    water.run(until_s=30)
+            medium.publish(1, 5, bytes((number,)), instance=instance)
+    medium.set_link(1, up=True)
+    medium.run(until_s=30)
     for instance in ((0,), (1,)):
-        values = [event.value for event in water.samples(2) if event.instance == instance]
+        values = [event.value for event in medium.samples(2) if event.instance == instance]
         assert values == [b"\x00", b"\x01", b"\x02"]
 
 
 @pytest.mark.parametrize("modem", MODEMS)
 def test_delete_and_encoding_cross_with_their_sample(modem: Modem) -> None:
-    water, _ = network(modem)
-    water.apply(1, lambda engine, now: engine.publish(1, b"{}", now, encoding="application/json"))
-    water.apply(1, lambda engine, now: engine.publish(1, b"p", now, encoding="my/own"))
-    water.apply(1, lambda engine, now: engine.publish(1, None, now, delete=True))
-    water.apply(1, lambda engine, now: engine.publish(1, b"plain", now))
-    water.run(until_s=60)
-    events = water.samples(3, 1)
+    medium, _ = network(modem)
+    medium.apply(1, lambda engine, now: engine.publish(1, b"{}", now, encoding="application/json"))
+    medium.apply(1, lambda engine, now: engine.publish(1, b"p", now, encoding="my/own"))
+    medium.apply(1, lambda engine, now: engine.publish(1, None, now, delete=True))
+    medium.apply(1, lambda engine, now: engine.publish(1, b"plain", now))
+    medium.run(until_s=60)
+    events = medium.samples(3, 1)
     assert [(event.value, event.encoding, event.deleted) for event in events] == [
         (b"{}", "application/json", False),
         (b"p", "my/own", False),
@@ -114,21 +114,21 @@ def test_delete_and_encoding_cross_with_their_sample(modem: Modem) -> None:
 
 
 def test_age_tells_how_long_a_sample_had_waited_in_queues() -> None:
-    water, sent = network()
+    medium, sent = network()
     published_at: dict[bytes, int] = {}
 
     def publish(number: int) -> None:
         value = b"sample%02d" % number
-        published_at[value] = water.now
-        water.publish(1, 6, value)
+        published_at[value] = medium.now
+        medium.publish(1, 6, value)
 
     # The link is away for a while, in which samples wait.
-    water.at(100, lambda: water.set_link(1, up=False))
-    water.at(400, lambda: water.set_link(1, up=True))
+    medium.at(100, lambda: medium.set_link(1, up=False))
+    medium.at(400, lambda: medium.set_link(1, up=True))
     for number in range(40):
-        water.at(12.5 * number, partial(publish, number))
-    water.run(until_s=600)
-    events = water.samples(2, 6)
+        medium.at(12.5 * number, partial(publish, number))
+    medium.run(until_s=600)
+    events = medium.samples(2, 6)
     assert [event.value for event in events] == list(published_at)
     ages_s = []
     for event in events:
@@ -142,38 +142,38 @@ def test_age_tells_how_long_a_sample_had_waited_in_queues() -> None:
 
 
 def test_sample_that_became_too_old_is_not_sent() -> None:
-    water, _ = network()
-    water.set_link(1, up=False)
-    water.publish(1, 9, b"old")
-    water.at(4, lambda: water.publish(1, 9, b"new"))
-    water.at(6, lambda: water.set_link(1, up=True))
-    water.run(until_s=60)
-    assert got(water, 2) == [(9, b"new")]
-    assert water.engine(1).expired == {9: 1}
+    medium, _ = network()
+    medium.set_link(1, up=False)
+    medium.publish(1, 9, b"old")
+    medium.at(4, lambda: medium.publish(1, 9, b"new"))
+    medium.at(6, lambda: medium.set_link(1, up=True))
+    medium.run(until_s=60)
+    assert got(medium, 2) == [(9, b"new")]
+    assert medium.engine(1).expired == {9: 1}
 
 
 @pytest.mark.parametrize("mtu_bytes", [8, 16, 32, 64])
 def test_alarm_overtakes_a_thousand_background_samples(mtu_bytes: int) -> None:
-    water, sent = network(Modem(mtu_bytes=mtu_bytes))
-    water.publish(1, 1, b"")  # whoever hears it has confirmed it before the alarm
+    medium, sent = network(Modem(mtu_bytes=mtu_bytes))
+    medium.publish(1, 1, b"")  # whoever hears it has confirmed it before the alarm
 
     def talk() -> None:
         for number in range(1000):
-            water.publish(1, 8, b"%03d" % (number % 1000))
+            medium.publish(1, 8, b"%03d" % (number % 1000))
 
-    water.at(90.0, talk)
+    medium.at(90.0, talk)
     at_s = 120.0
-    water.at(at_s, lambda: water.publish(1, 7, b"!!!"))
-    water.run(until_s=150)
+    medium.at(at_s, lambda: medium.publish(1, 7, b"!!!"))
+    medium.run(until_s=150)
     after = [record for record in sent if record.node == 1 and record.at >= at_s * 10**9]
     assert 7 in after[0].streams
-    assert [event.value for event in water.samples(2, 7)] == [b"!!!"]
+    assert [event.value for event in medium.samples(2, 7)] == [b"!!!"]
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_samples_of_a_key_arrive_in_the_order_of_publication(seed: int) -> None:
     rng = random.Random(seed)
-    water = VirtualNetwork(
+    medium = VirtualNetwork(
         line(0, 700, 300, channel="none", seed=seed, loss={"frame": 0.3}),
         fleet(),
         modem=Modem(mtu_bytes=rng.choice((16, 64))),
@@ -181,9 +181,9 @@ def test_samples_of_a_key_arrive_in_the_order_of_publication(seed: int) -> None:
     for number in range(200):
         source = rng.choice((1, 2, 3))
         value = number.to_bytes(2, "big")
-        water.at(rng.uniform(number, number + 1), partial(water.publish, source, 1, value))
-    water.run(until_s=600)
+        medium.at(rng.uniform(number, number + 1), partial(medium.publish, source, 1, value))
+    medium.run(until_s=600)
     for address in NODES:
         for source in NODES:
-            values = [event.value for event in water.samples(address, 1) if event.source == source]
+            values = [event.value for event in medium.samples(address, 1) if event.source == source]
             assert values == sorted(set(values)), f"seed {seed}"

@@ -85,7 +85,7 @@ class Voyage:
         }
         table = fleet(codec, nodes, stamp)
         positions = [500.0 * address for address in range(nodes)]
-        self.water = VirtualNetwork(
+        self.medium = VirtualNetwork(
             line(*positions, seed=seed, **settings), table,
             modem=modem or Modem(), deliver=self._take, digest=False,
         )  # fmt: skip
@@ -113,15 +113,15 @@ class Voyage:
     def _publish(self, address: int, stream_id: int, value: dict[str, Any]) -> None:
         self._tickets += 1
         value["ticket"] = self._tickets % 60_001
-        stream = self.water.engine(address).table.by_id(stream_id)
+        stream = self.medium.engine(address).table.by_id(stream_id)
         self.published[address, stream_id, value["ticket"]] = stream.codec.decode(  # type: ignore[assignment]
             stream.codec.encode(value)
         )
-        self.water.publish(address, stream_id, value)
+        self.medium.publish(address, stream_id, value)
 
     def dropped(self, reason: str) -> int:
         return sum(
-            self.water.engine(address).stats.dropped.get(reason, 0) for address in self._ways
+            self.medium.engine(address).stats.dropped.get(reason, 0) for address in self._ways
         )
 
     def received(self) -> int:
@@ -141,12 +141,12 @@ def test_dense_samples_cross_and_take_fewer_bytes_once_they_are_acknowledged() -
     for codec in ("packed", "dense"):
         voyage = Voyage(1, codec, channel="none")
         for number in range(100):
-            voyage.water.at(10 * number, partial(voyage.publish_nav, 1))
-            voyage.water.at(10 * number + 5, partial(voyage.water.publish, 2, 12, b"log"))
-        voyage.water.run(until_s=1100)
+            voyage.medium.at(10 * number, partial(voyage.publish_nav, 1))
+            voyage.medium.at(10 * number + 5, partial(voyage.medium.publish, 2, 12, b"log"))
+        voyage.medium.run(until_s=1100)
         assert voyage.wrong == []
         assert voyage.received() == 100
-        sizes[codec] = voyage.water.engine(1).stats.bytes_transmitted
+        sizes[codec] = voyage.medium.engine(1).stats.bytes_transmitted
         assert not voyage.dropped("dense")
     assert sizes["dense"] < 0.75 * sizes["packed"], sizes
 
@@ -156,12 +156,12 @@ def test_receiver_that_never_speaks_costs_no_more_than_packed() -> None:
     for codec in ("packed", "dense"):
         voyage = Voyage(2, codec, channel="none")
         for number in range(300):
-            voyage.water.at(10 * number, partial(voyage.publish_nav, 1))
-        voyage.water.run(until_s=3100)
-        sizes[codec] = voyage.water.engine(1).stats.bytes_transmitted
+            voyage.medium.at(10 * number, partial(voyage.publish_nav, 1))
+        voyage.medium.run(until_s=3100)
+        sizes[codec] = voyage.medium.engine(1).stats.bytes_transmitted
         assert voyage.wrong == []
         assert voyage.received() == 300
-        assert voyage.water.engine(2).stats.frames_transmitted <= 3
+        assert voyage.medium.engine(2).stats.frames_transmitted <= 3
     assert sizes["dense"] <= 1.01 * sizes["packed"], sizes
 
 
@@ -194,11 +194,11 @@ def test_age_is_part_of_a_dense_string() -> None:
             ages.append(event.age_s)
         take(address, event)
 
-    voyage.water._deliver = look
+    voyage.medium._deliver = look
     for number in range(20):
-        voyage.water.at(10 * number, partial(voyage.publish_nav, 1))
-        voyage.water.at(10 * number, partial(voyage.publish_nav, 1))
-    voyage.water.run(until_s=300)
+        voyage.medium.at(10 * number, partial(voyage.publish_nav, 1))
+        voyage.medium.at(10 * number, partial(voyage.publish_nav, 1))
+    voyage.medium.run(until_s=300)
     assert len(ages) > 30
     assert all(age is not None and 0 <= age < 10 for age in ages)
     assert len(set(ages)) > 1
@@ -224,14 +224,14 @@ def test_an_attitude_comes_back_within_half_a_step() -> None:
             value = sent[event.value["ticket"]]
             errors.append(max(abs(value[each.name] - event.value[each.name]) for each in parts))
 
-    water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, deliver=look, digest=False)
+    medium = VirtualNetwork(line(0.0, 500.0, channel="none"), table, deliver=look, digest=False)
     for number in range(100):
         angles = [rng.uniform(-0.3, 0.3) for _ in range(3)]
         norm = (1 + sum(angle * angle for angle in angles)) ** 0.5
         value = {f"q{part}": angle / norm for part, angle in zip("xyz", angles, strict=True)}
         sent.append({"ticket": number, **value, "qw": 1 / norm})
-        water.at(10 * number, partial(water.publish, 1, 10, sent[-1]))
-    water.run(until_s=1100)
+        medium.at(10 * number, partial(medium.publish, 1, 10, sent[-1]))
+    medium.run(until_s=1100)
     assert len(errors) > 90
     assert max(errors) <= step / 2 + 1e-9
 
@@ -259,14 +259,14 @@ def test_texts_without_a_type_cross_packed_and_in_dense_strings() -> None:
                 arrived[event.stream_id].append(event.value)
                 assert (event.age_s is not None) == (event.stream_id == 12)
 
-        water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, deliver=look, digest=False)
+        medium = VirtualNetwork(line(0.0, 500.0, channel="none"), table, deliver=look, digest=False)
         for number, text in enumerate(lines):
-            water.at(20 * number, partial(water.publish, 1, 10, text))
-            water.at(20 * number + 5, partial(water.publish, 2, 11, b""))
-            water.at(20 * number + 10, partial(water.publish, 1, 12, text))
-        water.run(until_s=20 * len(lines) + 20)
+            medium.at(20 * number, partial(medium.publish, 1, 10, text))
+            medium.at(20 * number + 5, partial(medium.publish, 2, 11, b""))
+            medium.at(20 * number + 10, partial(medium.publish, 1, 12, text))
+        medium.run(until_s=20 * len(lines) + 20)
         assert arrived[10] == arrived[12] == lines
-        sizes[codec] = water.engine(1).stats.bytes_transmitted
+        sizes[codec] = medium.engine(1).stats.bytes_transmitted
     assert sizes["packed"] < 0.65 * sizes["cbor"], sizes
     assert sizes["dense"] < 0.9 * sizes["packed"], sizes
 
@@ -288,21 +288,21 @@ def tell(seed: int) -> Voyage:
             "corrupt": rng.choice((0, 0, 0.1)),
         },
     )
-    water = voyage.water
+    medium = voyage.medium
     for address in range(1, nodes + 1):
         at_s = rng.uniform(0, 10)
         period_s = rng.choice((4.0, 10.0, 30.0))
         while at_s < 900:
-            water.at(at_s, partial(voyage.publish_nav, address))
+            medium.at(at_s, partial(voyage.publish_nav, address))
             if rng.random() < 0.3:
-                water.at(at_s, partial(voyage.publish_status, address))
+                medium.at(at_s, partial(voyage.publish_status, address))
             if rng.random() < 0.1:
-                water.at(at_s, partial(water.publish, address, 12, b"text"))
+                medium.at(at_s, partial(medium.publish, address, 12, b"text"))
             at_s += period_s * rng.uniform(0.9, 1.1)
     if rng.random() < 0.3:
         voyage.restarts = True
-        water.at(rng.uniform(100, 800), partial(water.restart, rng.randint(1, nodes)))
-    water.run(until_s=1500)
+        medium.at(rng.uniform(100, 800), partial(medium.restart, rng.randint(1, nodes)))
+    medium.run(until_s=1500)
     return voyage
 
 
@@ -314,7 +314,7 @@ def test_whatever_goes_wrong_nothing_is_decoded_wrongly(
         voyage = tell(4 * number + part)
         assert voyage.wrong == [], voyage.seed
         assert voyage.received() > 0, voyage.seed
-        if not voyage.restarts and not voyage.water.scenario.faults.corrupt:
+        if not voyage.restarts and not voyage.medium.scenario.faults.corrupt:
             # What is received can be decoded, whatever else was lost, repeated or late.
             assert voyage.dropped("dense") == 0, voyage.seed
 
@@ -336,15 +336,15 @@ def test_a_stamp_in_nanoseconds_costs_what_its_jitter_does(
         nodes={1: "auv", 2: "shore"},
     )  # fmt: skip
     rng, stamp, published = random.Random(4), 1_700_000_000_000_000_000, []
-    water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, digest=False)
+    medium = VirtualNetwork(line(0.0, 500.0, channel="none"), table, digest=False)
     for number in range(120):
         stamp += 10_000_000_000 + round(rng.gauss(0, jitter_ns))
         published.append(stamp)
-        water.at(10 * number, partial(water.publish, 1, 10, {"stamp": stamp}))
-        water.at(10 * number + 5, partial(water.publish, 2, 12, b""))
-    water.run(until_s=395)
-    before_bytes = water.engine(1).stats.bytes_transmitted
-    water.run(until_s=1300)
-    assert [each.value["stamp"] for each in water.samples(2, 10)] == published
+        medium.at(10 * number, partial(medium.publish, 1, 10, {"stamp": stamp}))
+        medium.at(10 * number + 5, partial(medium.publish, 2, 12, b""))
+    medium.run(until_s=395)
+    before_bytes = medium.engine(1).stats.bytes_transmitted
+    medium.run(until_s=1300)
+    assert [each.value["stamp"] for each in medium.samples(2, 10)] == published
     # With the acknowledgements of the words, and all else that a frame has.
-    assert (water.engine(1).stats.bytes_transmitted - before_bytes) / 80 <= most_bytes
+    assert (medium.engine(1).stats.bytes_transmitted - before_bytes) / 80 <= most_bytes

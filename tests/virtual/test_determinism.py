@@ -24,7 +24,7 @@ def five_nodes(
         [TopicSpec(stream_id=10, name="{node}/report")],
         nodes={address: f"n{address}" for address in range(1, 6)},
     )
-    water = VirtualNetwork(
+    medium = VirtualNetwork(
         line(0, 400, 800, 1200, 1600, seed=seed, **settings),
         table,
         trace=trace,
@@ -32,12 +32,12 @@ def five_nodes(
     )
 
     def publish(address: int) -> None:
-        water.publish(address, 10, rng.randbytes(30))
+        medium.publish(address, 10, rng.randbytes(30))
 
     for address in range(1, 6):
-        water.every(10, partial(publish, address), first_s=2.0 * address)
-    water.run(until_s=hours * 3600)
-    return water
+        medium.every(10, partial(publish, address), first_s=2.0 * address)
+    medium.run(until_s=hours * 3600)
+    return medium
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -48,7 +48,7 @@ def test_same_seed_gives_the_same_trace_and_another_seed_another(seed: int) -> N
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_stories_full_of_faults_are_repeatable(seed: int) -> None:
+def test_scenarios_full_of_faults_are_repeatable(seed: int) -> None:
     def told() -> tuple[str, int]:
         trial = Trial(seed, nodes=4, modem=Modem(checked=False), repeat=0.4, corrupt=0.2)
         trial.run()
@@ -71,11 +71,11 @@ def test_trace_holds_what_the_digest_is_made_of() -> None:
 
 def test_five_nodes_deliver_most_of_their_reports() -> None:
     hours = 1.0
-    water = five_nodes(1, hours, channel="none")
-    received = sum(water.engine(address).stats.received.get(10, 0) for address in range(1, 6))
+    medium = five_nodes(1, hours, channel="none")
+    received = sum(medium.engine(address).stats.received.get(10, 0) for address in range(1, 6))
     published = 5 * 360 * hours
     # Each report is for four others; the channel is busy for a third of the time.
     assert received > 0.5 * 4 * published
     for address in range(1, 6):
-        stats = water.engine(address).stats
+        stats = medium.engine(address).stats
         assert sum(entry.transmitted_bytes for entry in stats.ledger()) == stats.bytes_transmitted

@@ -32,10 +32,10 @@ def block(number: int, share: int) -> range:
 
 def tell(trial: Trial, seed: int, settings: object) -> None:
     trial.run()
-    story = f"seed {seed}, {settings}"
-    assert not trial.wrong, f"{story}: {trial.wrong[0]}"
-    assert not trial.missing(), f"{story}: {trial.missing()}"
-    assert trial.delivered, story
+    drawn = f"seed {seed}, {settings}"
+    assert not trial.wrong, f"{drawn}: {trial.wrong[0]}"
+    assert not trial.missing(), f"{drawn}: {trial.missing()}"
+    assert trial.delivered, drawn
 
 
 @pytest.mark.parametrize("number", BLOCKS)

@@ -122,10 +122,10 @@ def writing(commit_s: float, **settings: Any) -> tuple[VirtualNetwork, list[Writ
         return engine
 
     faults = {"journal": {"commit_s": commit_s, **settings}}
-    water = VirtualNetwork(
+    medium = VirtualNetwork(
         line(0, 300, channel="none", faults=faults), {1: TABLE, 2: TABLE}, build=build
     )
-    return water, engines
+    return medium, engines
 
 
 def add(engine: Engine, now: int, write: JournalWrite) -> None:
@@ -134,106 +134,106 @@ def add(engine: Engine, now: int, write: JournalWrite) -> None:
 
 
 def test_what_was_committed_is_given_to_the_next_life_and_nothing_else() -> None:
-    water, engines = writing(1.0)
-    water.run(until_s=5)
-    water.apply(1, partial(add, write=write("a", b"1", 91)))
-    water.run(until_s=5.5)
-    water.apply(1, partial(add, write=write("b", b"1", 92)))
-    water.run(until_s=6.5)
+    medium, engines = writing(1.0)
+    medium.run(until_s=5)
+    medium.apply(1, partial(add, write=write("a", b"1", 91)))
+    medium.run(until_s=5.5)
+    medium.apply(1, partial(add, write=write("b", b"1", 92)))
+    medium.run(until_s=6.5)
     assert engines[0].told[-1] == 91
-    assert water.journal(1).entries.keys() == {EPOCH_KEY, LIFE_KEY, "a"}
-    water.crash(1)
-    water.run(until_s=20)
-    water.start(1)
+    assert medium.journal(1).entries.keys() == {EPOCH_KEY, LIFE_KEY, "a"}
+    medium.crash(1)
+    medium.run(until_s=20)
+    medium.start(1)
     lives = {EPOCH_KEY: b"\x00\x02", LIFE_KEY: b"\x00\x00\x00\x00\x00\x00\x00\x02"}
     assert dict(engines[-1].stored) == {**lives, "a": b"1"}
     assert engines[-1].epoch == 2
-    assert water.life(1) == 2
+    assert medium.life(1) == 2
 
 
 def test_writes_during_a_commit_are_the_next_commit() -> None:
-    water, engines = writing(1.0)
-    water.run(until_s=5)
+    medium, engines = writing(1.0)
+    medium.run(until_s=5)
     for number in range(4):
         one = partial(add, write=write(f"{number}", b"1", 90 + number))
-        water.at(5 + 0.3 * number, partial(water.apply, 1, one))
-    water.run(until_s=6.1)
+        medium.at(5 + 0.3 * number, partial(medium.apply, 1, one))
+    medium.run(until_s=6.1)
     assert engines[0].told[-1:] == [90]
-    water.run(until_s=7.1)
+    medium.run(until_s=7.1)
     assert engines[0].told[-4:] == [90, 91, 92, 93]
 
 
 def test_a_full_disk_is_told_and_the_commit_comes_later() -> None:
-    water, engines = writing(0.1, fails=[{"node": 1, "from_s": 10, "to_s": 30}])
-    water.run(until_s=15)
-    water.apply(1, partial(add, write=write("a", b"1", 91)))
-    water.run(until_s=29)
+    medium, engines = writing(0.1, fails=[{"node": 1, "from_s": 10, "to_s": 30}])
+    medium.run(until_s=15)
+    medium.apply(1, partial(add, write=write("a", b"1", 91)))
+    medium.run(until_s=29)
     assert engines[0].failures == ["no space left on the device"]
     assert 91 not in engines[0].told
-    water.run(until_s=40)
+    medium.run(until_s=40)
     assert engines[0].failures == ["no space left on the device", ""]
     assert engines[0].told[-1] == 91
     assert engines[1].failures == []
 
 
 def test_nothing_is_sent_before_the_epoch_is_committed() -> None:
-    water = VirtualNetwork(
+    medium = VirtualNetwork(
         line(0, 300, channel="none", faults={"journal": {"commit_s": 20}}), TABLE, trace=None
     )
-    water.publish(1, 1, b"x")
-    water.run(until_s=19)
-    assert water.engine(1).stats.frames_transmitted == 0
-    water.crash(1)
-    water.start(1)
-    assert water.engine(1).epoch == 2
-    water.publish(1, 1, b"x")
-    water.run(until_s=60)
-    assert water.engine(1).stats.frames_transmitted > 0
-    assert [event.value for event in water.samples(2)] == [b"x"]
+    medium.publish(1, 1, b"x")
+    medium.run(until_s=19)
+    assert medium.engine(1).stats.frames_transmitted == 0
+    medium.crash(1)
+    medium.start(1)
+    assert medium.engine(1).epoch == 2
+    medium.publish(1, 1, b"x")
+    medium.run(until_s=60)
+    assert medium.engine(1).stats.frames_transmitted > 0
+    assert [event.value for event in medium.samples(2)] == [b"x"]
 
 
 # Crashes
 
 
 def test_a_crashed_node_does_nothing_until_it_is_started() -> None:
-    water = network(faults={"crashes": [{"node": 2, "at_s": [50], "restart_after_s": 100}]})
+    medium = network(faults={"crashes": [{"node": 2, "at_s": [50], "restart_after_s": 100}]})
     for second in range(0, 300, 10):
-        water.at(second, partial(water.publish, 1, 1, b"%d" % second))
-    water.run(until_s=100)
-    assert not water.is_running(2)
+        medium.at(second, partial(medium.publish, 1, 1, b"%d" % second))
+    medium.run(until_s=100)
+    assert not medium.is_running(2)
     with pytest.raises(NodeDownError, match="node 2 is down"):
-        water.publish(2, 1, b"x")
+        medium.publish(2, 1, b"x")
     with pytest.raises(NodeDownError):
-        water.engine(2)
-    water.run(until_s=400)
-    got = [int(event.value) for event in water.samples(2)]
+        medium.engine(2)
+    medium.run(until_s=400)
+    got = [int(event.value) for event in medium.samples(2)]
     assert [second for second in got if second < 50 or second >= 150] == got
     assert got[-1] == 290
-    assert water.losses["node_down"] >= 9
-    assert sum(stats.frames_received for stats in water.stats()) > 30
-    assert len(list(water.stats())) == 4
+    assert medium.losses["node_down"] >= 9
+    assert sum(stats.frames_received for stats in medium.stats()) > 30
+    assert len(list(medium.stats())) == 4
 
 
 def test_crashes_at_a_rate_go_on_until_their_end() -> None:
     crash = {"node": 3, "every_s": 100, "restart_after_s": 5, "to_s": 10_000, "reboots": True}
     lives: list[tuple[int, bool]] = []
     scenario = line(0, 300, 600, channel="none", faults={"crashes": [crash]})
-    water = VirtualNetwork(
+    medium = VirtualNetwork(
         scenario, TABLE, lives=lambda address, is_alive: lives.append((address, is_alive))
     )
-    water.run(until_s=30_000)
-    assert 70 < water.life(3) < 120
-    assert lives == [(3, False), (3, True)] * (water.life(3) - 1)
-    assert water.is_quiet
+    medium.run(until_s=30_000)
+    assert 70 < medium.life(3) < 120
+    assert lives == [(3, False), (3, True)] * (medium.life(3) - 1)
+    assert medium.is_quiet
 
 
 def test_the_modem_ends_what_a_crashed_node_has_begun() -> None:
-    water = network()
-    water.publish(1, 1, b"x" * 40)
-    water.run(until_s=0.1)
-    water.restart(1)
-    water.run(until_s=30)
-    assert [event.value for event in water.samples(2)] == [b"x" * 40]
+    medium = network()
+    medium.publish(1, 1, b"x" * 40)
+    medium.run(until_s=0.1)
+    medium.restart(1)
+    medium.run(until_s=30)
+    assert [event.value for event in medium.samples(2)] == [b"x" * 40]
 
 
 # Clocks
@@ -264,18 +264,18 @@ def test_engines_live_by_their_own_clocks_and_the_trace_by_that_of_the_network()
     clocks = [{"node": 1, "drift_ppm": 10_000}]
     crashes = [{"node": 2, "at_s": [100], "reboots": True}]
     records: list[TraceRecord] = []
-    water = VirtualNetwork(
+    medium = VirtualNetwork(
         line(0, 300, channel="none", faults={"clocks": clocks, "crashes": crashes}),
         TABLE,
         trace=records.append,
     )
-    water.every(20, partial(water.publish, 1, 1, b"x"), first_s=10)
-    water.run(until_s=500)
-    assert len(water.samples(2)) >= 22
-    assert water.local_ns(1) == 505 * NS_PER_S
-    assert water.local_ns(2) == 401 * NS_PER_S
+    medium.every(20, partial(medium.publish, 1, 1, b"x"), first_s=10)
+    medium.run(until_s=500)
+    assert len(medium.samples(2)) >= 22
+    assert medium.local_ns(1) == 505 * NS_PER_S
+    assert medium.local_ns(2) == 401 * NS_PER_S
     assert [record.at for record in records] == sorted(record.at for record in records)
-    assert water.samples(2)[-1].received_at < 401 * NS_PER_S
+    assert medium.samples(2)[-1].received_at < 401 * NS_PER_S
 
 
 def test_an_engine_hears_of_the_wall_clock_if_its_node_knows_how_wrong_it_is() -> None:
@@ -289,8 +289,8 @@ def test_an_engine_hears_of_the_wall_clock_if_its_node_knows_how_wrong_it_is() -
     spec = {"node": 1, "error_s": 0.5, "offset_s": 3, "jumps": [{"at_s": 40, "by_s": 1e8}]}
     ignorant = {"node": 2, "offset_s": 7}
     scenario = line(0, 300, channel="none", faults={"clocks": [spec, ignorant]})
-    water = VirtualNetwork(scenario, TABLE, build=Listening)
-    water.run(until_s=100)
+    medium = VirtualNetwork(scenario, TABLE, build=Listening)
+    medium.run(until_s=100)
     assert len(told) == 2
     assert told[1][0] - told[0][0] == 10**8 * NS_PER_S
     assert {error for _, error in told} == {NS_PER_S // 2}
@@ -302,25 +302,25 @@ def test_an_engine_hears_of_the_wall_clock_if_its_node_knows_how_wrong_it_is() -
 def test_an_unplugged_modem_hears_nothing_and_comes_back() -> None:
     states: list[tuple[int, LinkState]] = []
     faults = {"unplugged": [{"node": 2, "from_s": 50, "to_s": 150}]}
-    water = network(faults=faults)
+    medium = network(faults=faults)
     for second in range(0, 300, 10):
-        water.at(second, partial(water.publish, 1, 1, b"%d" % second))
-    water.at(100, lambda: states.append((2, water.engine(2).link_state)))
-    water.run(until_s=400)
-    states.append((2, water.engine(2).link_state))
+        medium.at(second, partial(medium.publish, 1, 1, b"%d" % second))
+    medium.at(100, lambda: states.append((2, medium.engine(2).link_state)))
+    medium.run(until_s=400)
+    states.append((2, medium.engine(2).link_state))
     assert states == [(2, LinkState.DOWN), (2, LinkState.UP)]
-    got = [int(event.value) for event in water.samples(2)]
+    got = [int(event.value) for event in medium.samples(2)]
     assert got == [second for second in range(0, 300, 10) if not 50 <= second < 150]
-    assert water.losses == {"unplugged": 10}
+    assert medium.losses == {"unplugged": 10}
 
 
 def test_a_blackout_of_a_pair_leaves_the_third_alone() -> None:
-    water = network(faults={"blackouts": [{"pair": [1, 2], "from_s": 0, "to_s": 1000}]})
+    medium = network(faults={"blackouts": [{"pair": [1, 2], "from_s": 0, "to_s": 1000}]})
     for second in range(0, 300, 10):
-        water.at(second, partial(water.publish, 1, 1, b"%d" % second))
-    water.run(until_s=400)
-    assert water.samples(2) == []
-    assert len(water.samples(3)) == 30
+        medium.at(second, partial(medium.publish, 1, 1, b"%d" % second))
+    medium.run(until_s=400)
+    assert medium.samples(2) == []
+    assert len(medium.samples(3)) == 30
 
 
 # Time

@@ -49,7 +49,7 @@ def test_killed_at_any_instant_of_a_hand_over(count: Callable[[int], int], untol
     for seed in range(count(1500)):
         rng = random.Random(seed)
         journal = {"commit_s": rng.choice((0.02, 0.5)), "untold": untold}
-        water = VirtualNetwork(
+        medium = VirtualNetwork(
             line(
                 0, 300, seed=seed, channel="none", loss={"frame": 0.2}, faults={"journal": journal}
             ),
@@ -58,16 +58,16 @@ def test_killed_at_any_instant_of_a_hand_over(count: Callable[[int], int], untol
         published: dict[int, bytes] = {}
         for number in range(12):
             value = f"sample {number}".encode()
-            delivery_id = water.publish(1, LOG, value)
+            delivery_id = medium.publish(1, LOG, value)
             assert delivery_id not in published, f"seed {seed}: an id comes again"
             published[delivery_id] = value
-            water.run(until_s=water.now / 1e9 + rng.choice((0.01, 0.3, 2, 20)) * rng.random())
+            medium.run(until_s=medium.now / 1e9 + rng.choice((0.01, 0.3, 2, 20)) * rng.random())
             if rng.random() < 0.6:
-                water.restart(rng.choice((1, 2)))
-        water.run(until_s=water.now / 1e9 + 3600)
+                medium.restart(rng.choice((1, 2)))
+        medium.run(until_s=medium.now / 1e9 + 3600)
         ended: set[int] = set()
         first: set[bytes] = set()
-        for node, event in water.events:
+        for node, event in medium.events:
             match event:
                 case SampleReceived():
                     assert event.again or event.value not in first, f"seed {seed}: twice"
@@ -80,7 +80,7 @@ def test_killed_at_any_instant_of_a_hand_over(count: Callable[[int], int], untol
                     if event.outcome is DeliveryOutcome.DELIVERED:
                         value = published[event.delivery_id]
                         assert value in first, f"seed {seed}: {value!r} was lost"
-        assert water.engine(1).delivering(LOG) == 0
+        assert medium.engine(1).delivering(LOG) == 0
     assert marked
 
 
@@ -92,7 +92,7 @@ def test_killed_at_any_instant_of_the_hand_over_of_a_large_sample(
     for seed in range(count(600)):
         rng = random.Random(seed)
         journal = {"commit_s": rng.choice((0.02, 0.5, 3.0)), "untold": untold}
-        water = VirtualNetwork(
+        medium = VirtualNetwork(
             line(
                 0, 300, seed=seed, channel="none", loss={"frame": 0.1}, faults={"journal": journal}
             ),
@@ -102,16 +102,16 @@ def test_killed_at_any_instant_of_the_hand_over_of_a_large_sample(
         wanted: list[bytes] = []
         for number in range(6):
             value = f"photo {number} ".encode().ljust(rng.randint(80, 600), b".")
-            water.publish(1, PHOTO, value)
+            medium.publish(1, PHOTO, value)
             wanted.append(value)
-            begun_at = water.now
-            water.run(until_s=begun_at / 1e9 + 4 + rng.random())
-            while rng.random() < 0.9 and water.now < begun_at + 60e9:
-                water.run(until_s=water.now / 1e9 + rng.choice((0.3, 1, 3)) * rng.random())
-                if water.engine(2).stats.received.get(PHOTO, 0) or rng.random() < 0.5:
-                    water.restart(2)
-        water.run(until_s=water.now / 1e9 + 3600)
-        for node, event in water.events:
+            begun_at = medium.now
+            medium.run(until_s=begun_at / 1e9 + 4 + rng.random())
+            while rng.random() < 0.9 and medium.now < begun_at + 60e9:
+                medium.run(until_s=medium.now / 1e9 + rng.choice((0.3, 1, 3)) * rng.random())
+                if medium.engine(2).stats.received.get(PHOTO, 0) or rng.random() < 0.5:
+                    medium.restart(2)
+        medium.run(until_s=medium.now / 1e9 + 3600)
+        for node, event in medium.events:
             match event:
                 case SampleReceived():
                     assert event.again or event.value not in handed_on, f"seed {seed}: twice"
@@ -122,7 +122,7 @@ def test_killed_at_any_instant_of_the_hand_over_of_a_large_sample(
                     assert event.outcome is DeliveryOutcome.DELIVERED, f"seed {seed}: {event}"
         lost = set(wanted) - set(handed_on)
         assert not lost, f"seed {seed}: {len(lost)} photos were lost"
-        assert water.engine(1).delivering(PHOTO) == 0
-        kept = [key for key in water.journal(2).entries if key.startswith("object/in/")]
+        assert medium.engine(1).delivering(PHOTO) == 0
+        kept = [key for key in medium.journal(2).entries if key.startswith("object/in/")]
         assert not kept
     assert marked

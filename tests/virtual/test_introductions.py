@@ -30,26 +30,26 @@ def test_hardly_anything_is_lost_between_who_reports_and_who_answers_reports() -
 
 def _lost_reports(period_s: float) -> int:
     # 1000 m: a report of 20 bytes is heard 1.04 s after its beginning, whenever the next one comes.
-    water = VirtualNetwork(line(0, 1000, channel="none"), fleet())
+    medium = VirtualNetwork(line(0, 1000, channel="none"), fleet())
     for number in range(REPORTS):
         report = b"report %02d, 20 bytes." % number
-        water.at(number * period_s, partial(water.publish, 2, 1, report))
+        medium.at(number * period_s, partial(medium.publish, 2, 1, report))
     # The first command is too early to confirm what the first report has introduced.
     for number in range(1, REPORTS, 2):
-        water.at(number * period_s + 1.2, partial(water.publish, 1, 2, b"go"))
-    water.run(until_s=60 + REPORTS * period_s)
-    assert len(water.samples(2, 2)) == REPORTS // 2
-    return REPORTS - len(water.samples(1, 1))
+        medium.at(number * period_s + 1.2, partial(medium.publish, 1, 2, b"go"))
+    medium.run(until_s=60 + REPORTS * period_s)
+    assert len(medium.samples(2, 2)) == REPORTS // 2
+    return REPORTS - len(medium.samples(1, 1))
 
 
 def test_nodes_that_can_never_be_sure_confirm_each_other_ever_less_often() -> None:
     # Without a list nobody knows who hears a broadcast, so each begins with HELLO or TAG for ever.
     table = StreamTable([TopicSpec(stream_id=1, name="report")])
-    water = VirtualNetwork(line(0, 500, channel="none"), table)
+    medium = VirtualNetwork(line(0, 500, channel="none"), table)
     reports = 360
     for number in range(reports):
-        water.at(10 * number, partial(water.publish, 1, 1, b"x"))
-        water.at(10 * number + 5, partial(water.publish, 2, 1, b"y"))
-    water.run(until_s=10 * reports + 100)
-    for stats in water.stats():
+        medium.at(10 * number, partial(medium.publish, 1, 1, b"x"))
+        medium.at(10 * number + 5, partial(medium.publish, 2, 1, b"y"))
+    medium.run(until_s=10 * reports + 100)
+    for stats in medium.stats():
         assert stats.frames_transmitted <= reports + 20

@@ -1,4 +1,4 @@
-"""Listen windows on the water: an emergency reaches a node that talks without end, or leaves it."""
+"""Listen windows on the channel: an emergency reaches a node that never stops, or leaves it."""
 
 import random
 from collections.abc import Callable
@@ -74,7 +74,7 @@ class Sea:
             nodes={1: "a", 2: "b"},
         )
         self.sent: list[tuple[float, TraceRecord]] = []
-        self.water = VirtualNetwork(
+        self.medium = VirtualNetwork(
             scenario,
             table,
             modem=Modem(senses_carrier=isinstance(access, CarrierSenseSpec)),
@@ -82,17 +82,17 @@ class Sea:
             trace=self._trace,
         )
         for at_s, node in ((0, 1), (10, 2), (20, 1), (30, 2)):  # they know each other
-            self.water.at(at_s, partial(self.water.publish, node, TALK, b""))
-        self.water.at(60, self._send_photo if photo else self._talk)
-        self.water.run(until_s=60)
+            self.medium.at(at_s, partial(self.medium.publish, node, TALK, b""))
+        self.medium.at(60, self._send_photo if photo else self._talk)
+        self.medium.run(until_s=60)
 
     def _talk(self) -> None:
-        rng = random.Random(self.water.scenario.seed)
+        rng = random.Random(self.medium.scenario.seed)
         for _ in range(1000):
-            self.water.publish(1, TALK, rng.randbytes(rng.randint(8, 40)))
+            self.medium.publish(1, TALK, rng.randbytes(rng.randint(8, 40)))
 
     def _send_photo(self) -> None:
-        self.water.publish(1, PHOTO, random.Random(1).randbytes(20_000))
+        self.medium.publish(1, PHOTO, random.Random(1).randbytes(20_000))
 
     def _trace(self, record: TraceRecord) -> None:
         if record.what == "transmit":
@@ -107,9 +107,9 @@ def test_emergency_reaches_a_node_that_talks(
     for seed in range(count(1000)):
         sea = Sea(distance_m, seed, access)
         at_s = 75 + random.Random(seed).uniform(0, 60)
-        sea.water.at(at_s, partial(sea.water.publish, 2, EMERGENCY, bytes(8)))
-        sea.water.run(until_s=at_s + 10)
-        heard = [event.received_at / NS_PER_S for event in sea.water.samples(1, EMERGENCY)]
+        sea.medium.at(at_s, partial(sea.medium.publish, 2, EMERGENCY, bytes(8)))
+        sea.medium.run(until_s=at_s + 10)
+        heard = [event.received_at / NS_PER_S for event in sea.medium.samples(1, EMERGENCY)]
         assert heard, seed
         # The next window, the way, a short frame.
         assert heard[0] - at_s <= 4.6 + distance_m / 1500 + 0.4, seed
@@ -127,10 +127,10 @@ def test_what_presses_is_understood_in_the_next_pause_though_frames_are_lost(
         sea = Sea(1500.0, seed, CarrierSenseSpec(), loss=loss, photo=True)
         at_s = 75 + random.Random(seed).uniform(0, 60)
         for early_s in (62, 68):  # the count is known
-            sea.water.at(early_s, partial(sea.water.publish, 2, stream_id, b"before"))
-        sea.water.at(at_s, partial(sea.water.publish, 2, stream_id, b"now"))
-        sea.water.run(until_s=at_s + 60)
-        heard = [each for each in sea.water.samples(1, stream_id) if each.value == b"now"]
+            sea.medium.at(early_s, partial(sea.medium.publish, 2, stream_id, b"before"))
+        sea.medium.at(at_s, partial(sea.medium.publish, 2, stream_id, b"now"))
+        sea.medium.run(until_s=at_s + 60)
+        heard = [each for each in sea.medium.samples(1, stream_id) if each.value == b"now"]
         assert len(heard) == 1, seed
         # The next window, the way, four short frames.
         in_time += heard[0].received_at / NS_PER_S - at_s <= 4.6 + 1.0 + 4 * 0.35
@@ -144,9 +144,9 @@ def test_what_two_press_at_once_is_understood_of_both(
 ) -> None:
     """Both aim at the pauses of node 1, which talks, or sends a photo that node 3 overhears."""
     for seed in range(count(400)):
-        water, at_s = _two_beside_one(seed, priority, addressed=addressed)
-        water.run(until_s=at_s + 100)
-        heard = {each.source for each in water.samples(1, STOP) if each.value == b"now"}
+        medium, at_s = _two_beside_one(seed, priority, addressed=addressed)
+        medium.run(until_s=at_s + 100)
+        heard = {each.source for each in medium.samples(1, STOP) if each.value == b"now"}
         assert heard == {2, 3}, seed
 
 
@@ -169,22 +169,22 @@ def _two_beside_one(
         ],
         nodes={1: "a", 2: "b", 3: "c"},
     )
-    water = VirtualNetwork(
+    medium = VirtualNetwork(
         scenario_from_mapping({"nodes": nodes, "seed": seed, "channel": "none"}, source="test"),
         table,
         modem=Modem(addressed=addressed),
         rules=TransmitRules(access=CarrierSenseSpec()),
     )
     for at_s, node in ((0, 1), (10, 2), (20, 3)):  # they know each other
-        water.at(at_s, partial(water.publish, node, TALK, b""))
+        medium.at(at_s, partial(medium.publish, node, TALK, b""))
     for _ in range(1000 if addressed else 0):
-        water.at(60, partial(water.publish, 1, TALK, rng.randbytes(rng.randint(8, 40))))
+        medium.at(60, partial(medium.publish, 1, TALK, rng.randbytes(rng.randint(8, 40))))
     if not addressed:
-        water.at(60, partial(water.publish, 1, PHOTO, random.Random(1).randbytes(20_000)))
+        medium.at(60, partial(medium.publish, 1, PHOTO, random.Random(1).randbytes(20_000)))
     now_s = 75 + rng.uniform(0, 60)
     for node in (2, 3):
-        water.at(now_s + rng.uniform(0, 0.5), partial(water.publish, node, STOP, b"now"))
-    return water, now_s
+        medium.at(now_s + rng.uniform(0, 0.5), partial(medium.publish, node, STOP, b"now"))
+    return medium, now_s
 
 
 @pytest.mark.parametrize("access", [AlohaSpec(), CarrierSenseSpec()])
@@ -194,8 +194,8 @@ def test_own_emergency_is_on_the_air_after_one_frame(
     for seed in range(count(2000)):
         sea = Sea(1500.0, seed, access)
         at_s = 65 + random.Random(seed).uniform(0, 60)
-        sea.water.at(at_s, partial(sea.water.publish, 1, EMERGENCY, bytes(12)))
-        sea.water.run(until_s=at_s + 5)
+        sea.medium.at(at_s, partial(sea.medium.publish, 1, EMERGENCY, bytes(12)))
+        sea.medium.run(until_s=at_s + 5)
         on_air = min(at for at, each in sea.sent if EMERGENCY in each.streams)
         assert on_air - at_s <= FRAME_S + 0.1, seed
 
@@ -204,7 +204,7 @@ def test_no_node_transmits_for_more_than_four_seconds(count: Callable[[int], int
     profile = profile_named(DEFAULT_PROFILE)
     for seed in range(count(300)):
         sea = Sea(1000.0, seed)
-        sea.water.run(until_s=400)
+        sea.medium.run(until_s=400)
         own = [(at, at + profile.airtime_s(each.size_bytes)) for at, each in sea.sent
                if each.node == 1]  # fmt: skip
         begun, last = own[0]

@@ -49,10 +49,10 @@ def reachable(engine: Engine) -> int:
 
 
 def test_flood_of_samples_is_bounded_by_the_depth() -> None:
-    water = network()
-    engine = water.engine(1)
+    medium = network()
+    engine = medium.engine(1)
     for number in range(20_000):
-        water.publish(1, 1 + number % 2, b"%05d" % number)
+        medium.publish(1, 1 + number % 2, b"%05d" % number)
         if number == 100:
             before = reachable(engine)
     assert engine.pending(1) == engine.pending(2) == DEPTH
@@ -62,19 +62,19 @@ def test_flood_of_samples_is_bounded_by_the_depth() -> None:
 
 
 def test_flood_while_the_link_is_down_is_bounded_too() -> None:
-    water = network()
-    water.set_link(1, up=False)
+    medium = network()
+    medium.set_link(1, up=False)
     for number in range(5_000):
-        water.publish(1, 1, b"%05d" % number)
-    assert water.engine(1).pending(1) == DEPTH
-    water.set_link(1, up=True)
-    water.run(until_s=100)
-    assert water.engine(2).stats.received == {1: DEPTH}
+        medium.publish(1, 1, b"%05d" % number)
+    assert medium.engine(1).pending(1) == DEPTH
+    medium.set_link(1, up=True)
+    medium.run(until_s=100)
+    assert medium.engine(2).stats.received == {1: DEPTH}
 
 
 def test_strange_sources_with_ever_new_epochs_cost_bounded_memory() -> None:
-    water = network()
-    engine = water.engine(1)
+    medium = network()
+    engine = medium.engine(1)
     rng = random.Random(1)
     sizes: list[int] = []
 
@@ -87,24 +87,24 @@ def test_strange_sources_with_ever_new_epochs_cost_bounded_memory() -> None:
         record = rng.choice((call, b"\x01x", bytes((rng.randrange(1, 176), 0))))
         frame = ReceivedFrame(
             frame_bytes=rng.choice((hello, tag, b"")) + record,
-            received_at=water.now,
+            received_at=medium.now,
             source=source,
         )
-        water.apply(1, lambda engine, now: engine.handle_frame(frame, now))
+        medium.apply(1, lambda engine, now: engine.handle_frame(frame, now))
         if number % 2500 == 2499:
             sizes.append(reachable(engine))
 
     for number in range(10_000):
-        water.at(number * 0.5, partial(hear, number))
-    water.run(until_s=6000)
+        medium.at(number * 0.5, partial(hear, number))
+    medium.run(until_s=6000)
     # 253 sources with their rows and questions, and what each has asked for.
     assert max(sizes) < 120_000, sizes
     assert sizes[-1] < 1.5 * sizes[1] + 1000, sizes
 
 
 def test_calls_that_nobody_answers_cost_bounded_memory_at_the_server() -> None:
-    water = network()
-    engine = water.engine(1)
+    medium = network()
+    engine = medium.engine(1)
     for life in range(300):
         for number in range(64):
             frame = ReceivedFrame(
@@ -112,9 +112,9 @@ def test_calls_that_nobody_answers_cost_bounded_memory_at_the_server() -> None:
                 + b"\x14"
                 + bytes((number,))
                 + b"?",
-                received_at=water.now,
+                received_at=medium.now,
                 source=2,
             )
-            engine.handle_frame(frame, water.now)
+            engine.handle_frame(frame, medium.now)
     assert engine.stats.received[20] <= 512
     assert sum(engine.stats.dropped.values()) >= 300 * 64 - 512

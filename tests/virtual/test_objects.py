@@ -86,8 +86,8 @@ def test_what_crosses_as_objects_is_counted_once_each_as_transmitted_and_receive
 
 def test_sender_tells_what_was_on_the_air_before_the_receiver_says_what_it_has(count: Any) -> None:
     for seed in range(count(100)):
-        water = line(0, 1500, channel="none", loss={"frame": 0.2}, seed=seed)
-        network = VirtualNetwork(water, table())
+        medium = line(0, 1500, channel="none", loss={"frame": 0.2}, seed=seed)
+        network = VirtualNetwork(medium, table())
         network.at(1, partial(network.publish, 2, PHOTO, payload(4000)))
         network.run(until_s=2000)
         told = [
@@ -108,8 +108,8 @@ def test_sender_tells_what_was_on_the_air_before_the_receiver_says_what_it_has(c
 
 def test_a_photo_to_several(count: Any) -> None:
     for seed in range(count(200)):
-        water = line(0, 500, 1000, channel="none", loss={"frame": 0.2}, seed=seed)
-        network = VirtualNetwork(water, table(3))
+        medium = line(0, 500, 1000, channel="none", loss={"frame": 0.2}, seed=seed)
+        network = VirtualNetwork(medium, table(3))
         sample = payload(4000)
         network.at(1, partial(network.publish, 2, PHOTO, sample))
         network.run(until_s=2000)
@@ -123,8 +123,8 @@ def test_a_photo_to_several(count: Any) -> None:
     [Modem(addressed=False), Modem(checked=False), Modem(addressed=False, framed=False)],
 )
 def test_a_photo_over_links_that_lack_something(modem: Modem) -> None:
-    water = line(0, 1500, channel="none", loss={"frame": 0.2})
-    network = VirtualNetwork(water, table(), modem=modem)
+    medium = line(0, 1500, channel="none", loss={"frame": 0.2})
+    network = VirtualNetwork(medium, table(), modem=modem)
     sample = payload(4000)
     network.at(1, lambda: network.publish(2, PHOTO, sample))
     network.run(until_s=2000)
@@ -200,8 +200,8 @@ def test_small_samples_do_not_wait_for_a_photo() -> None:
 def test_a_photo_survives_crashes(victim: int, count: Any) -> None:
     rng = random.Random(4)
     for seed in range(2 * count(200)):
-        water = line(0, 1500, channel="none", loss={"frame": 0.2}, seed=seed)
-        network = VirtualNetwork(water, table())
+        medium = line(0, 1500, channel="none", loss={"frame": 0.2}, seed=seed)
+        network = VirtualNetwork(medium, table())
         sample = payload(6000, seed)
         network.at(1, partial(network.publish, 2, PHOTO, sample))
         instant_s = 1.5
@@ -274,8 +274,8 @@ def test_cancel_and_refuse() -> None:
     ids=["aloha", "slotted", "carrier_sense", "tdma", "tdma_rare"],
 )
 def test_a_photo_by_any_medium_access(access: AccessSpec) -> None:
-    water = line(0, 1500, channel="none", loss={"frame": 0.3})
-    network = VirtualNetwork(water, table(), rules=TransmitRules(access=access))
+    medium = line(0, 1500, channel="none", loss={"frame": 0.3})
+    network = VirtualNetwork(medium, table(), rules=TransmitRules(access=access))
     sample = payload(4000)
     network.at(1, lambda: network.publish(2, PHOTO, sample))
     network.run(until_s=3000)
@@ -287,8 +287,8 @@ def test_a_photo_by_any_medium_access(access: AccessSpec) -> None:
 
 def percentage(seed: int, loss: float, *, exclusive: bool) -> float:
     """Send 10 KiB between engines that know each other; return the share of 539 bit/s, %."""
-    water = line(0, 1500, channel="none", loss={"frame": loss}, seed=seed)
-    network = VirtualNetwork(water, table(exclusive=exclusive))
+    medium = line(0, 1500, channel="none", loss={"frame": loss}, seed=seed)
+    network = VirtualNetwork(medium, table(exclusive=exclusive))
     met(network)
     network.at(300, lambda: network.publish(2, PHOTO, payload(10_240, seed)))
     network.run(until_s=5000)

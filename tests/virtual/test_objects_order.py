@@ -8,8 +8,8 @@ import pytest
 
 from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.testing.stories import Story, random_story, tell
-from zacoustic.testing.stories.story import Lane, Shape, cast_of
+from zacoustic.testing.scenarios import RandomScenario, draw_scenario, run_scenario
+from zacoustic.testing.scenarios.randomscenario import Lane, Shape, cast_of
 
 MIXED = 33
 
@@ -25,9 +25,9 @@ def mixed(small_bytes: int, large_bytes: int) -> Shape:
     return Shape(None, write, lambda value: int.from_bytes(value[:3], "big"))
 
 
-def mixed_story(seed: int) -> Story:
-    """Return the water and the faults of a random story, and a stream of both sizes in it."""
-    story = random_story(seed)
+def draw_mixed_scenario(seed: int) -> RandomScenario:
+    """Return the water and the faults of a random scenario, and a stream of both sizes in it."""
+    drawn = draw_scenario(seed)
     rng = random.Random(f"mixed {seed}")
     qos = Qos(
         reliability=Reliability.RELIABLE,
@@ -37,21 +37,21 @@ def mixed_story(seed: int) -> Story:
     spec = TopicSpec(stream_id=MIXED, name="{node}/mixed", qos=qos, journal=rng.random() < 0.7)
     lanes: dict[int, Lane] = {MIXED: Lane(spec, mixed(rng.choice((8, 14)), 150))}
     if rng.random() < 0.5:
-        lanes |= {each: lane for each, lane in story.casts[1].lanes.items() if each < 30}
-    names = {address: f"n{address}" for address in story.casts}
+        lanes |= {each: lane for each, lane in drawn.casts[1].lanes.items() if each < 30}
+    names = {address: f"n{address}" for address in drawn.casts}
     cast = cast_of(lanes, names)
     casts = dict.fromkeys(names, cast)
     # Most of the time is for what is large, and it is for all the others.
-    return msgspec.structs.replace(story, casts=casts, pause_s=len(names) * story.pause_s)
+    return msgspec.structs.replace(drawn, casts=casts, pause_s=len(names) * drawn.pause_s)
 
 
 @pytest.mark.parametrize("seed", [36, 237])
 def test_dense_texts_that_go_as_records_fit_the_frame(seed: int) -> None:
-    assert tell(mixed_story(seed)).violations == ()
+    assert run_scenario(draw_mixed_scenario(seed)).violations == ()
 
 
 @pytest.mark.parametrize("number", range(4))
-def test_order_is_kept_in_any_story(count: Callable[[int], int], number: int) -> None:
+def test_order_is_kept_in_any_scenario(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(400), 4):
-        violations = tell(mixed_story(seed)).violations
+        violations = run_scenario(draw_mixed_scenario(seed)).violations
         assert not violations, f"seed {seed}: {len(violations)} complaints, {violations[0]}"

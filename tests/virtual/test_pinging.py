@@ -1,4 +1,4 @@
-"""What a ping costs on the water: an order that changes nothing, and then a range."""
+"""What a ping costs on the channel: an order that changes nothing, and then a range."""
 
 from functools import partial
 from typing import Any
@@ -24,7 +24,7 @@ class Pinger:
     def __init__(self, seed: int) -> None:
         self.sent: list[TraceRecord] = []
         self.answers = self.ranges = 0
-        self.water = VirtualNetwork(
+        self.medium = VirtualNetwork(
             line(0, 1500, channel="none", seed=seed),
             table(),
             modem=MODEM,
@@ -36,12 +36,12 @@ class Pinger:
         def ask(engine: Engine, now: int) -> None:
             engine.commands.send(2, RemoteCommand(), now, timeout_s=30)
 
-        self.water.apply(1, ask)
+        self.medium.apply(1, ask)
 
     def _deliver(self, address: int, event: Event) -> None:
         if isinstance(event, ResponseReceived):
             self.answers += 1
-            self.water.apply(1, lambda engine, now: engine.ranging.request(2, now, timeout_s=10))
+            self.medium.apply(1, lambda engine, now: engine.ranging.request(2, now, timeout_s=10))
         self.ranges += isinstance(event, RangeMeasured)
 
 
@@ -50,8 +50,8 @@ def test_a_ping_costs_what_its_help_says(pause_s: int, count: Any) -> None:
     for seed in range(count(100)):
         pinger = Pinger(seed)
         for number in range(PINGS):
-            pinger.water.at(1 + number * pause_s, partial(pinger.ping))
-        pinger.water.run()
+            pinger.medium.at(1 + number * pause_s, partial(pinger.ping))
+        pinger.medium.run()
         assert (pinger.answers, pinger.ranges) == (PINGS, PINGS), seed
         sizes = [record.size_bytes for record in pinger.sent if record.what == "transmit"]
         assert len(sizes) <= PINGS * MOST_FRAMES, (seed, sizes)

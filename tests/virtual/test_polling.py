@@ -47,36 +47,38 @@ def network(seed: int, *, loss: float = 0.0, modem: Modem | None = None) -> Virt
 
 def test_nothing_collides_and_everything_arrives(count: Callable[[int], int]) -> None:
     for seed in range(count(500)):
-        water = network(seed, modem=Modem(addressed=seed % 2 == 0, checked=seed % 3 == 0))
+        medium = network(seed, modem=Modem(addressed=seed % 2 == 0, checked=seed % 3 == 0))
         rng = random.Random(seed)
         for node in NODES:
             for _ in range(20):
                 at_s = rng.uniform(60, 900)
-                water.at(at_s, partial(water.publish, node, 1, bytes(rng.randrange(50))))
+                medium.at(at_s, partial(medium.publish, node, 1, bytes(rng.randrange(50))))
         for node in NODES:  # an introduction first: nothing of the rest is lost to it
-            water.at(node, partial(water.publish, node, 1, b""))
-        water.run(until_s=1500)
-        assert sum(water.losses.values()) == 0, seed
+            medium.at(node, partial(medium.publish, node, 1, b""))
+        medium.run(until_s=1500)
+        assert sum(medium.losses.values()) == 0, seed
         for node in NODES:
-            arrived = [event for event in water.samples(node) if event.received_at > 100 * NS_PER_S]
+            arrived = [
+                event for event in medium.samples(node) if event.received_at > 100 * NS_PER_S
+            ]
             assert len(arrived) > 3 * 17, (seed, node)
-            assert water.engine(node).pending(1) == 0
+            assert medium.engine(node).pending(1) == 0
 
 
 def test_lost_turns_cost_time_only(count: Callable[[int], int]) -> None:
     for seed in range(count(300)):
-        water = network(seed, loss=0.3)
+        medium = network(seed, loss=0.3)
         for node in NODES:
             for step in range(10):
-                water.at(60 + 30 * step, partial(water.publish, node, 1, b"x"))
-        water.run(until_s=3000)
-        assert set(water.losses) <= {"noise"}, (seed, water.losses)  # what the scenario loses
+                medium.at(60 + 30 * step, partial(medium.publish, node, 1, b"x"))
+        medium.run(until_s=3000)
+        assert set(medium.losses) <= {"noise"}, (seed, medium.losses)  # what the scenario loses
         for node in NODES:
-            assert water.engine(node).pending(1) == 0
+            assert medium.engine(node).pending(1) == 0
 
 
 def test_empty_rounds_rest() -> None:
-    water = network(1)
-    water.run(until_s=3600)
-    sent = sum(stats.frames_transmitted for stats in water.stats())
+    medium = network(1)
+    medium.run(until_s=3600)
+    sent = sum(stats.frames_transmitted for stats in medium.stats())
     assert sent < 2 * 3 * 3600 / 20

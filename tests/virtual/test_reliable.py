@@ -19,12 +19,20 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.events import DeliveryEnded, DeliveryStored, Event
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.testing.stories import INVARIANTS, Arrived, Lane, Publication, Story, Witness, tell
-from zacoustic.testing.stories.story import cast_of, opaque
+from zacoustic.testing.scenarios import (
+    INVARIANTS,
+    Arrived,
+    Checker,
+    Lane,
+    Publication,
+    RandomScenario,
+    run_scenario,
+)
+from zacoustic.testing.scenarios.randomscenario import cast_of, opaque
 from zacoustic.testing.virtual import Modem
 
 if TYPE_CHECKING:
-    from zacoustic.testing.stories import Run
+    from zacoustic.testing.scenarios import Run
 
 SCENARIOS: Final = 2000
 BLOCKS: Final = range(10)
@@ -34,7 +42,7 @@ _HEAD_BYTES: Final = 3 + 6 + 1 + 1 + 1 + 1
 """TAG, SYNC, stream id, a wildcard, number, age."""
 
 
-class OneOutcome(Witness):
+class OneOutcome(Checker):
     """A sample ends once; it is stored at most once, and not after its end."""
 
     def __init__(self) -> None:
@@ -66,12 +74,12 @@ class OneOutcome(Witness):
             self._ended.add(number)
 
 
-class LastArrives(Witness):
+class LastArrives(Checker):
     """The last sample of a key that may live for ever arrives, whatever the depth."""
 
-    def begins(self, telling: "Run") -> None:
+    def begins(self, scenario_run: "Run") -> None:
         """Remember who is there."""
-        self._telling = telling
+        self._scenario_run = scenario_run
         self._lanes: dict[tuple[int, ...], list[Publication]] = {}
         self._gone: set[int] = set()
         self._got: set[tuple[int, int]] = set()
@@ -87,7 +95,7 @@ class LastArrives(Witness):
 
     def crashed(self, node: int, at: int) -> None:
         """What was not written down is gone."""
-        journal = self._telling.network.journal(node)
+        journal = self._scenario_run.network.journal(node)
         for lane, publications in self._lanes.items():
             if lane[0] == node:
                 self._gone |= {
@@ -96,7 +104,7 @@ class LastArrives(Witness):
                     if not (each.stream.spec.journal and journal.is_journalled(each.written))
                 }
 
-    def ends(self, telling: "Run") -> None:
+    def ends(self, scenario_run: "Run") -> None:
         """Look for the last one of each key."""
         for lane, publications in self._lanes.items():
             stream = publications[-1].stream
@@ -105,13 +113,13 @@ class LastArrives(Witness):
             there = [each for each in publications if each.number not in self._gone]
             if not there or (not stream.spec.journal and there[-1] is not publications[-1]):
                 continue
-            for node in telling.casts:
+            for node in scenario_run.casts:
                 lacks = (node, there[-1].number) not in self._got
                 if node != lane[0] and stream.may_subscribe(node) and lacks:
                     self.violations.append(f"node {node} never got the last: {there[-1]}")
 
 
-def reliable_story(seed: int) -> Story:
+def draw_reliable_scenario(seed: int) -> RandomScenario:
     """Draw a story that has reliable topics only."""
     rng = random.Random(f"reliable {seed}")
     count = rng.choice((2, 2, 2, 3, 4))
@@ -131,7 +139,7 @@ def reliable_story(seed: int) -> Story:
     )
     names = {address: f"n{address}" for address in range(1, count + 1)}
     cast = cast_of(_lanes(rng, count, mtu_bytes - overhead), names)
-    return Story(
+    return RandomScenario(
         seed=seed,
         scenario=_scenario(rng, seed, count, busy_s, modem),
         casts=dict.fromkeys(names, cast),
@@ -171,7 +179,7 @@ def _lanes(rng: random.Random, count: int, room_bytes: int) -> dict[int, Lane]:
 
 def _scenario(rng: random.Random, seed: int, count: int, busy_s: float, modem: Modem) -> Scenario:
     addresses = range(1, count + 1)
-    water: dict[str, Any] = {
+    medium: dict[str, Any] = {
         "seed": seed,
         "channel": "none",
         "profile": "ideal" if (modem.mtu_bytes or 0) > 64 else DEFAULT_PROFILE,
@@ -186,10 +194,10 @@ def _scenario(rng: random.Random, seed: int, count: int, busy_s: float, modem: M
             if source != target
         ],
     }
-    bare = scenario_from_mapping(water, source=f"reliable {seed}")
+    bare = scenario_from_mapping(medium, source=f"reliable {seed}")
     link = modem.capabilities(profile_named(bare.profile), bare.farthest_s)
     settling_s = 4 * (link.airtime_ns(link.mtu_bytes) / NS_PER_S + link.propagation_s)
-    water["faults"] = {
+    medium["faults"] = {
         "corrupt": 0.0 if modem.checked else rng.choice((0.0, 0.05, 0.3)),
         "duplicate": rng.choice((0.0, 0.1, 0.4)),
         "duplicate_after_s": [0.0, 0.9 * settling_s],
@@ -210,7 +218,7 @@ def _scenario(rng: random.Random, seed: int, count: int, busy_s: float, modem: M
         },
         "until_s": busy_s,
     }
-    return scenario_from_mapping(water, source=f"reliable {seed}")
+    return scenario_from_mapping(medium, source=f"reliable {seed}")
 
 
 def _loss(rng: random.Random, busy_s: float) -> dict[str, Any]:
@@ -245,25 +253,25 @@ def test_nothing_is_lost_doubled_reordered_or_altered(
     count: Callable[[int], int], number: int
 ) -> None:
     for seed in range(number, count(SCENARIOS), len(BLOCKS)):
-        told = tell(reliable_story(seed), (*INVARIANTS, OneOutcome, LastArrives))
+        told = run_scenario(draw_reliable_scenario(seed), (*INVARIANTS, OneOutcome, LastArrives))
         violations = told.violations
         assert not violations, f"seed {seed}: {len(violations)} complaints, {violations[0]}"
 
 
 def test_scenarios_are_as_bad_as_they_promise() -> None:
-    stories = [reliable_story(seed) for seed in range(300)]
-    faults = [story.scenario.faults for story in stories]
+    scenarios = [draw_reliable_scenario(seed) for seed in range(300)]
+    faults = [drawn.scenario.faults for drawn in scenarios]
     assert max(len(spec.at_s) for each in faults for spec in each.crashes) == 10
     assert max(each.to_s - each.from_s for one in faults for each in one.blackouts) > 1500
     assert max(each.corrupt for each in faults) > 0.2
-    losses = [link.loss for story in stories for link in story.scenario.links if link.loss]
+    losses = [link.loss for drawn in scenarios for link in drawn.scenario.links if link.loss]
     assert max(loss.frame for loss in losses) > 0.55
-    assert {len(story.casts) for story in stories} == {2, 3, 4}
-    specs = [lane.spec for story in stories for lane in story.casts[1].lanes.values()]
+    assert {len(drawn.casts) for drawn in scenarios} == {2, 3, 4}
+    specs = [lane.spec for drawn in scenarios for lane in drawn.casts[1].lanes.values()]
     assert {spec.qos.depth for spec in specs} == {1, 4, 40, 1000}
 
 
 @pytest.mark.parametrize("seed", [169, 841])
 def test_answers_of_several_receivers_do_not_meet_for_ever(seed: int) -> None:
     # Their patience ended at the same instant, or they waited for the same pause.
-    assert not tell(reliable_story(seed), (*INVARIANTS, LastArrives)).violations
+    assert not run_scenario(draw_reliable_scenario(seed), (*INVARIANTS, LastArrives)).violations

@@ -32,7 +32,7 @@ class Sea:
         orders = TopicSpec(stream_id=1, name="o", publishers=(1,), subscribers=(2,), qos=qos)
         report = TopicSpec(stream_id=2, name="r", publishers=(2,))
         nodes = [{"address": each, "position": [1500 * (each - 1), 0, 10]} for each in (1, 2)]
-        water = {"seed": seed, "channel": "none", "nodes": nodes}
+        medium = {"seed": seed, "channel": "none", "nodes": nodes}
         self.lost: Callable[[int], bool] = lambda source: False
         """Whether a frame of a node is lost."""
         self.large: dict[int, int] = {}
@@ -41,7 +41,7 @@ class Sea:
         self.arrived: list[tuple[int, float]] = []
         self.outcomes: list[DeliveryOutcome] = []
         self.network = VirtualNetwork(
-            scenario_from_mapping(water, source="rhythm"),
+            scenario_from_mapping(medium, source="rhythm"),
             StreamTable([orders, report], nodes={1: "a", 2: "b"}),
             modem=Modem(senses_carrier=senses_carrier),
             deliver=self._take,
@@ -98,7 +98,7 @@ class Sea:
 
 
 @pytest.mark.parametrize("senses_carrier", [True, False])
-def test_in_quiet_water_one_answer_does_for_four_and_a_few_end_it(senses_carrier: bool) -> None:
+def test_in_quiet_medium_one_answer_does_for_four_and_a_few_end_it(senses_carrier: bool) -> None:
     sea = Sea(1, senses_carrier=senses_carrier)
     end_s = sea.series()
     sea.network.run(until_s=BEGIN_S - 1)

@@ -69,7 +69,7 @@ class Run:
             loss={"frame": loss},
             faults={"journal": {"commit_s": 0.02}},
         )
-        self.water = VirtualNetwork(scenario, table(), deliver=self._take)
+        self.medium = VirtualNetwork(scenario, table(), deliver=self._take)
         self.violations: list[str] = []
         self.doubts: list[tuple[int, str]] = []
         self.values: dict[tuple[int, int, int], bytes] = {}
@@ -102,7 +102,7 @@ class Run:
                 if event.value in self.ran:
                     self.violations.append(f"{event.value!r} runs twice")
                 self.ran.append(event.value)
-                self.water.apply(
+                self.medium.apply(
                     2, lambda engine, now: engine.reply(event.call, b"did " + event.value, now)
                 )
             case ResponseReceived():
@@ -114,7 +114,9 @@ class Run:
         self.count += 1
         size = self.rng.randint(200, 900) if stream_id == PHOTO else 12
         value = f"{stream_id} {self.count} ".encode().ljust(size, b".")
-        delivery_id = self.water.apply(1, lambda engine, now: engine.publish(stream_id, value, now))
+        delivery_id = self.medium.apply(
+            1, lambda engine, now: engine.publish(stream_id, value, now)
+        )
         key = (1, stream_id, delivery_id)
         if key in self.values:
             self.violations.append(f"the id of {self.values[key]!r} comes again")
@@ -124,28 +126,28 @@ class Run:
     def call(self) -> None:
         self.count += 1
         request = f"call {self.count}".encode()
-        call_id = self.water.apply(1, lambda engine, now: engine.call(ARM, request, now))
+        call_id = self.medium.apply(1, lambda engine, now: engine.call(ARM, request, now))
         self.calls[call_id] = request
 
     def talk(self, for_s: float, *, calls: bool = False) -> None:
         """Publish this and that."""
-        until = self.water.now + int(for_s * NS_PER_S)
-        while self.water.now < until:
+        until = self.medium.now + int(for_s * NS_PER_S)
+        while self.medium.now < until:
             self.publish(self.rng.choice((LOG, LOG, NOTE, PHOTO)))
             if calls:
                 self.call()
             self.wait(self.rng.uniform(1, 60))
 
     def wait(self, for_s: float) -> None:
-        self.water.run(until_s=self.water.now / NS_PER_S + for_s)
+        self.medium.run(until_s=self.medium.now / NS_PER_S + for_s)
 
     def copy(self, node: int) -> None:
-        self.backup[node] = dict(self.water.journal(node).entries)
+        self.backup[node] = dict(self.medium.journal(node).entries)
 
     def put_back(self, node: int, doubt: str) -> None:
-        self.water.crash(node)
-        self.water.journal(node).put_back(self.backup[node], doubt)
-        self.water.start(node)
+        self.medium.crash(node)
+        self.medium.journal(node).put_back(self.backup[node], doubt)
+        self.medium.start(node)
 
     def hear(self, node: int, records: str, *, source: int) -> None:
         """A frame arrives that nobody has sent."""
@@ -153,12 +155,12 @@ class Run:
             frame_bytes=bytes.fromhex(records),
             source=source,
             destination=node,
-            received_at=self.water.local_ns(node),
+            received_at=self.medium.local_ns(node),
         )
-        self.water.apply(node, lambda engine, now: engine.handle_frame(frame, now))
+        self.medium.apply(node, lambda engine, now: engine.handle_frame(frame, now))
 
     def frames(self) -> int:
-        return sum(self.water.engine(each).stats.frames_transmitted for each in NODES)
+        return sum(self.medium.engine(each).stats.frames_transmitted for each in NODES)
 
     def ends(self) -> None:
         """Everything has come to its end, and nothing is said any more."""
@@ -168,7 +170,7 @@ class Run:
         assert self.violations == []
         assert self.frames() == before, "it does not end"
         for stream_id in TOPICS:
-            assert self.water.engine(1).delivering(stream_id) == 0
+            assert self.medium.engine(1).delivering(stream_id) == 0
 
 
 @pytest.mark.parametrize("doubt", ["it was put back from a backup", ""])
@@ -184,7 +186,7 @@ def test_publisher_on_an_old_copy_is_told_and_goes_on(
         run.copy(1)
         run.talk(run.rng.uniform(0, 400))
         for _ in range(run.rng.randrange(3)):
-            run.water.restart(1)
+            run.medium.restart(1)
             run.talk(run.rng.uniform(0, 200))
         run.put_back(1, doubt)
         new = [run.publish(LOG), run.publish(NOTE), run.publish(PHOTO)]

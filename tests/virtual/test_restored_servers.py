@@ -66,7 +66,7 @@ class Run:
             0, 300, seed=seed, channel="none", loss={"frame": loss},
             faults={"journal": {"commit_s": 0.02}},
         )  # fmt: skip
-        self.water = VirtualNetwork(scenario, table(), deliver=self._take)
+        self.medium = VirtualNetwork(scenario, table(), deliver=self._take)
         self.executed: list[object] = []
         self.twice: list[object] = []
         self.doubts: list[str] = []
@@ -97,7 +97,7 @@ class Run:
                 self.ended.append(event)
 
     def _at(self, node: int, command: Callable[[Engine, int], object]) -> None:
-        self.water.apply(node, command)
+        self.medium.apply(node, command)
 
     def _execute(self, value: object) -> None:
         (self.twice if value in self.executed else self.executed).append(value)
@@ -108,7 +108,7 @@ class Run:
 
     def call(self) -> int:
         request = self._next()
-        return self.water.apply(1, lambda engine, now: engine.call(ARM, request, now))
+        return self.medium.apply(1, lambda engine, now: engine.call(ARM, request, now))
 
     def send(self) -> None:
         goal = self._next()
@@ -117,22 +117,22 @@ class Run:
         )
 
     def log(self) -> None:
-        self.water.publish(2, LOG, self._next())
+        self.medium.publish(2, LOG, self._next())
 
     def wait(self, for_s: float) -> None:
-        self.water.run(until_s=self.water.now / NS_PER_S + for_s)
+        self.medium.run(until_s=self.medium.now / NS_PER_S + for_s)
 
     def copy(self) -> None:
-        self.backup = dict(self.water.journal(2).entries)
+        self.backup = dict(self.medium.journal(2).entries)
 
     def put_back(self, doubt: str) -> None:
-        self.water.crash(2)
-        self.water.journal(2).put_back(self.backup, doubt)
-        self.water.start(2)
+        self.medium.crash(2)
+        self.medium.journal(2).put_back(self.backup, doubt)
+        self.medium.start(2)
 
     def work(self, for_s: float, *does: Callable[[], object]) -> None:
-        until = self.water.now + int(for_s * NS_PER_S)
-        while self.water.now < until:
+        until = self.medium.now + int(for_s * NS_PER_S)
+        while self.medium.now < until:
             self.rng.choice(does)()
             self.wait(self.rng.uniform(0.1, 20))
 
@@ -148,7 +148,7 @@ def test_calls_and_goals_of_before_are_not_executed_by_a_server_that_has_forgott
         run.put_back("it was put back from a backup")
         run.work(run.rng.uniform(1, 100), run.call, run.send)
         if run.rng.random() < 0.5:
-            run.water.restart(2)  # the doubt outlives that
+            run.medium.restart(2)  # the doubt outlives that
         run.wait(2 * TIMEOUT_S)
         assert not run.twice, f"seed {seed}"
         before = len(run.executed)
@@ -172,7 +172,7 @@ def test_server_on_an_old_copy_that_a_subscriber_tells_of_refuses_what_may_be_of
             run.log()
             run.wait(10)
             if run.rng.random() < 0.3:
-                run.water.restart(2)
+                run.medium.restart(2)
         run.put_back("")
         for _ in range(8):
             run.log()
@@ -181,7 +181,7 @@ def test_server_on_an_old_copy_that_a_subscriber_tells_of_refuses_what_may_be_of
             continue
         told += 1
         if run.rng.random() < 0.5:
-            run.water.restart(2)
+            run.medium.restart(2)
         calls = {run.call() for _ in range(2)}
         run.send()
         run.wait(60)
@@ -207,7 +207,7 @@ def test_of_commands_the_last_one_holds_at_a_node_on_an_old_copy(
         def command(run: Run = run, states: list[bool] = states) -> None:
             states.append(run.rng.random() < 0.5)
             command = RemoteCommand(kind=CommandKind.OVERRIDE, stream_id=LOG, on=states[-1])
-            run.water.apply(1, lambda engine, now: engine.commands.send(2, command, now))
+            run.medium.apply(1, lambda engine, now: engine.commands.send(2, command, now))
             run.wait(run.rng.uniform(5, 60))
 
         run.work(run.rng.uniform(1, 100), command)
@@ -217,7 +217,7 @@ def test_of_commands_the_last_one_holds_at_a_node_on_an_old_copy(
         run.wait(run.rng.uniform(0, 60))
         command()
         run.wait(TIMEOUT_S)
-        state = run.water.apply(
+        state = run.medium.apply(
             2, lambda engine, now: engine.commands.state(RemoteCommand(stream_id=LOG), now)
         )
         assert state.on is states[-1], f"seed {seed}"
@@ -229,13 +229,13 @@ def test_subscriptions_are_there_again_at_a_publisher_on_an_old_copy(
     for seed in range(count(600)):
         run = Run(seed)
         run.copy()  # nobody has subscribed yet
-        run.water.apply(1, lambda engine, now: engine.subscriptions.want(ASKED, now, {2}))
+        run.medium.apply(1, lambda engine, now: engine.subscriptions.want(ASKED, now, {2}))
         run.wait(120)
         run.put_back(run.rng.choice(("", "it was put back from a backup")))
         for _ in range(3):
             run.log()  # they hear of its new life
             run.wait(120)
         for _ in range(20):
-            run.water.publish(2, ASKED, b"wanted")
+            run.medium.publish(2, ASKED, b"wanted")
             run.wait(10)
         assert b"wanted" in run.heard, f"seed {seed}"

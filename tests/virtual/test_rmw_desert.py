@@ -29,7 +29,7 @@ check in it, and nobody can tell."""
 HOUR_S = 3600.0
 
 
-class Story:
+class DesertScenario:
     """One run: what was said, and what was heard."""
 
     def __init__(self, seed: int, modem: Modem, **scenario: Any) -> None:
@@ -41,7 +41,7 @@ class Story:
         self.executed: Counter[int] = Counter()
         self.said: list[str] = []
         self.heard: list[str] = []
-        self.water = VirtualNetwork(
+        self.medium = VirtualNetwork(
             line(0, 700, **scenario), table(), seed=seed, modem=modem, deliver=self._deliver
         )
 
@@ -52,8 +52,8 @@ class Story:
             case RequestReceived():
                 self.executed[event.value["a"]] += 1
                 answer = {"sum": event.value["a"] + event.value["b"]}
-                self.water.at(
-                    self.water.now / 1e9 + self.dice.uniform(0, 5),
+                self.medium.at(
+                    self.medium.now / 1e9 + self.dice.uniform(0, 5),
                     lambda: self._reply(address, event, answer),
                 )
             case ResponseReceived():
@@ -66,32 +66,32 @@ class Story:
                 pass
 
     def _reply(self, address: int, event: RequestReceived, answer: object) -> None:
-        if self.water.is_running(address):
-            self.water.apply(address, lambda engine, now: engine.reply(event.call, answer, now))
+        if self.medium.is_running(address):
+            self.medium.apply(address, lambda engine, now: engine.reply(event.call, answer, now))
 
     def say(self, text: str) -> None:
         self.said.append(text)
-        self.water.publish(SHORE, NOTE, {"data": text})
+        self.medium.publish(SHORE, NOTE, {"data": text})
 
     def call(self, number: int) -> None:
         def begin(engine: Engine, now: int) -> int:
             return engine.call(ADD, {"a": number, "b": 1}, now)
 
-        self.calls[self.water.apply(SHORE, begin)] = number
+        self.calls[self.medium.apply(SHORE, begin)] = number
 
 
 @pytest.mark.parametrize("modem", [*WHOLE, PIECES])
-def test_on_good_water_everything_arrives_once(modem: Modem) -> None:
-    story = Story(1, modem, channel="none")
+def test_on_good_medium_everything_arrives_once(modem: Modem) -> None:
+    drawn = DesertScenario(1, modem, channel="none")
     for number in range(20):
-        story.water.at(number * 60.0, partial(story.say, f"{number} " * 12))
-        story.water.at(number * 60.0 + 30, partial(story.call, number))
-    story.water.run()
-    assert story.heard == story.said
-    assert story.ended == {call_id: number + 1 for call_id, number in story.calls.items()}
-    assert set(story.executed.values()) == {1}
-    assert all(story.water.engine(address).is_idle for address in (SHORE, VEHICLE))
-    assert story.water.is_quiet
+        drawn.medium.at(number * 60.0, partial(drawn.say, f"{number} " * 12))
+        drawn.medium.at(number * 60.0 + 30, partial(drawn.call, number))
+    drawn.medium.run()
+    assert drawn.heard == drawn.said
+    assert drawn.ended == {call_id: number + 1 for call_id, number in drawn.calls.items()}
+    assert set(drawn.executed.values()) == {1}
+    assert all(drawn.medium.engine(address).is_idle for address in (SHORE, VEHICLE))
+    assert drawn.medium.is_quiet
 
 
 @pytest.mark.parametrize("modem", WHOLE)
@@ -100,26 +100,26 @@ def test_what_arrives_was_said_and_what_was_called_ends(
 ) -> None:
     outcomes: Counter[object] = Counter()
     for seed in range(count(400)):
-        story = Story(
+        drawn = DesertScenario(
             seed, modem,
             channel="none",
             loss={"frame": 0.3},
             faults={"duplicate": 0.05, "jitter_s": 0.5},
         )  # fmt: skip
         for number in range(40):
-            at_s = story.dice.uniform(0, 2 * HOUR_S)
-            story.water.at(at_s, partial(story.say, f"text {number} " * 5))
-            story.water.at(at_s + 60, partial(story.call, number))
-        story.water.run()
-        assert set(story.heard) <= set(story.said)
-        assert set(story.ended) == set(story.calls)
-        for call_id, outcome in story.ended.items():
-            number = story.calls[call_id]
+            at_s = drawn.dice.uniform(0, 2 * HOUR_S)
+            drawn.medium.at(at_s, partial(drawn.say, f"text {number} " * 5))
+            drawn.medium.at(at_s + 60, partial(drawn.call, number))
+        drawn.medium.run()
+        assert set(drawn.heard) <= set(drawn.said)
+        assert set(drawn.ended) == set(drawn.calls)
+        for call_id, outcome in drawn.ended.items():
+            number = drawn.calls[call_id]
             assert outcome in (number + 1, CallFailure.TIMED_OUT)
             outcomes[outcome is CallFailure.TIMED_OUT] += 1
-            assert story.executed[number] or outcome is CallFailure.TIMED_OUT
-        assert set(story.executed.values()) == {1}
-        assert story.water.is_quiet
+            assert drawn.executed[number] or outcome is CallFailure.TIMED_OUT
+        assert set(drawn.executed.values()) == {1}
+        assert drawn.medium.is_quiet
     assert outcomes[True]
     assert outcomes[False]
 
@@ -129,7 +129,7 @@ def test_damage_and_restarts_never_stop_an_engine(count: Callable[[int], int]) -
     heard = 0
     for seed in range(count(400)):
         modem = Modem(addressed=False, checked=False, framed=seed % 2 == 0)
-        story = Story(
+        drawn = DesertScenario(
             seed, modem,
             channel="none",
             loss={"frame": 0.1},
@@ -139,14 +139,14 @@ def test_damage_and_restarts_never_stop_an_engine(count: Callable[[int], int]) -
             },
         )  # fmt: skip
         for number in range(60):
-            at_s = story.dice.uniform(0, HOUR_S)
-            story.water.at(at_s, partial(story.say, f"text {number}"))
-            story.water.at(at_s, partial(story.call, number))
-        story.water.run(until_s=2 * HOUR_S)
-        heard += len(set(story.heard) & set(story.said))
-        assert set(story.ended) == set(story.calls)
-        assert story.water.is_quiet
-        for stats in story.water.stats():
+            at_s = drawn.dice.uniform(0, HOUR_S)
+            drawn.medium.at(at_s, partial(drawn.say, f"text {number}"))
+            drawn.medium.at(at_s, partial(drawn.call, number))
+        drawn.medium.run(until_s=2 * HOUR_S)
+        heard += len(set(drawn.heard) & set(drawn.said))
+        assert set(drawn.ended) == set(drawn.calls)
+        assert drawn.medium.is_quiet
+        for stats in drawn.medium.stats():
             assert sum(each.transmitted_bytes for each in stats.ledger()) == (
                 stats.bytes_transmitted
             )
@@ -154,19 +154,19 @@ def test_damage_and_restarts_never_stop_an_engine(count: Callable[[int], int]) -
 
 
 def test_a_day_of_silence_costs_nothing() -> None:
-    story = Story(1, WHOLE[2], channel="none")
-    story.water.run(until_s=24 * HOUR_S)
-    assert [stats.frames_transmitted for stats in story.water.stats()] == [0, 0]
-    assert story.water.is_quiet
+    drawn = DesertScenario(1, WHOLE[2], channel="none")
+    drawn.medium.run(until_s=24 * HOUR_S)
+    assert [stats.frames_transmitted for stats in drawn.medium.stats()] == [0, 0]
+    assert drawn.medium.is_quiet
 
 
-def test_one_seed_is_one_story() -> None:
+def test_one_seed_is_one_scenario() -> None:
     digests = set()
     for _ in range(2):
-        story = Story(5, WHOLE[2], channel="none", loss={"frame": 0.2})
+        drawn = DesertScenario(5, WHOLE[2], channel="none", loss={"frame": 0.2})
         for number in range(10):
-            story.water.at(number, partial(story.call, number))
-            story.water.publish(SHORE, COMMAND, TWIST)
-        story.water.run()
-        digests.add(story.water.digest)
+            drawn.medium.at(number, partial(drawn.call, number))
+            drawn.medium.publish(SHORE, COMMAND, TWIST)
+        drawn.medium.run()
+        digests.add(drawn.medium.digest)
     assert len(digests) == 1

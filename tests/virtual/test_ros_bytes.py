@@ -1,4 +1,4 @@
-"""What ROS 2 costs on the water: a command, and an action over water that loses frames."""
+"""What ROS 2 costs on the channel: a command, and an action over water that loses frames."""
 
 import itertools
 from collections.abc import Callable
@@ -31,18 +31,18 @@ def test_a_steady_command_takes_a_few_bytes(codec: str, most_bytes: int) -> None
         if isinstance(event, SampleReceived) and event.stream_id == 11:
             arrived.append(event.value)
 
-    water = network(codec, take)
+    medium = network(codec, take)
     sizes: list[int] = []
 
     def note() -> None:
-        sizes.append(water.engine(1).stats.bytes_transmitted)
+        sizes.append(medium.engine(1).stats.bytes_transmitted)
 
     for number in range(60):
-        water.at(10 * number, partial(water.publish, 1, 11, steady))
+        medium.at(10 * number, partial(medium.publish, 1, 11, steady))
         # Acknowledgements ride on what the vehicle says anyway.
-        water.at(10 * number + 5, partial(water.publish, 2, 12, b"log"))
-        water.at(10 * number + 9, note)
-    water.run(until_s=700)
+        medium.at(10 * number + 5, partial(medium.publish, 2, 12, b"log"))
+        medium.at(10 * number + 9, note)
+    medium.run(until_s=700)
     assert len(arrived) == 60
     assert all(value == steady for value in arrived)
     steps = [after - before for before, after in itertools.pairwise(sizes)]
@@ -71,26 +71,26 @@ def test_a_frame_id_that_stays_the_same_crosses_once() -> None:
             "streams": [stream, log],
         }
         table = config_from_mapping(section, source="test").table
-        water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, digest=False)
+        medium = VirtualNetwork(line(0.0, 500.0, channel="none"), table, digest=False)
         header = {} if is_constant else {"header": {"frame_id": frame_id}}
         for number in range(60):
             fix = {"latitude": 45 + 1e-5 * number, "longitude": 12.3, "altitude": 1.0}
             value = header | {"status": {"status": 0, "service": 1}} | fix
-            water.at(10 * number, partial(water.publish, 1, 13, value))
-            water.at(10 * number + 5, partial(water.publish, 2, 12, b"log"))
-        water.run(until_s=195)
-        before_bytes = water.engine(1).stats.bytes_transmitted
-        water.run(until_s=700)
-        samples = water.samples(2, 13)
+            medium.at(10 * number, partial(medium.publish, 1, 13, value))
+            medium.at(10 * number + 5, partial(medium.publish, 2, 12, b"log"))
+        medium.run(until_s=195)
+        before_bytes = medium.engine(1).stats.bytes_transmitted
+        medium.run(until_s=700)
+        samples = medium.samples(2, 13)
         assert len(samples) == 60
         if not is_constant:
             assert all(sample.value["header"]["frame_id"] == frame_id for sample in samples)
-        steady_bytes[is_constant] = water.engine(1).stats.bytes_transmitted - before_bytes
+        steady_bytes[is_constant] = medium.engine(1).stats.bytes_transmitted - before_bytes
     # About half a byte of each of the last forty, where the text has sixteen.
     assert steady_bytes[False] - steady_bytes[True] <= 24, steady_bytes
 
 
-def test_an_action_completes_over_water_that_loses_a_third(count: Callable[[int], int]) -> None:
+def test_an_action_completes_over_medium_that_loses_a_third(count: Callable[[int], int]) -> None:
     sizes = []
     for seed in range(count(2000)):
         run = Run(seed)
@@ -109,7 +109,7 @@ def test_an_action_between_nodes_that_know_nothing_of_each_other_takes_no_more()
     assert run.bytes_on_link <= ACTION_BYTES
 
 
-def test_an_action_begins_and_completes_over_water_that_loses_a_third(
+def test_an_action_begins_and_completes_over_medium_that_loses_a_third(
     count: Callable[[int], int],
 ) -> None:
     sizes = []

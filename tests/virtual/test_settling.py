@@ -39,9 +39,9 @@ def line(seed: int, distance_m: float, table: StreamTable) -> VirtualNetwork:
         {"address": 1, "position": [0, 0, 10]},
         {"address": 2, "position": [distance_m, 0, 10]},
     ]
-    water = {"seed": seed, "channel": "none", "nodes": nodes}
+    medium = {"seed": seed, "channel": "none", "nodes": nodes}
     return VirtualNetwork(
-        scenario_from_mapping(water, source="two"),
+        scenario_from_mapping(medium, source="two"),
         table,
         modem=Modem(senses_carrier=False),
         digest=False,

@@ -36,21 +36,21 @@ def network(
         if record.what == "transmit":
             sent.append(record)
 
-    water = line(*(300.0 * number for number in range(nodes)), channel="none", seed=5)
-    return VirtualNetwork(water, tables or fleet(nodes), trace=trace, modem=modem), sent
+    medium = line(*(300.0 * number for number in range(nodes)), channel="none", seed=5)
+    return VirtualNetwork(medium, tables or fleet(nodes), trace=trace, modem=modem), sent
 
 
 @pytest.mark.parametrize("nodes", [2, 5])
 @pytest.mark.parametrize("modem", [Modem(), Modem(addressed=False, checked=False, framed=False)])
 def test_idle_nodes_send_no_frame_in_a_day(nodes: int, modem: Modem) -> None:
-    water, sent = network(nodes, modem=modem)
-    assert water.is_quiet
-    water.run(until_s=DAY_S)
+    medium, sent = network(nodes, modem=modem)
+    assert medium.is_quiet
+    medium.run(until_s=DAY_S)
     assert sent == []
-    assert water.is_quiet
-    for address in water.addresses:
-        assert water.engine(address).is_idle
-        assert water.engine(address).poll_timeout() is None
+    assert medium.is_quiet
+    for address in medium.addresses:
+        assert medium.engine(address).is_idle
+        assert medium.engine(address).poll_timeout() is None
 
 
 @pytest.mark.parametrize("nodes", [2, 5])
@@ -60,46 +60,46 @@ def test_nodes_fall_silent_when_their_traffic_has_ended(nodes: int, differing: b
         address: fleet(nodes, "other" if differing and address == 2 else "nav")
         for address in range(1, nodes + 1)
     }
-    water, sent = network(nodes, tables)
+    medium, sent = network(nodes, tables)
     for step in range(20):
         for address in range(1, nodes + 1):
             for stream_id in (10, 11):
-                water.at(
+                medium.at(
                     step * 20 + address * 3 + stream_id,
-                    partial(water.publish, address, stream_id, b"x"),
+                    partial(medium.publish, address, stream_id, b"x"),
                 )
-    water.run(until_s=DAY_S)
+    medium.run(until_s=DAY_S)
     control_only = [record for record in sent if not record.streams]
     assert len(control_only) <= 12 * nodes * (nodes - 1) * (1 + differing)
     assert max(record.at for record in sent) < 3600 * 10**9
-    assert water.is_quiet
-    assert all(water.engine(address).is_idle for address in water.addresses)
+    assert medium.is_quiet
+    assert all(medium.engine(address).is_idle for address in medium.addresses)
 
 
 @pytest.mark.parametrize("differing", [False, True])
 def test_handshake_goes_quiet_under_lasting_traffic(differing: bool) -> None:
     tables = {1: fleet(2), 2: fleet(2, "other" if differing else "nav")}
-    water, sent = network(2, tables)
-    water.every(30, lambda: water.publish(1, 11, b"x"))
-    water.run(until_s=6 * 3600)
+    medium, sent = network(2, tables)
+    medium.every(30, lambda: medium.publish(1, 11, b"x"))
+    medium.run(until_s=6 * 3600)
     control_only = [record for record in sent if not record.streams]
     assert len(control_only) <= 12
     assert all(record.at < 3600 * 10**9 for record in control_only)
-    assert len(water.samples(2, 11)) >= 715
+    assert len(medium.samples(2, 11)) >= 715
 
 
 def test_one_way_traffic_is_confirmed_once_and_then_costs_one_byte() -> None:
-    water, sent = network(2)
-    water.every(10, lambda: water.publish(1, 11, b"payload"), first_s=10)
-    water.run(until_s=DAY_S / 4 + 5)
+    medium, sent = network(2)
+    medium.every(10, lambda: medium.publish(1, 11, b"payload"), first_s=10)
+    medium.run(until_s=DAY_S / 4 + 5)
     answers = [record for record in sent if record.node == 2]
     assert [record.frame for record in answers] == ["b5010001"]
     samples = [bytes.fromhex(record.frame) for record in sent if record.node == 1]
     assert samples[2:] == [b"\x0bpayload"] * (len(samples) - 2)
-    assert len(water.samples(2)) == len(samples) == 2160
+    assert len(medium.samples(2)) == len(samples) == 2160
     ledger = {
         (entry.stream_id, entry.cause): entry.transmitted_bytes
-        for entry in water.engine(1).stats.ledger()
+        for entry in medium.engine(1).stats.ledger()
     }
     assert ledger[11, Cause.HEADER] == len(samples)
     assert ledger[11, Cause.PAYLOAD] == len(samples) * len(b"payload")
@@ -107,10 +107,10 @@ def test_one_way_traffic_is_confirmed_once_and_then_costs_one_byte() -> None:
 
 
 def test_five_nodes_all_reach_one_byte_a_sample() -> None:
-    water, sent = network(5)
+    medium, sent = network(5)
     for address in range(1, 6):
-        water.every(50, partial(water.publish, address, 11, b"x"), first_s=7 * address)
-    water.run(until_s=3600)
+        medium.every(50, partial(medium.publish, address, 11, b"x"), first_s=7 * address)
+    medium.run(until_s=3600)
     late = [record for record in sent if record.at > 3000 * 10**9]
     assert len(late) >= 60
     assert {record.frame for record in late} == {"0b78"}

@@ -14,7 +14,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.events import Event
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing.stories import random_story
+from zacoustic.testing.scenarios import draw_scenario
 from zacoustic.testing.virtual import VirtualNetwork
 
 BLOCKS = range(10)
@@ -43,26 +43,26 @@ class Watched:
     """Nodes that want this and that, and publish it, while everything goes wrong."""
 
     def __init__(self, seed: int) -> None:
-        story = random_story(seed)
+        drawn = draw_scenario(seed)
         self.rng = random.Random(f"demand {seed}")
-        self.until_s = story.busy_s
+        self.until_s = drawn.busy_s
         self.wanted: dict[int, dict[int, frozenset[int]]] = {}
         """What the present life of each node wants: node → stream → publishers."""
         self.published: dict[bytes, int] = {}
         self.calm: list[TraceRecord] = []
         self.violations: list[str] = []
         keeps = self.rng.random() < 0.6
-        faults = story.scenario.faults
+        faults = drawn.scenario.faults
         if not keeps:
             faults = msgspec.structs.replace(faults, journal=JournalSpec(keeps=False))
         # When it is calm all hear each other, wherever they have gone.
-        scenario = msgspec.structs.replace(story.scenario, faults=faults, channel="none")
-        nodes = len(story.casts)
+        scenario = msgspec.structs.replace(drawn.scenario, faults=faults, channel="none")
+        nodes = len(drawn.casts)
         self.wanted = {address: {} for address in range(1, nodes + 1)}
         self.network = VirtualNetwork(
             scenario,
             fleet(nodes, journal=keeps),
-            modem=story.modem,
+            modem=drawn.modem,
             digest=False,
             trace=self.trace,
             lives=self.live,

@@ -314,10 +314,10 @@ def test_rules_that_cannot_work_are_refused(rules: TransmitRules, message: str) 
 
 def test_any_weather_on_both_links(count: Callable[[int], int]) -> None:
     for seed in range(count(300)):
-        _story(seed)
+        _scenario(seed)
 
 
-def _story(seed: int) -> None:
+def _scenario(seed: int) -> None:
     """Losses, unplugged modems and crashes on both links; all that is kept arrives once."""
     rng = random.Random(seed)
     loss = (rng.choice((0.0, 0.2, 0.4)), rng.choice((0.0, 0.2, 0.4)))

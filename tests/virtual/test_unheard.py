@@ -14,12 +14,12 @@ TABLE = StreamTable(
 
 def told(*, alone: bool) -> list[NothingHeard]:
     """Let node 1 talk for a while; return what it was told."""
-    water = VirtualNetwork(line(0, 500, channel="none"), TABLE)
+    medium = VirtualNetwork(line(0, 500, channel="none"), TABLE)
     if alone:
-        water.crash(2)
-    water.every(10, lambda: water.publish(1, 1, b"hello"))
-    water.run(until_s=900)
-    heard = [event for node, event in water.events if node == 1]
+        medium.crash(2)
+    medium.every(10, lambda: medium.publish(1, 1, b"hello"))
+    medium.run(until_s=900)
+    heard = [event for node, event in medium.events if node == 1]
     return [event for event in heard if isinstance(event, NothingHeard)]
 
 
@@ -34,12 +34,12 @@ def test_who_is_answered_is_told_nothing() -> None:
 
 
 def test_link_that_comes_up_again_counts_anew() -> None:
-    water = VirtualNetwork(line(0, 500, channel="none"), TABLE)
-    water.crash(2)
-    water.every(10, lambda: water.publish(1, 1, b"hello"))
-    water.at(150, lambda: water.set_link(1, up=False))
-    water.at(155, lambda: water.set_link(1, up=True))
-    water.run(until_s=300)
-    assert not any(isinstance(event, NothingHeard) for _, event in water.events)
-    water.run(until_s=600)
-    assert sum(isinstance(event, NothingHeard) for _, event in water.events) == 1
+    medium = VirtualNetwork(line(0, 500, channel="none"), TABLE)
+    medium.crash(2)
+    medium.every(10, lambda: medium.publish(1, 1, b"hello"))
+    medium.at(150, lambda: medium.set_link(1, up=False))
+    medium.at(155, lambda: medium.set_link(1, up=True))
+    medium.run(until_s=300)
+    assert not any(isinstance(event, NothingHeard) for _, event in medium.events)
+    medium.run(until_s=600)
+    assert sum(isinstance(event, NothingHeard) for _, event in medium.events) == 1

@@ -117,11 +117,11 @@ def _measure(
         {"address": address, "position": [1 + step_m * (index + 0.5), 0, 10]}
         for index, address in enumerate(sources)
     ]
-    water: dict[str, Any] = {
+    medium: dict[str, Any] = {
         "nodes": nodes, "seed": seed, "channel": "none", "collisions": "protocol",
     }  # fmt: skip
     if delay is not None:
-        water["delay_s"] = delay * AIRTIME_S
+        medium["delay_s"] = delay * AIRTIME_S
     topic = TopicSpec(
         stream_id=1, name="a", subscribers=(RECEIVER,), qos=Qos(depth=50, lifespan_s=lifespan_s)
     )
@@ -133,7 +133,7 @@ def _measure(
         return ()
 
     network = VirtualNetwork(
-        scenario_from_mapping(water, source="throughput"),
+        scenario_from_mapping(medium, source="throughput"),
         dict.fromkeys(sources, StreamTable([topic])),
         modem=Modem(senses_carrier=delay is not None, mtu_bytes=FRAME_BYTES),
         deliver=lambda address, event: None,

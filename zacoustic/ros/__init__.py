@@ -6,7 +6,7 @@ of it exactly so, without a ROS installation: a gateway is a small computer in a
 
 The idea: the interface definitions come from `rosbags`, which ships those of every distribution,
 and from folders of ``.msg``, ``.srv`` and ``.action`` files. Everything else is text and a few
-bytes. What crosses the water is none of it but the values, as `TypeSpec` has them: so a ROS type
+bytes. What crosses the channel is none of it but the values, as `TypeSpec` has them: so a ROS type
 can be packed and dense like any other.
 
 Nouns, one module each:

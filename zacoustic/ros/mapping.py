@@ -1,7 +1,7 @@
 """A ROS message as a `TypeSpec`, and how its values are had from objects of `rosbags` and back.
 
 =======================================  ======================================================
-ROS                                      on the water
+ROS                                      on the channel
 =======================================  ======================================================
 ``bool``, integers, floats, ``string``   the same
 ``byte``, ``char``                       ``uint8``

@@ -49,9 +49,9 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtualclock import NodeClock
 from zacoustic.testing.virtualfaults import schedule_faults
 from zacoustic.testing.virtualjournal import FULL, VirtualJournal
+from zacoustic.testing.virtualmedium import Disturb, VirtualMedium
 from zacoustic.testing.virtualmodem import Modem
 from zacoustic.testing.virtualnode import NodeDownError, VirtualNode
-from zacoustic.testing.virtualwater import Disturb, VirtualWater
 
 # A network may need the lacks of its modems, and the times when a node is down.
 __all__ = ["Deliver", "Disturb", "Modem", "NodeDownError", "VirtualNetwork"]
@@ -111,11 +111,11 @@ class VirtualNetwork:
         self._agenda = Agenda()
         medium = Medium(scenario)
         self._nodes: dict[int, VirtualNode] = {}
-        self._water = VirtualWater(
+        self._medium = VirtualMedium(
             self._agenda, medium, modem or Modem(), self._nodes, None, disturb, self._service
         )
-        self._waters = [self._water]
-        self._beside: dict[str, VirtualWater] = {}
+        self._media = [self._medium]
+        self._beside: dict[str, VirtualMedium] = {}
         self._deliver = deliver or (lambda address, event: self.events.append((address, event)))
         self._trace = trace
         self._hash = hashlib.sha256() if digest else None
@@ -261,15 +261,15 @@ class VirtualNetwork:
             modem: What its modems do by themselves.
             disturb: Loses, delays and repeats frames in addition to the scenario.
         """
-        water = VirtualWater(
+        medium = VirtualMedium(
             self._agenda, Medium(scenario), modem or Modem(), self._nodes, link, disturb,
             self._service,
         )  # fmt: skip
-        self._beside[link] = water
-        self._waters.append(water)
+        self._beside[link] = medium
+        self._media.append(medium)
         for node in self._nodes.values():
             if node.engine is not None:
-                self._connect(water, node, node.engine)
+                self._connect(medium, node, node.engine)
 
     # What goes wrong by hand
 
@@ -309,8 +309,8 @@ class VirtualNetwork:
             stored={**node.journal.entries, BOOT_KEY: b"%d" % node.clock.boots},
             trace=self._note if self._trace or self._hash else None,
         )
-        for water in self._waters:
-            self._connect(water, node, node.engine)
+        for medium in self._media:
+            self._connect(medium, node, node.engine)
 
     def _rules_of(self, address: int) -> TransmitRules:
         rules = self._rules
@@ -329,19 +329,19 @@ class VirtualNetwork:
 
     def set_link(self, address: int, *, up: bool, link: str | None = None) -> None:
         """Unplug or plug in the modem of a node, that of its first link if none is named."""
-        node, water = self._nodes[address], self._on(link)
-        water.devices[address].is_up = up
+        node, medium = self._nodes[address], self._on(link)
+        medium.devices[address].is_up = up
         if node.engine is None:
             return
         if up:
-            self._connect(water, node, node.engine)
+            self._connect(medium, node, node.engine)
         else:
-            water.disconnect(node, node.engine)
+            medium.disconnect(node, node.engine)
             self._service(node)
 
     def move(self, address: int, position: Position) -> None:
         """Tell where a node is from now on: x east, y north, z down, m."""
-        self._water.move(address, position)
+        self._medium.move(address, position)
 
     def tell_clock(self, address: int) -> None:
         """Tell an engine what its node believes of the wall clock; no effect if it is down."""
@@ -360,24 +360,24 @@ class VirtualNetwork:
     @property
     def losses(self) -> dict[str, int]:
         """What became of the frames that did not arrive, by outcome."""
-        return self._water.losses
+        return self._medium.losses
 
     # Below the methods above
 
-    def _on(self, link: str | None) -> VirtualWater:
-        return self._water if link is None else self._beside.get(link, self._water)
+    def _on(self, link: str | None) -> VirtualMedium:
+        return self._medium if link is None else self._beside.get(link, self._medium)
 
-    def _connect(self, water: VirtualWater, node: VirtualNode, engine: Engine) -> None:
+    def _connect(self, medium: VirtualMedium, node: VirtualNode, engine: Engine) -> None:
         """Tell an engine that its modem is there, once that is free."""
-        device = water.devices[node.address]
+        device = medium.devices[node.address]
         if node.engine is not engine or not device.is_up:
             return
         if device.transmits_until > self.now:
-            self._agenda.push(device.transmits_until, self._connect, water, node, engine)
+            self._agenda.push(device.transmits_until, self._connect, medium, node, engine)
             return
         if node.clock.is_told:
             self._tell_clock(node, engine)
-        water.connect(node, engine)
+        medium.connect(node, engine)
         self._service(node)
 
     def _tell_clock(self, node: VirtualNode, engine: Engine) -> None:

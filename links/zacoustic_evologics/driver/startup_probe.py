@@ -11,7 +11,7 @@ The question is `+++AT?MODE`, repeated in different forms:
   modem, it gets more bytes than any payload has, none of them a line end: then none stands where
   the payload must end, and the modem refuses the message instead of sending it.
 
-In data mode such a filler would be data for the water, which is why it comes last, and why
+In data mode such a filler would be data for the channel, which is why it comes last, and why
 `startup` clears the buffer after it.
 """
 

@@ -7,7 +7,7 @@ From the bottom up:
 - `modem`, made of `chassis`, `transducer`, `exchange`, `instant`, `bursts`, `usblhead`,
   `levelcontrol`, `listening` and `queries`: one modem, sans-IO.
 - `port`, `faults`, `station`: its ports and their faults.
-- `water`, `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop;
+- `medium`, `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop;
   `observation`: the events for an observer of all of them.
 - `running`, `server`, `command`: the same on a loop, behind TCP ports and pseudo-terminals.
 """

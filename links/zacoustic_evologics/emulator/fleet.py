@@ -33,11 +33,11 @@ from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS
 from zacoustic_evologics.emulator.chassis import Behaviour
 from zacoustic_evologics.emulator.faults import NO_FAULTS, FaultPlan
+from zacoustic_evologics.emulator.medium import EmulatedMedium, Sound, sound_id
 from zacoustic_evologics.emulator.modem import EmulatedModem
 from zacoustic_evologics.emulator.observation import Observer, ignore
 from zacoustic_evologics.emulator.station import FleetOutput, PortClosed, Station
 from zacoustic_evologics.emulator.store import PORT_OPTIONS
-from zacoustic_evologics.emulator.water import Sound, Water, sound_id
 
 PORTS_LIMIT: Final = 64
 """Open ports of one modem; more are refused."""
@@ -94,7 +94,7 @@ class EmulatedFleet:
     ) -> None:
         self.scenario = scenario
         self.interpreter = interpreter
-        self._water = Water(scenario, observer)
+        self._medium = EmulatedMedium(scenario, observer)
         self._agenda = Agenda()
         self._outputs: deque[FleetOutput] = deque()
         self._stations: dict[int, Station] = {}
@@ -104,12 +104,12 @@ class EmulatedFleet:
         settings = settings or {}
         _check_settings(settings)
         behaviour = behaviour or Behaviour()
-        reach_s = max(behaviour.reach_s, 1.1 * self._water.reach_s(0))
+        reach_s = max(behaviour.reach_s, 1.1 * self._medium.reach_s(0))
         behaviour = msgspec.structs.replace(behaviour, reach_s=reach_s)
-        highest = next(each for each in HIGHEST_ADDRESSES if each >= max(self._water.addresses))
+        highest = next(each for each in HIGHEST_ADDRESSES if each >= max(self._medium.addresses))
         common = {"AM": max(highest, SETTINGS["AM"].default)} | dict(settings)
         options = {name: value for name, value in settings.items() if name in PORT_OPTIONS}
-        for address in self._water.addresses:
+        for address in self._medium.addresses:
             rng = random.Random(f"zacoustic/evologics/{scenario.seed}/{address}")
             modem = EmulatedModem({"AL": address} | common, behaviour=behaviour, rng=rng)
             self._stations[address] = Station(address, modem, faults, options)
@@ -131,16 +131,16 @@ class EmulatedFleet:
         Raises:
             ValueError: No such modem, or a coordinate that is no number of reach.
         """
-        self._water.move(address, position, now)
+        self._medium.move(address, position, now)
 
     def distance_m(self, address: int, other: int) -> float:
         """Return how far apart two modems are now, m."""
-        return self._water.path(address, other, self.now).distance_m
+        return self._medium.path(address, other, self.now).distance_m
 
     @property
     def remembered(self) -> int:
         """Number of kept past and future items; bounded by what is under way."""
-        return self._water.remembered + len(self._agenda) + len(self._outputs)
+        return self._medium.remembered + len(self._agenda) + len(self._outputs)
 
     def is_up(self, address: int) -> bool:
         """Whether a modem is there, and not restarting."""
@@ -225,7 +225,7 @@ class EmulatedFleet:
                 del self._station_of_port[output.port_id]
             self._outputs.append(output)
         while (signal := station.modem.poll_signal()) is not None:
-            for sound in self._water.emit(station.node, signal, now):
+            for sound in self._medium.emit(station.node, signal, now):
                 self._expect(sound)
         self._arm(station)
 
@@ -238,7 +238,7 @@ class EmulatedFleet:
             self._settle(station, arrival.starts_at)
 
         def end() -> None:
-            station.handle_hearing(self._water.hear(sound), arrival.ends_at)
+            station.handle_hearing(self._medium.hear(sound), arrival.ends_at)
             self._settle(station, arrival.ends_at)
 
         if sound.is_noticed:

@@ -10,8 +10,8 @@ from typing import Final
 
 from zacoustic_evologics.at.notifications import SourceLevel
 from zacoustic_evologics.emulator.chassis import Chassis
+from zacoustic_evologics.emulator.medium import SOURCE_LEVELS_DB
 from zacoustic_evologics.emulator.signals import Hearing
-from zacoustic_evologics.emulator.water import SOURCE_LEVELS_DB
 
 TOO_LOUD_DB: Final = -25
 """Above it, a modem goes one step quieter; dB re 1 V."""

@@ -1,4 +1,4 @@
-"""What medium access says on the water."""
+"""What medium access says on the channel."""
 
 from hypothesis import given
 from hypothesis import strategies as st

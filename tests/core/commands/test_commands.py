@@ -402,7 +402,7 @@ def test_commands_that_cannot_be_sent_are_refused_here() -> None:
     with pytest.raises(LocalError, match="served by"):
         rig[1].engine.call(COMMANDS_STREAM_ID, SILENCE.to_wire(1), rig.now)
     rig[1].engine.declare(TopicSpec(stream_id=COMMANDS_STREAM_ID, name="mine"), rig.now)
-    with pytest.raises(LocalError, match="stream 175 is mine, so no commands cross the water"):
+    with pytest.raises(LocalError, match="stream 175 is mine, so no commands cross the channel"):
         commands.send(2, SILENCE, rig.now)
 
 

@@ -67,11 +67,11 @@ def test_nothing_is_wrong_or_unreadable(
         samples = dense_samples(mission.samples, ("nav", "status", "ctd", "cmd", "log"))
         alone = [[each] for each in samples[:150]]
         groups = [samples[n : n + 9] for n in range(150, 450, 9)]
-        tally = exchange(
+        counters = exchange(
             codec, alone + groups, ack_every=ack_every, loss=loss, disorder=0.1, seed=seed
         )
-        assert (tally.undecodable, tally.wrong) == (0, 0), f"seed {seed}"
-        assert tally.received > 0
+        assert (counters.undecodable, counters.wrong) == (0, 0), f"seed {seed}"
+        assert counters.received > 0
 
 
 def test_nothing_is_referred_to_that_was_not_acknowledged(

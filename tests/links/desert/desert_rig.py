@@ -8,11 +8,11 @@ from tests.runtime.loop_checks import run
 from zacoustic.link import Link
 from zacoustic.testing.linkpair import Side
 from zacoustic.testing.proxy import StreamProxy
+from zacoustic_desert.channel import SampleChannel
 from zacoustic_desert.config import DesertConfig
 from zacoustic_desert.link import DesertLink
 from zacoustic_desert.server import StandInServer
 from zacoustic_desert.standin import Observer, StandIn, StandInConfig
-from zacoustic_desert.water import SampleWater
 
 SCALE = 50.0
 
@@ -38,8 +38,8 @@ def standin(
     **settings: Any,
 ) -> StandIn:
     """Return a stand-in in the water of the sample; quiet unless told otherwise."""
-    water = SampleWater(nodes, random.Random(f"w{seed}"), loss=loss, half_duplex=half_duplex)
-    return StandIn(water, StandInConfig(**settings), rng=random.Random(seed), observer=observer)
+    medium = SampleChannel(nodes, random.Random(f"w{seed}"), loss=loss, half_duplex=half_duplex)
+    return StandIn(medium, StandInConfig(**settings), rng=random.Random(seed), observer=observer)
 
 
 def serve(

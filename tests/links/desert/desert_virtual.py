@@ -10,10 +10,10 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event
 from zacoustic.core.linktypes import LinkState, ReceivedFrame
 from zacoustic.core.streams.table import StreamTable
+from zacoustic_desert.channel import SampleChannel
 from zacoustic_desert.config import DesertConfig
 from zacoustic_desert.pacing import Pacer
 from zacoustic_desert.standin import Observation, StandIn, StandInConfig
-from zacoustic_desert.water import SampleWater
 
 T = TypeVar("T")
 
@@ -45,9 +45,9 @@ class VirtualDesert:
         """``(instant, address, event)``."""
         self.seen: list[Observation] = []
         """What became of the packets."""
-        water = SampleWater(nodes, random.Random(f"water {seed}"), loss=loss)
+        medium = SampleChannel(nodes, random.Random(f"water {seed}"), loss=loss)
         self.desert = StandIn(
-            water, StandInConfig(**script), rng=random.Random(seed), observer=self.seen.append
+            medium, StandInConfig(**script), rng=random.Random(seed), observer=self.seen.append
         )
         self._capabilities = (configured or DesertConfig()).capabilities()
         self._pacers = [Pacer(self._capabilities) for _ in range(nodes)]

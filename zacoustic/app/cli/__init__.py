@@ -57,7 +57,7 @@ _PACKAGES: Final = {
 """What to install for a module that may be absent, where that has another name."""
 
 _EXAMPLE: Final = """example:
-  zacoustic demo                     two islands joined through simulated water
+  zacoustic demo                     two local networks joined through a simulated channel
   zacoustic gateway router.json5     join the Zenoh network here to the others
   zacoustic VERB --help              arguments and an example of each verb
 """
@@ -251,7 +251,7 @@ def _built_in(name: str) -> Command:
 def _parser(verbs: Mapping[str, Command]) -> Parser:
     parser = Parser(
         prog="zacoustic",
-        description="Zenoh over sound: joins islands of Zenoh through acoustic modems.",
+        description="Zenoh over sound: joins Zenoh networks through acoustic modems.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,

@@ -33,7 +33,7 @@ def add_connect(parser: _Adds) -> None:
     )
 
 
-def add_island(parser: argparse.ArgumentParser) -> None:
+def add_local_network(parser: argparse.ArgumentParser) -> None:
     """Declare where Zenoh is joined, for a verb that needs no streams of a file."""
     add_connect(parser)
     parser.add_argument("--config", metavar="FILE", help="file that tells where the router is")

@@ -19,17 +19,17 @@ class DemoCommand(Command):
     """Shows two networks that are joined by sound."""
 
     name = "demo"
-    summary = "show it: two Zenoh islands joined through simulated water, in half a minute"
+    summary = "show it: two Zenoh networks joined through a simulated channel, in half a minute"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare duration, link and form of the output."""
-        from zacoustic.app.tools.demo.waters import WATERS
+        from zacoustic.app.tools.demo.media import MEDIA
 
         parser.add_argument(
             "--duration", type=float, metavar="S", help="how long the vehicle reports, 20..40 s"
         )
         parser.add_argument(
-            "--link", choices=tuple(WATERS), default=next(iter(WATERS)),
+            "--link", choices=tuple(MEDIA), default=next(iter(MEDIA)),
             help="what lies between: the simulator's water, emulated S2C modems on TCP ports "
             "(evologics) or on pseudo-terminals (evologics-serial), or a stand-in for DESERT "
             "(default: %(default)s)",
@@ -52,18 +52,18 @@ class DemoCommand(Command):
         Raises:
             ConfigError: The duration is out of range.
         """
+        from zacoustic.app.tools.demo.media import MEDIA
         from zacoustic.app.tools.demo.mission import DURATION_S, LONGEST_S, SHORTEST_S, Mission
-        from zacoustic.app.tools.demo.waters import WATERS
 
         duration_s = DURATION_S if arguments.duration is None else arguments.duration
         if not SHORTEST_S <= duration_s <= LONGEST_S:
             raise ConfigError(
                 f"--duration {duration_s:g}; allowed: {SHORTEST_S:g}..{LONGEST_S:g} s"
             )
-        water = WATERS[arguments.link]()
+        medium = MEDIA[arguments.link]()
         with new_file("--screenshot", arguments.screenshot) as picture:
-            view = _view(arguments, water.title, picture)
-            mission = Mission(view, water, duration_s=duration_s)
+            view = _view(arguments, medium.title, picture)
+            mission = Mission(view, medium, duration_s=duration_s)
             summary = asyncio.run(mission.run())
             if mission.is_interrupted:
                 return EXIT_INTERRUPTED

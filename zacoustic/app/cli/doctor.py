@@ -47,7 +47,7 @@ class DoctorCommand(Command):
         Raises:
             ConfigError: The file or an argument is wrong.
         """
-        from zacoustic.app.tools.design.plan.fleet import Water
+        from zacoustic.app.tools.design.plan.fleet import AssumedChannel
         from zacoustic.app.tools.field.doctor.doctor import DEFAULT_PATIENCE_S, Options, diagnose
         from zacoustic.app.tools.field.doctor.text import as_text
         from zacoustic.channel.profiles import DEFAULT_PROFILE
@@ -59,7 +59,7 @@ class DoctorCommand(Command):
             connect=tuple(arguments.connect),
             ntp=arguments.ntp,
             recordings=tuple(arguments.recording),
-            water=Water(profile=arguments.profile or DEFAULT_PROFILE),
+            channel=AssumedChannel(profile=arguments.profile or DEFAULT_PROFILE),
             patience_s=arguments.patience or DEFAULT_PATIENCE_S,
         )
         report = asyncio.run(diagnose(arguments.file, options))

@@ -56,7 +56,7 @@ class PlanCommand(Command):
         """
         import msgspec
 
-        from zacoustic.app.tools.design.plan.fleet import DEFAULT_RANGE_M, Water
+        from zacoustic.app.tools.design.plan.fleet import DEFAULT_RANGE_M, AssumedChannel
         from zacoustic.app.tools.design.plan.report import DEFAULT_HOURS, plan
         from zacoustic.app.tools.design.plan.text import as_text
 
@@ -64,14 +64,14 @@ class PlanCommand(Command):
         transmit_w = arguments.transmit_w
         if transmit_w is not None:
             transmit_w = _within("--transmit-w", transmit_w, 0.0, 0.0, 10_000.0)
-        water = Water(
+        channel = AssumedChannel(
             range_m=_within("--range", arguments.range, DEFAULT_RANGE_M, 1.0, 100_000.0),
             loss=_within("--loss", arguments.loss, 0.0, 0.0, 0.9),
         )
         if arguments.profile is not None:
-            water = msgspec.structs.replace(water, profile=arguments.profile)
+            channel = msgspec.structs.replace(channel, profile=arguments.profile)
         report = plan(
-            arguments.file, water=water, recordings=arguments.recording, hours=hours,
+            arguments.file, channel=channel, recordings=arguments.recording, hours=hours,
             transmit_w=transmit_w,
         )  # fmt: skip
         print_result(report, as_text, as_json=arguments.json)

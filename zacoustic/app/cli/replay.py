@@ -151,7 +151,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 def _through(arguments: argparse.Namespace) -> int:
     from zacoustic.app.tools.inspect.recordings.checktext import otherwise_as_text
-    from zacoustic.app.tools.inspect.recordings.lives import nodes_of
+    from zacoustic.app.tools.inspect.recordings.epochs import nodes_of
     from zacoustic.app.tools.inspect.recordings.otherwise import replay_through
     from zacoustic.app.tools.inspect.recordings.today import configs_for
 

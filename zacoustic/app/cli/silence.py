@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
-from zacoustic.app.cli.arguments import OBJECT_PER_LINE, add_island, add_json, check_positive
+from zacoustic.app.cli.arguments import OBJECT_PER_LINE, add_json, add_local_network, check_positive
 from zacoustic.app.cli.printing import print_line
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_OK, Command
@@ -79,9 +79,9 @@ def add_command_arguments(
     default = "" if is_node_required else " (default: those of all gateways here)"
     parser.add_argument(
         "--node", type=int, metavar="N", required=is_node_required,
-        help=f"acoustic address of the node, on this island or beyond the water{default}",
+        help=f"acoustic address of the node, of this local network or remote{default}",
     )  # fmt: skip
-    add_island(parser)
+    add_local_network(parser)
     add_json(parser, OBJECT_PER_LINE)
     parser.add_argument(
         "--timeout", type=float, metavar="S",

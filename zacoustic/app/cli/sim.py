@@ -29,10 +29,10 @@ class SimCommand(Command):
             "scenario", metavar="SCENARIO", nargs="?", help="scenario with traffic, JSON5"
         )
         what.add_argument(
-            "--story",
+            "--random",
             type=int,
             metavar="SEED",
-            help="instead of a file: the random story of this seed, as `make soak` tells it",
+            help="instead of a file: the random scenario of this seed, as `make soak` runs it",
         )
         parser.add_argument("--seed", type=int, help="replaces the seed of the scenario")
         parser.add_argument(
@@ -53,7 +53,7 @@ class SimCommand(Command):
             "  zacoustic sim water.json5 --until 86400 --trace trace.jsonl\n"
             "  zacoustic decode --config fleet.json5 < trace.jsonl\n"
             "  zacoustic sim water.json5 --record trial.mcap && zacoustic report trial.mcap\n"
-            "  zacoustic sim --story 1234     exits with 1 if something is lost, altered or doubled"
+            "  zacoustic sim --random 1234    exits with 1 if something is lost, altered or doubled"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -62,7 +62,7 @@ class SimCommand(Command):
         Raises:
             ConfigError: The scenario or an argument is wrong.
         """
-        if arguments.story is not None:
+        if arguments.random is not None:
             return _tell(arguments)
         from zacoustic.app.tools.design.sim.recorder import recorded_to
         from zacoustic.app.tools.design.sim.simulation import DEFAULT_UNTIL_S, simulate
@@ -89,16 +89,16 @@ def _tell(arguments: argparse.Namespace) -> int:
     Raises:
         ConfigError: An argument that a random scenario does not have.
     """
+    from zacoustic.app.tools.design.sim.randomscenario import run_random_scenario
     from zacoustic.app.tools.design.sim.recorder import recorded_to
-    from zacoustic.app.tools.design.sim.storytelling import tell_story
-    from zacoustic.app.tools.design.sim.text import story_as_text
+    from zacoustic.app.tools.design.sim.text import scenario_as_text
 
     for name in ("seed", "until"):
         if getattr(arguments, name) is not None:
-            raise ConfigError(f"--{name} with --story; allowed: with a scenario")
+            raise ConfigError(f"--{name} with --random; allowed: with a scenario")
     with new_file("--trace", arguments.trace) as file, recorded_to(arguments.record) as record:
-        result = tell_story(arguments.story, trace=_writer(file), record=record)
-    print_result(result, story_as_text, as_json=arguments.json)
+        result = run_random_scenario(arguments.random, trace=_writer(file), record=record)
+    print_result(result, scenario_as_text, as_json=arguments.json)
     return EXIT_FAILED if result.violations else EXIT_OK
 
 

@@ -4,7 +4,7 @@ import argparse
 import asyncio
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.app.cli.arguments import OBJECT_PER_LINE, add_island, add_json
+from zacoustic.app.cli.arguments import OBJECT_PER_LINE, add_json, add_local_network
 from zacoustic.app.cli.printing import print_json, print_text
 from zacoustic.errors import ConfigError, DeliveryError
 from zacoustic.link.command import EXIT_OK, Command
@@ -68,7 +68,7 @@ def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node", type=int, metavar="N", help="address of one gateway (default: all that are here)"
     )
-    add_island(parser)
+    add_local_network(parser)
     add_json(parser, OBJECT_PER_LINE)
 
 

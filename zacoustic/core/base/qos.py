@@ -108,7 +108,7 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     stamp: Stamp = Stamp.NONE
     """How the far side learns the age."""
     forward: Forward = Forward.ALWAYS
-    """When samples cross the water."""
+    """When samples cross the channel."""
     exclusive: bool = False
     """A payload larger than a frame is sent without listen windows: about a tenth sooner, but
     nobody else is heard meanwhile."""

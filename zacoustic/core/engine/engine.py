@@ -12,7 +12,7 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
 - An input from a link has the link's name; without one it is from the first link. A transmission
   has the name of the link that it is for.
 - A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
-- Inputs from the water never raise; any exception from them is a bug, and another engine goes on
+- Inputs from the channel never raise; any exception from them is a bug, and another engine goes on
   from the journal then (`zacoustic.run.replacement`). Commands raise `LocalError`s.
 
 Who does what, on each link (`zacoustic.core.engine.linkstack`)::

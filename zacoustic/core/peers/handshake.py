@@ -75,8 +75,8 @@ from zacoustic.core.wire.agreement import (
 from zacoustic.core.wire.frame import LAST_STREAM_ID
 
 SETTLING_UNITS: Final = 4
-"""A duplicate that a modem or the water makes arrives within this many units. A few is what modems
-do; four is generous."""
+"""A duplicate that a modem or the channel makes arrives within this many units. A few is what
+modems do; four is generous."""
 PATIENCE_UNITS: Final = 16
 """So long the next frame of a peer is awaited to confirm its epoch behind it: with 64 bytes over
 1000 m 24 s, longer than from one report of a vehicle to the next."""

@@ -37,7 +37,7 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     None: all of it."""
 
     commands_from: frozenset[int] | None = None
-    """Addresses of the nodes whose commands over the water this one executes; None: those
+    """Addresses of the nodes whose commands over the channel this one executes; None: those
     listed."""
     contact: ContactRules = ContactRules()
     """How often the node is to be heard, and when it misses others."""

@@ -6,7 +6,7 @@ device gets the gap that it asks for.
 When a frame may start is the answer of three: the gap, the medium access of the link, and the
 listen windows, unless the access gives everybody turns or the device hears while it sends.
 
-A frame that arrives twice because a modem or the water made two of it is recognised where that is
+A frame that arrives twice because a modem or the channel made two of it is recognised where that is
 certain: the same bytes from the same source, sooner than the source can have sent them again.
 
 How far away the others are decides where a frame has to start to arrive in a listen window: half of

@@ -57,7 +57,7 @@ class Waiting:
         dense_value: What a dense block says instead of the record, in full precision; None: it
             may be in none.
         tick: Which sample of its stream it is, of a dense one.
-        cause: Why its bytes are on the water; None: header and payload.
+        cause: Why its bytes are on the channel; None: header and payload.
         code: First byte of the record where it is not the id of its stream: a control.
         queued_at: Instant of publication, ns.
         expires_at: Instant after which it is worthless, ns, or None.

@@ -16,8 +16,8 @@ the monotonic clock the same instant; what was left, counted from now; and the U
 that is sure. So a life that knows nothing begins with what was left, and says that it may be too
 long.
 
-A command that came over the water is answered over the water, and its answer is the one frame that
-may still go: it alone, once, within the time that is *granted* to it.
+A command that came over the channel is answered over the channel, and its answer is the one frame
+that may still go: it alone, once, within the time that is *granted* to it.
 
 With quiet windows and no UTC that is sure the node keeps silent: whoever wrote them would rather
 have that. A window is longer by as much as the UTC may be wrong.

@@ -118,7 +118,7 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     """How long a result is kept that its client has not confirmed, and how long a client waits
     while it hears nothing of a goal, s, > 0."""
     feedback_interval_s: float = 0.0
-    """Least time between two pieces of feedback for one goal on the water, s, ≥ 0; the newest
+    """Least time between two pieces of feedback for one goal on the channel, s, ≥ 0; the newest
     wins. Not in the digest."""
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque

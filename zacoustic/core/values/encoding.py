@@ -1,4 +1,4 @@
-"""What payloads look like on the application's side, and what that is called on the water.
+"""What payloads look like on the application's side, and what that is called on the channel.
 
 Zenoh samples carry an *encoding*, a text like ``application/cbor``. A stream has one, which both
 ends know; only a sample with another says so, in a prefix of one byte, or for a text that has no
@@ -16,8 +16,8 @@ first byte     then
 The values of typed streams meet the application as CBOR maps of field names, or as JSON objects
 where the stream asks for that; bytes fields are base64 texts in JSON, and numbers that JSON lacks
 (NaN, the infinities) are null there. Every other encoding is bytes as they are. Reading here uses
-cbor2 and msgspec, with a bound of `LARGEST_VALUE_BYTES`: what comes from the own island is trusted
-to be no attack, not to be well-formed.
+cbor2 and msgspec, with a bound of `LARGEST_VALUE_BYTES`: what comes from the own local network is
+trusted to be no attack, not to be well-formed.
 """
 
 import base64

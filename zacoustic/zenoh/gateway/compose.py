@@ -25,6 +25,7 @@ from zacoustic.zenoh.gateway.network.routes import Routes
 from zacoustic.zenoh.gateway.notices import Notify
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.session import GatewaySession
+from zacoustic.zenoh.gateway.status.channel import FrameLog
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.documents.dropped import Dropped
 from zacoustic.zenoh.gateway.status.documents.link import LinkStatus
@@ -37,7 +38,6 @@ from zacoustic.zenoh.gateway.status.recent_events import Announcer, RecentEvents
 from zacoustic.zenoh.gateway.status.report import Report
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.status.traffic import Traffic
-from zacoustic.zenoh.gateway.status.water import FrameLog
 from zacoustic.zenoh.gateway.streams.actions import Actions
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 from zacoustic.zenoh.gateway.streams.kept import KeptSamples
@@ -45,7 +45,7 @@ from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
 from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
 from zacoustic.zenoh.session.asking.queries import QueryHandler
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp
 
 # The engine tells 64 calls to one service apart; a caller that needs more than this at once on all
@@ -55,7 +55,7 @@ QUERIES_LIMIT: Final = 256
 STOPPING_TEXT: Final = "the gateway is stopping"
 """What a caller reads whose query is held then."""
 
-MakeDialects = Callable[[Island, InputErrors, Callable[[], None]], Dialects]
+MakeDialects = Callable[[ZenohSession, InputErrors, Callable[[], None]], Dialects]
 """Makes the dialects of a session; the last argument wakes the loop."""
 
 
@@ -64,7 +64,7 @@ class Composition:
 
     Args:
         node: What is on the link.
-        island: The Zenoh session, open.
+        zenoh_session: The Zenoh session, open.
         make_dialects: Makes the local forms of streams.
         about: Constant facts for monitors.
         notify: Told what people want to know.
@@ -73,7 +73,7 @@ class Composition:
     def __init__(
         self,
         node: PreparedNode,
-        island: Island,
+        zenoh_session: ZenohSession,
         make_dialects: MakeDialects,
         *,
         about: Mapping[str, object],
@@ -81,7 +81,7 @@ class Composition:
     ) -> None:
         parts = node.parts
         self._node = node
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._about = about
         self._clock = parts.clock
         self._wall_clock = parts.host.utc_ns
@@ -95,9 +95,9 @@ class Composition:
         self._traffic = Traffic(self._dates.unix_s)
         self._frames = FrameLog(parts.table, parts.link, unix_s=self._dates.unix_s)
         self._runner = node.make_runner(self._trace)
-        self._dialects = make_dialects(island, self._input_errors, self._wake_up.ring)
+        self._dialects = make_dialects(zenoh_session, self._input_errors, self._wake_up.ring)
         self._queries = QueryHandler(
-            island.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT
+            zenoh_session.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT
         )
 
     def session(self) -> GatewaySession:
@@ -105,7 +105,7 @@ class Composition:
         streams = self._streams()
         routes = Routes(
             self._table,
-            self._island,
+            self._zenoh_session,
             self._redundant,
             streams=streams,
             dialects=self._dialects,
@@ -113,7 +113,7 @@ class Composition:
             runner=self._runner,
         )
         network = LocalNetwork(
-            self._island,
+            self._zenoh_session,
             self._wake_up,
             redundant=self._redundant,
             dialects=self._dialects,
@@ -136,7 +136,7 @@ class Composition:
         )
 
     def _streams(self) -> StreamHandlers:
-        table, island, ring = self._table, self._island, self._wake_up.ring
+        table, zenoh_session, ring = self._table, self._zenoh_session, self._wake_up.ring
         topics = Topics(
             table,
             self._redundant,
@@ -147,19 +147,19 @@ class Composition:
             ring=ring,
         )
         services = Services(
-            table, island, self._input_errors, self._dialects, clock=self._clock, ring=ring
+            table, zenoh_session, self._input_errors, self._dialects, clock=self._clock, ring=ring
         )
         actions = Actions(
             self._redundant.address,
             table,
-            island,
+            zenoh_session,
             self._input_errors,
             self._dialects,
             runner=self._runner,
             clock=self._clock,
         )
         matching = MatchingSubscribers(
-            table, island, self._redundant, topics, self._runner, ring=ring
+            table, zenoh_session, self._redundant, topics, self._runner, ring=ring
         )
         return StreamHandlers(topics, services, actions, matching)
 
@@ -192,15 +192,15 @@ class Composition:
             stream_status,
             objects,
             self._frames,
-            Dropped(runner, self._input_errors, streams.topics, self._queries, self._island),
+            Dropped(runner, self._input_errors, streams.topics, self._queries, self._zenoh_session),
             self._recent_events,
             PeerStatus(runner, clock=self._clock, unix_s=dates.unix_s),
         )
         report = Report(sections, dates)
         return Status(
             report,
-            Health(self._redundant.address, self._island, report, dates),
-            FrameFeed(runner, self._island),
+            Health(self._redundant.address, self._zenoh_session, report, dates),
+            FrameFeed(runner, self._zenoh_session),
             traffic=self._traffic,
             peers=peers,
             streams=stream_status,

@@ -42,7 +42,13 @@ from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
 from zacoustic.zenoh.gateway.session import GatewaySession
 from zacoustic.zenoh.session.latching import stamp_samples
-from zacoustic.zenoh.session.session import Island, endpoints_of, listen_at, listen_here, mode_of
+from zacoustic.zenoh.session.session import (
+    ZenohSession,
+    endpoints_of,
+    listen_at,
+    listen_here,
+    mode_of,
+)
 
 if TYPE_CHECKING:
     from zacoustic.zenoh.gateway.status.metrics import MetricsServer
@@ -158,8 +164,8 @@ class Gateway:
             table, latched = self.config.table, Durability.TRANSIENT_LOCAL
             if self.config.ros or any(each.qos.durability is latched for each in table):
                 stamp_samples(self._zenoh_config)
-            island = await Island.open(self._zenoh_config)
-            session = self._session = await self._join(node, island)
+            zenoh_session = await ZenohSession.open(self._zenoh_config)
+            session = self._session = await self._join(node, zenoh_session)
             await session.open()
             await self._serve_metrics(session)
             self._notify(self._started(session, node))
@@ -213,7 +219,7 @@ class Gateway:
             address=config.address,
             name=config.name or "",
             mode=mode_of(self._zenoh_config),
-            zid=str(session.network.island.session.zid()),
+            zid=str(session.network.zenoh_session.session.zid()),
             endpoints=tuple(
                 f"{word} {without_secrets(endpoint)}"
                 for word in ("listen", "connect")
@@ -277,24 +283,24 @@ class Gateway:
             trouble=lambda text: self._notify(NotRecorded(detail=text)),
         )
 
-    async def _join(self, node: PreparedNode, island: Island) -> GatewaySession:
+    async def _join(self, node: PreparedNode, zenoh_session: ZenohSession) -> GatewaySession:
         try:
             return Composition(
-                node, island, self._dialects, about=self._about(), notify=self._notify
+                node, zenoh_session, self._dialects, about=self._about(), notify=self._notify
             ).session()
         except BaseException:
-            await island.close()
+            await zenoh_session.close()
             raise
 
     def _dialects(
-        self, island: Island, input_errors: InputErrors, ring: Callable[[], None]
+        self, zenoh_session: ZenohSession, input_errors: InputErrors, ring: Callable[[], None]
     ) -> Dialects:
         ros, table = self.config.ros, self.config.table
         if ros is None:
-            return Dialects(island)
+            return Dialects(zenoh_session)
         from zacoustic.zenoh.gateway.dialect.ros import RosDialects
 
-        return RosDialects(self.config.address, table, ros, island, input_errors, ring)
+        return RosDialects(self.config.address, table, ros, zenoh_session, input_errors, ring)
 
     def _forgotten(self) -> str:
         journal = self._parts.journal

@@ -75,7 +75,7 @@ class RedundantGateways:
             self._retired_until[address] = self._clock() + seconds_to_ns(RETIRED_S)
         return True
 
-    def shares_island(self, source: int) -> bool:
+    def shares_network(self, source: int) -> bool:
         """Tell whether that node's samples from the channel are local already."""
         if source in self._alive:
             return True

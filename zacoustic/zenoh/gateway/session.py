@@ -124,7 +124,7 @@ class GatewaySession:
     def _declare(self) -> None:
         self._status.feed.declare()
         self._streams.services.watch(self.network.redundant.address)
-        self._handlers.declare(self.network.island, self.network.queries)
+        self._handlers.declare(self.network.zenoh_session, self.network.queries)
 
     def _undeclare(self) -> None:
         self._status.feed.undeclare()

@@ -14,7 +14,7 @@ import zenoh
 import zenoh.ext
 
 from zacoustic.core.base.qos import Priority
-from zacoustic.zenoh.session.session import Island, one_line, zenoh_priority
+from zacoustic.zenoh.session.session import ZenohSession, one_line, zenoh_priority
 
 _logger = logging.getLogger(__name__)
 
@@ -29,18 +29,20 @@ def stamp_samples(settings: zenoh.Config) -> None:
         settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
 
 
-def latched_publisher(island: Island, key: str, depth: int, priority: Priority) -> Latched:
+def latched_publisher(
+    zenoh_session: ZenohSession, key: str, depth: int, priority: Priority
+) -> Latched:
     """Declare a publisher that keeps its last samples for late joiners.
 
     Args:
-        island: Where.
+        zenoh_session: Where.
         key: Its key.
         depth: How many it keeps.
         priority: Of its samples.
     """
     try:
         return zenoh.ext.declare_advanced_publisher(
-            island.session,
+            zenoh_session.session,
             zenoh.KeyExpr(key),
             priority=zenoh_priority(priority),
             congestion_control=zenoh.CongestionControl.DROP,
@@ -50,7 +52,7 @@ def latched_publisher(island: Island, key: str, depth: int, priority: Priority) 
         )
     except zenoh.ZError as error:
         _logger.warning("%s: late joiners get nothing: %s", key, one_line(error))
-        return island.session.declare_publisher(
+        return zenoh_session.session.declare_publisher(
             zenoh.KeyExpr(key),
             priority=zenoh_priority(priority),
             congestion_control=zenoh.CongestionControl.DROP,
@@ -59,20 +61,20 @@ def latched_publisher(island: Island, key: str, depth: int, priority: Priority) 
 
 
 def latched_subscriber(
-    island: Island, expression: str, take: Callable[[zenoh.Sample], None], depth: int
+    zenoh_session: ZenohSession, expression: str, take: Callable[[zenoh.Sample], None], depth: int
 ) -> "zenoh.ext.AdvancedSubscriber[None]":
     """Declare a subscriber that gets what caches have kept, too.
 
     Args:
-        island: Where.
+        zenoh_session: Where.
         expression: Its keys.
         take: Takes samples, on a thread of Zenoh's.
         depth: How many of each publisher it wants.
     """
     return zenoh.ext.declare_advanced_subscriber(
-        island.session,
+        zenoh_session.session,
         zenoh.KeyExpr(expression),
-        island.callback(take),
+        zenoh_session.callback(take),
         allowed_origin=zenoh.Locality.REMOTE,
         history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=depth),
     )

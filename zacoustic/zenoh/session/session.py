@@ -44,7 +44,7 @@ _NOISE: Final = re.compile(r" at \S+\.rs:\d+\.?| \(os error \d+\)")
 _logger = logging.getLogger(__name__)
 
 
-class Island:
+class ZenohSession:
     """An open session and its worker; made by `open`.
 
     Args:
@@ -65,7 +65,7 @@ class Island:
         self._transports = 0
 
     @classmethod
-    async def open(cls, config: zenoh.Config) -> "Island":
+    async def open(cls, config: zenoh.Config) -> "ZenohSession":
         """Open a session in the mode of the config.
 
         Raises:
@@ -73,10 +73,10 @@ class Island:
         """
         worker = Worker("zenoh")
 
-        def begin() -> Island:
-            island = cls(zenoh.open(config), worker, mode_of(config))
-            worker.end_with(island._close)
-            return island
+        def begin() -> ZenohSession:
+            zenoh_session = cls(zenoh.open(config), worker, mode_of(config))
+            worker.end_with(zenoh_session._close)
+            return zenoh_session
 
         try:
             return await worker.run(begin)

@@ -50,12 +50,12 @@ def test_capabilities_tell_what_is_measured() -> None:
 
 
 def test_acknowledged_exchange_is_followed_by_its_delay_with_the_signal_of_the_answer() -> None:
-    water = bench()
-    water.modem.settings["T"] = 100_000
-    report = water.send(b"far?", 2, acknowledge=True)
-    assert of_peers(water) == []
-    water.run(0.1)
-    assert of_peers(water) == [
+    medium = bench()
+    medium.modem.settings["T"] = 100_000
+    report = medium.send(b"far?", 2, acknowledge=True)
+    assert of_peers(medium) == []
+    medium.run(0.1)
+    assert of_peers(medium) == [
         PeerMeasured(
             address=2,
             measured_at=report.finished_at,
@@ -67,56 +67,56 @@ def test_acknowledged_exchange_is_followed_by_its_delay_with_the_signal_of_the_a
 
 
 def test_exchange_that_brought_nothing_is_followed_by_nothing() -> None:
-    water = bench()
-    water.send(b"all", 255)
-    water.send(b"two", 2)
-    water.modem.delivers = False
-    assert water.send(b"far?", 2, acknowledge=True).outcome is NOT_DELIVERED
-    water.run(2.0)
-    assert "?T" not in water.modem.names()
-    assert of_peers(water) == []
+    medium = bench()
+    medium.send(b"all", 255)
+    medium.send(b"two", 2)
+    medium.modem.delivers = False
+    assert medium.send(b"far?", 2, acknowledge=True).outcome is NOT_DELIVERED
+    medium.run(2.0)
+    assert "?T" not in medium.modem.names()
+    assert of_peers(medium) == []
 
 
 @pytest.mark.parametrize("delay_us", [0, -1, 9_000_000])
 def test_delay_that_cannot_be_that_of_the_exchange_is_not_told(delay_us: int) -> None:
-    water = bench()
-    water.modem.settings["T"] = delay_us
-    water.send(b"far?", 2, acknowledge=True)
-    water.run(0.1)
-    assert of_peers(water) == []
+    medium = bench()
+    medium.modem.settings["T"] = delay_us
+    medium.send(b"far?", 2, acknowledge=True)
+    medium.run(0.1)
+    assert of_peers(medium) == []
 
 
 def test_delay_is_not_told_if_a_message_of_another_has_come_before_the_answer() -> None:
-    water = bench()
-    water.modem.answers["?T"] = [IGNORED]
-    water.send(b"far?", 2, acknowledge=True)
-    water.run(0.01)
-    water.modem.say(replace(IM, source=3))
-    water.modem.schedule(0.0, lambda: water.modem.write(b"4321\r\n"))
-    water.run(0.1)
-    assert of_peers(water) == []
-    water.send(b"far?", 2, acknowledge=True)
-    water.run(0.1)
-    assert len(of_peers(water)) == 1
+    medium = bench()
+    medium.modem.answers["?T"] = [IGNORED]
+    medium.send(b"far?", 2, acknowledge=True)
+    medium.run(0.01)
+    medium.modem.say(replace(IM, source=3))
+    medium.modem.schedule(0.0, lambda: medium.modem.write(b"4321\r\n"))
+    medium.run(0.1)
+    assert of_peers(medium) == []
+    medium.send(b"far?", 2, acknowledge=True)
+    medium.run(0.1)
+    assert len(of_peers(medium)) == 1
 
 
 def test_late_answer_is_not_taken_for_that_of_the_next_exchange() -> None:
-    water = bench()
-    water.modem.answers["?T"] = [IGNORED]
-    water.send(b"far?", 2, acknowledge=True)
-    water.run(5.0)
-    assert of_peers(water) == []
-    water.modem.settings["T"] = 50_000
-    water.send(b"far?", 2, acknowledge=True)
-    water.run(0.1)
-    assert [each.metrics.propagation_s for each in of_peers(water)] == [0.05]
+    medium = bench()
+    medium.modem.answers["?T"] = [IGNORED]
+    medium.send(b"far?", 2, acknowledge=True)
+    medium.run(5.0)
+    assert of_peers(medium) == []
+    medium.modem.settings["T"] = 50_000
+    medium.send(b"far?", 2, acknowledge=True)
+    medium.run(0.1)
+    assert [each.metrics.propagation_s for each in of_peers(medium)] == [0.05]
 
 
 def test_fix_becomes_a_position_at_the_instant_of_its_sound() -> None:
-    water = bench()
-    water.modem.say(replace(FIX, clock_us=10_457_376, measured_us=10_000_000))
-    (found,) = of_peers(water)
-    assert found.measured_at == water.now - 457_376_000
+    medium = bench()
+    medium.modem.say(replace(FIX, clock_us=10_457_376, measured_us=10_000_000))
+    (found,) = of_peers(medium)
+    assert found.measured_at == medium.now - 457_376_000
     assert found.metrics == LinkMetrics(
         propagation_s=0.033993, range_m=50.99, received_level_db=-48.0, integrity=140.0,
         east_m=40.0, north_m=30.0, up_m=-10.0, accuracy_m=0.9,
@@ -124,57 +124,57 @@ def test_fix_becomes_a_position_at_the_instant_of_its_sound() -> None:
 
 
 def test_clock_that_was_set_meanwhile_is_not_believed() -> None:
-    water = bench()
-    water.modem.say(replace(FIX, clock_us=1_464_207_778_000_000, measured_us=455_600_823))
-    water.modem.say(replace(FIX, clock_us=1, measured_us=1_464_207_778_000_000))
-    assert [each.measured_at for each in of_peers(water)] == [water.now] * 2
+    medium = bench()
+    medium.modem.say(replace(FIX, clock_us=1_464_207_778_000_000, measured_us=455_600_823))
+    medium.modem.say(replace(FIX, clock_us=1, measured_us=1_464_207_778_000_000))
+    assert [each.measured_at for each in of_peers(medium)] == [medium.now] * 2
 
 
 @pytest.mark.parametrize("accuracy_m", [51.0, 47.0, -1.0])
 def test_fix_as_uncertain_as_it_is_far_is_a_range_only(accuracy_m: float) -> None:
-    water = bench()
-    water.modem.say(replace(FIX, accuracy_m=accuracy_m))
-    (found,) = of_peers(water)
+    medium = bench()
+    medium.modem.say(replace(FIX, accuracy_m=accuracy_m))
+    (found,) = of_peers(medium)
     assert (found.metrics.propagation_s, found.metrics.range_m) == (0.033993, 50.99)
     assert (found.metrics.east_m, found.metrics.accuracy_m) == (None, None)
 
 
 def test_angles_become_a_direction_counted_from_the_north() -> None:
-    water = bench()
+    medium = bench()
     for towards, expected in ((0.0, 90.0), (90.0, 0.0), (180.0, 270.0), (-90.0, 180.0)):
-        water.modem.say(replace(ANGLES, bearing_rad=math.radians(towards)))
-        bearing_rad = of_peers(water)[-1].metrics.bearing_rad
+        medium.modem.say(replace(ANGLES, bearing_rad=math.radians(towards)))
+        bearing_rad = of_peers(medium)[-1].metrics.bearing_rad
         assert bearing_rad is not None
         assert 0.0 <= bearing_rad < math.tau
         assert math.cos(bearing_rad - math.radians(expected)) == pytest.approx(1.0)
-    assert of_peers(water)[-1].metrics.elevation_rad == -0.2
-    water.modem.say(replace(ANGLES, accuracy_rad=-1.0))
-    assert len(of_peers(water)) == 4
+    assert of_peers(medium)[-1].metrics.elevation_rad == -0.2
+    medium.modem.say(replace(ANGLES, accuracy_rad=-1.0))
+    assert len(of_peers(medium)) == 4
 
 
 def test_modem_tells_of_itself_at_the_start_and_when_its_level_changes() -> None:
-    water = bench()
-    (first,) = of_modem(water)
+    medium = bench()
+    (first,) = of_modem(medium)
     assert (first.firmware, first.battery_v, first.relative_source_level_db) == ("1.9", 24.1, -20.0)
-    water.modem.say(SourceLevel(1))
-    assert [each.relative_source_level_db for each in of_modem(water)] == [-20.0, -6.0]
+    medium.modem.say(SourceLevel(1))
+    assert [each.relative_source_level_db for each in of_modem(medium)] == [-20.0, -6.0]
 
 
 def test_supply_is_read_again_behind_a_frame_now_and_then() -> None:
-    water = bench()
-    read = water.modem.names().count("?BV")
-    water.send(b"one")
-    water.send(b"two")
-    assert water.modem.names().count("?BV") == read
-    water.run(400.0)
-    assert water.modem.names().count("?BV") == read
-    water.modem.answers["?BV"] = ["22.5000"]
+    medium = bench()
+    read = medium.modem.names().count("?BV")
+    medium.send(b"one")
+    medium.send(b"two")
+    assert medium.modem.names().count("?BV") == read
+    medium.run(400.0)
+    assert medium.modem.names().count("?BV") == read
+    medium.modem.answers["?BV"] = ["22.5000"]
     for _ in range(3):
-        water.send(b"three")
-        water.run(0.1)
-    assert water.modem.names().count("?BV") == read + 1
-    assert of_modem(water)[-1].battery_v == 22.5
-    assert water.dialogue.poll_timeout() is None
+        medium.send(b"three")
+        medium.run(0.1)
+    assert medium.modem.names().count("?BV") == read + 1
+    assert of_modem(medium)[-1].battery_v == 22.5
+    assert medium.dialogue.poll_timeout() is None
 
 
 # On emulated modems

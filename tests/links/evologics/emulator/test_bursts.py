@@ -50,7 +50,7 @@ def test_queued_bursts_share_a_connection_and_keep_their_order() -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_burst_over_lossy_water_arrives_once_or_is_reported_failed(seed: int) -> None:
+def test_burst_over_lossy_medium_arrives_once_or_is_reported_failed(seed: int) -> None:
     sea = Sea(lossy(0.3, back=0.3, seed=seed))
     near, far = sea.host(1), sea.host(2)
     for number in range(20):

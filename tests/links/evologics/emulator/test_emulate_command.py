@@ -67,7 +67,7 @@ def test_verb_says_where_modems_are_serves_them_and_ends_cleanly(
 
 
 @pytest.mark.parametrize("form", [(), ("--json",)])
-def test_verb_tells_what_is_in_the_water_and_what_becomes_of_it(form: tuple[str, ...]) -> None:
+def test_verb_tells_what_is_in_the_medium_and_what_becomes_of_it(form: tuple[str, ...]) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", MAIN, "--listen", "127.0.0.1:0", *form], stdout=subprocess.PIPE,
         text=True,

@@ -142,7 +142,7 @@ def test_without_retries_a_lost_acknowledgement_is_a_failure_of_a_message_that_a
     assert len(far.all_of(RecvIm)) == 1
 
 
-def test_many_ims_over_lossy_water_are_each_reported_once_and_never_lied_about() -> None:
+def test_many_ims_over_lossy_medium_are_each_reported_once_and_never_lied_about() -> None:
     for seed in range(5):
         sea = Sea(lossy(0.3, back=0.3, seed=seed), settings={"RI": 3})
         near, far = sea.host(1), sea.host(2)

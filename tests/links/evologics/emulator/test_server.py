@@ -29,7 +29,7 @@ async def connect(place: Place) -> tuple[asyncio.StreamReader, asyncio.StreamWri
     return await asyncio.open_connection(*place_of(place.locator))
 
 
-def test_two_tcp_clients_exchange_a_message_through_the_water() -> None:
+def test_two_tcp_clients_exchange_a_message_through_the_medium() -> None:
     async def main() -> None:
         server = server_of()
         near = await server.listen(1, "127.0.0.1", 0)

@@ -7,10 +7,10 @@ and ends by itself with a verdict: whether everything crossed that should, and w
 
 =====================  =============================================================================
 `fleet.json5`,         what a user writes: the configuration of the gateways, the scenario
-`water.json5`
+`medium.json5`
 `vehicle`, `console`   the two programs; they import nothing of zacoustic
-`islands`              a copy of the configuration for each network, with free ports
-`waters`               what lies between them, by the name of the link
+`networks`              a copy of the configuration for each network, with free ports
+`media`               what lies between them, by the name of the link
 `children`             processes: started, read, stopped in any case
 `ledgers`              what the gateways publish about themselves
 `lanes`, `logbook`     what has happened; `notes`: what the demo prints

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from zacoustic.app.tools.demo.islands import NAMES, SHORE
+from zacoustic.app.tools.demo.networks import NAMES, SHORE
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable
 
 import zenoh
 
-from zacoustic.app.tools.demo.islands import Island
+from zacoustic.app.tools.demo.networks import LocalNetwork
 from zacoustic.errors import SessionError
 
 TookLedger = Callable[[int, dict[int, int]], None]
@@ -30,18 +30,20 @@ class LedgerListener:
     """Listens to the gateways of the demo.
 
     Args:
-        islands: The local networks with their routers.
+        networks: The local networks with their routers.
         took: Takes each ledger.
     """
 
-    def __init__(self, islands: Iterable[Island], took: TookLedger) -> None:
-        self._islands = tuple(islands)
+    def __init__(self, networks: Iterable[LocalNetwork], took: TookLedger) -> None:
+        self._networks = tuple(networks)
         self._took = took
         self._loop = asyncio.get_running_loop()
         self._sessions: dict[int, zenoh.Session] = {}
         self._queriers: dict[int, zenoh.Querier] = {}
         self._is_closed = False
-        self._answering = {island.address: asyncio.Event() for island in self._islands}
+        self._answering = {
+            local_network.address: asyncio.Event() for local_network in self._networks
+        }
 
     async def open(self) -> None:
         """Connect to all networks; return when all gateways carry their streams.
@@ -49,8 +51,8 @@ class LedgerListener:
         Raises:
             SessionError: A router does not answer.
         """
-        for island in self._islands:
-            await asyncio.to_thread(self._open, island)
+        for local_network in self._networks:
+            await asyncio.to_thread(self._open, local_network)
         for event in self._answering.values():
             await event.wait()
 
@@ -69,18 +71,19 @@ class LedgerListener:
             with contextlib.suppress(zenoh.ZError):
                 await asyncio.to_thread(session.close)
 
-    def _open(self, island: Island) -> None:
+    def _open(self, local_network: LocalNetwork) -> None:
         config = zenoh.Config()
         config.insert_json5("mode", '"client"')
-        config.insert_json5("connect/endpoints", json.dumps([island.endpoint]))
+        config.insert_json5("connect/endpoints", json.dumps([local_network.endpoint]))
         config.insert_json5("connect/timeout_ms", str(_ATTEMPT_MS))
         config.insert_json5("scouting/multicast/enabled", "false")
         session = self._connect(config)
         if session is None:
             raise SessionError(
-                f"the router of the {island.name} island does not answer at {island.endpoint}"
+                f"the router of the {local_network.name} network does not answer at "
+                f"{local_network.endpoint}"
             )
-        address = island.address
+        address = local_network.address
         self._sessions[address] = session
 
         def hear(sample: zenoh.Sample) -> None:

@@ -16,8 +16,8 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from zacoustic.app.tools.demo.islands import SHORE, VEHICLE
-from zacoustic.app.tools.demo.logbook import Frame, Logbook, island_name
+from zacoustic.app.tools.demo.logbook import Frame, Logbook, network_name
+from zacoustic.app.tools.demo.networks import SHORE, VEHICLE
 from zacoustic.app.tools.demo.notes import AnyNote
 from zacoustic.app.tools.demo.verdict import Summary, as_text
 from zacoustic.app.tools.demo.views import View, shown
@@ -28,8 +28,8 @@ FRAMES_SHOWN: Final = 7
 """The last so many frames are shown."""
 # The picture takes the reader's own font: it is to load nothing from elsewhere.
 _FONT: Final = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
-_WATER_CELLS: Final = 92
-_BESIDE_WATER: Final = 15  # names of the two sides, and the frame around it
+_MEDIUM_CELLS: Final = 92
+_BESIDE_MEDIUM: Final = 15  # names of the two sides, and the frame around it
 _CURSOR_LINES: Final = 1
 _PAPER_LINES: Final = 60
 _COLOURS: Final = {SHORE: "yellow", VEHICLE: "cyan"}
@@ -98,14 +98,14 @@ class LiveView(View):
         assert logbook is not None
         width = min(WIDTH, console.width)
         head = _line(f"{self._title}   {logbook.elapsed_s:5.1f} s", style="bold")
-        water = Panel(
-            _water(logbook, width), title="in the water now", title_align="left", width=width
+        medium = Panel(
+            _medium(logbook, width), title="in the water now", title_align="left", width=width
         )
         lanes = _lanes(logbook, width)
-        around: list[RenderableType] = [head, water, _frames([], logbook, width), lanes]
+        around: list[RenderableType] = [head, medium, _frames([], logbook, width), lanes]
         taken = len(console.render_lines(Group(*around), pad=False))
         frames = _newest(logbook.frames[-FRAMES_SHOWN:], console.height - taken - _CURSOR_LINES)
-        return Group(head, water, _frames(frames, logbook, width), lanes)
+        return Group(head, medium, _frames(frames, logbook, width), lanes)
 
 
 def _line(text: str, *, style: str = "") -> Text:
@@ -126,17 +126,17 @@ def _is_under_way(logbook: Logbook) -> bool:
     now = time.monotonic()
     return any(
         0.6 < (now - frame.began_at) / logbook.propagation_s < 0.9
-        for frame in logbook.in_the_water()
+        for frame in logbook.on_the_channel()
     )
 
 
-def _water(logbook: Logbook, width: int) -> RenderableType:
+def _medium(logbook: Logbook, width: int) -> RenderableType:
     """The two sides, and the sound between them where it is at this moment."""
     now = time.monotonic()
-    count = max(10, min(_WATER_CELLS, width - _BESIDE_WATER))
+    count = max(10, min(_MEDIUM_CELLS, width - _BESIDE_MEDIUM))
     cells = ["·"] * count
     styles = ["dim"] * count
-    under_way = logbook.in_the_water()
+    under_way = logbook.on_the_channel()
     for frame in under_way:
         for far in _cells_of(frame, now, logbook.propagation_s, count):
             position = far if frame.source == SHORE else count - 1 - far
@@ -147,7 +147,7 @@ def _water(logbook: Logbook, width: int) -> RenderableType:
         line.append(cell, style=style)
     line.append(" auv1", style=f"bold {_COLOURS[VEHICLE]}")
     said = " · ".join(
-        f"{island_name(frame.source)} → {island_name(frame.target)}: {frame.frame_bytes} bytes, "
+        f"{network_name(frame.source)} → {network_name(frame.target)}: {frame.frame_bytes} bytes, "
         f"{frame.airtime_s:.3f} s of airtime"
         for frame in under_way
     ) or _waiting(logbook)
@@ -159,7 +159,7 @@ def _water(logbook: Logbook, width: int) -> RenderableType:
 def _waiting(logbook: Logbook) -> str:
     """Which node waits for medium access, if none transmits."""
     return " · ".join(
-        f"{island_name(source)} listens before it sends" + (f", {count} wait" * (count > 1))
+        f"{network_name(source)} listens before it sends" + (f", {count} wait" * (count > 1))
         for source, count in sorted(logbook.waiting.items())
         if count
     )
@@ -183,7 +183,7 @@ def _frames(frames: Sequence[Frame], logbook: Logbook, width: int) -> Table:
         table.add_row(
             f"{frame.began_at - began_at:.1f} s",
             Text(
-                f"{island_name(frame.source)} → {island_name(frame.target)}",
+                f"{network_name(frame.source)} → {network_name(frame.target)}",
                 style=_COLOURS[frame.source],
             ),
             str(frame.frame_bytes),
@@ -214,7 +214,7 @@ def _lanes(logbook: Logbook, width: int) -> Table:
         delay_s = lane.mean_delay_s
         table.add_row(
             lane.name,
-            Text(island_name(lane.source), style=_COLOURS[lane.source]),
+            Text(network_name(lane.source), style=_COLOURS[lane.source]),
             str(lane.sent),
             str(lane.crossed),
             "" if delay_s is None else f"{delay_s:.2f} s",

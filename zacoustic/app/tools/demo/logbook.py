@@ -1,7 +1,7 @@
 """What has happened in the demo: written from its processes' lines, read by views and verdict.
 
 Two kinds of facts meet here. The clients report what they gave to Zenoh and what Zenoh gave them:
-that is what a user sees. The medium reports its frames (`waters` has its language): that
+that is what a user sees. The medium reports its frames (`media` has its language): that
 is what it cost. All of them stamp with the machine's monotonic clock, so their instants can be
 compared.
 """
@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from zacoustic.app.tools.demo.islands import NAMES, SHORE, VEHICLE
 from zacoustic.app.tools.demo.lanes import Lane, Lanes
+from zacoustic.app.tools.demo.networks import NAMES, SHORE, VEHICLE
 from zacoustic.app.tools.demo.notes import AnyNote, Arrived, Crossed, Emitted, Sent, Started
 from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.streams.table import StreamTable
@@ -114,7 +114,7 @@ class Logbook:
             if source in (None, frame.source)
         )
 
-    def in_the_water(self) -> list[Frame]:
+    def on_the_channel(self) -> list[Frame]:
         """Frames that have not reached their end yet."""
         return [frame for frame in self.frames if frame.outcome is None]
 
@@ -129,7 +129,7 @@ class Logbook:
             return []
         if child in ("vehicle", "console"):
             return self._hear_client(child, str(event), told)
-        return self._hear_water(str(event), told)
+        return self._hear_medium(str(event), told)
 
     def take_ledger(self, address: int, bytes_by_stream: Mapping[int, int]) -> None:
         """Take in the airtime ledger of a gateway: bytes given to its link, by stream."""
@@ -138,7 +138,7 @@ class Logbook:
             if lane.source == address:
                 lane.transmitted_bytes = bytes_by_stream.get(lane.stream_id, 0)
 
-    def _hear_water(self, event: str, told: Mapping[str, Any]) -> list[AnyNote]:
+    def _hear_medium(self, event: str, told: Mapping[str, Any]) -> list[AnyNote]:
         if event == "waiting":
             self.waiting[told["source"]] += 1
         if event == "emission":
@@ -216,6 +216,6 @@ class Logbook:
         return 0.0 if self.began_at is None else at - self.began_at
 
 
-def island_name(address: int) -> str:
+def network_name(address: int) -> str:
     """Name of a side, for people."""
     return NAMES.get(address, str(address))

@@ -18,12 +18,19 @@ from pathlib import Path
 from typing import Any, Final
 
 from zacoustic.app.tools.demo.children import Child, ChildDiedError
-from zacoustic.app.tools.demo.islands import NAMES, SHORE, VEHICLE, Island, demo_text, write_islands
 from zacoustic.app.tools.demo.ledgers import LedgerListener
 from zacoustic.app.tools.demo.logbook import Logbook
+from zacoustic.app.tools.demo.media import Medium
+from zacoustic.app.tools.demo.networks import (
+    NAMES,
+    SHORE,
+    VEHICLE,
+    LocalNetwork,
+    demo_text,
+    write_networks,
+)
 from zacoustic.app.tools.demo.verdict import Summary, summary_of
 from zacoustic.app.tools.demo.views import View
-from zacoustic.app.tools.demo.waters import Water
 from zacoustic.config import config_from_mapping
 from zacoustic.config.json5 import parse_json5
 from zacoustic.core.streams.table import StreamTable
@@ -47,15 +54,15 @@ class Mission:
 
     Args:
         view: Shows it.
-        water: The process between the two sides, for this run alone.
+        medium: The process between the two sides, for this run alone.
         duration_s: How long the vehicle reports, s.
     """
 
-    def __init__(self, view: View, water: Water, *, duration_s: float = DURATION_S) -> None:
+    def __init__(self, view: View, medium: Medium, *, duration_s: float = DURATION_S) -> None:
         self.is_interrupted = False
         """Somebody has pressed Ctrl-C."""
         self._view = view
-        self._water = water
+        self._medium = medium
         self._duration_s = duration_s
         self._children: list[Child] = []
         self._background: list[asyncio.Task[None]] = []
@@ -71,7 +78,7 @@ class Mission:
         """
         with tempfile.TemporaryDirectory(prefix="zacoustic-demo-") as name:
             folder = Path(name)
-            propagation_s = self._water.propagation_s
+            propagation_s = self._medium.propagation_s
             self._logbook = Logbook(_fleet_table(), time.monotonic, propagation_s=propagation_s)
             problems: tuple[str, ...] = ()
             self._failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -121,25 +128,27 @@ class Mission:
 
     async def _start(self, folder: Path) -> None:
         program = (sys.executable, "-m", "zacoustic")
-        await self._begin(self._water.child, *program, *self._water.verb(folder))
-        await self._ready[self._water.child].wait()
-        islands = write_islands(folder, self._water.locators)
-        for island in islands.values():
-            await self._begin(f"gateway {island.name}", *program, "gateway", str(island.file))
-        self._ledgers = LedgerListener(islands.values(), self._logbook.take_ledger)
+        await self._begin(self._medium.child, *program, *self._medium.verb(folder))
+        await self._ready[self._medium.child].wait()
+        networks = write_networks(folder, self._medium.locators)
+        for local_network in networks.values():
+            await self._begin(
+                f"gateway {local_network.name}", *program, "gateway", str(local_network.file)
+            )
+        self._ledgers = LedgerListener(networks.values(), self._logbook.take_ledger)
         await self._ledgers.open()
         for address in NAMES:
             self._ready[f"gateway {NAMES[address]}"].set()
             self._take(f"gateway {NAMES[address]}", {"event": "ready"})
-        await self._begin_client("vehicle", islands[VEHICLE], f"{self._duration_s}")
-        await self._begin_client("console", islands[SHORE])
+        await self._begin_client("vehicle", networks[VEHICLE], f"{self._duration_s}")
+        await self._begin_client("console", networks[SHORE])
         for event in self._ready.values():
             await event.wait()
 
-    async def _begin_client(self, name: str, island: Island, *arguments: str) -> None:
+    async def _begin_client(self, name: str, local_network: LocalNetwork, *arguments: str) -> None:
         script = str(resources.files(__package__).joinpath(f"{name}.py"))
         # -P: the folder of the script, with our modules in it, is not searched for imports.
-        command = (sys.executable, "-P", script, island.endpoint, *arguments)
+        command = (sys.executable, "-P", script, local_network.endpoint, *arguments)
         await self._begin(name, *command, reads_input=True)
 
     async def _begin(self, name: str, *command: str, reads_input: bool = False) -> None:
@@ -150,12 +159,12 @@ class Mission:
         self._watch(child.watch())
 
     def _take(self, child: str, told: dict[str, Any]) -> None:
-        line = self._water.take(told) if child == self._water.child else told
+        line = self._medium.take(told) if child == self._medium.child else told
         for note in self._logbook.take(child, line or {}):
             self._view.note(note)
         if child in self._logbook.ready:
             self._ready[child].set()
-        if self._logbook.has_all_crossed and not self._logbook.in_the_water():
+        if self._logbook.has_all_crossed and not self._logbook.on_the_channel():
             self._over.set()
 
     async def _tick(self) -> None:
@@ -195,8 +204,8 @@ class Mission:
         await asyncio.gather(*self._background, return_exceptions=True)
         if self._ledgers is not None:
             await self._ledgers.close()
-        water = self._water.child
-        children = [child for child in reversed(self._children) if child.name != water]
+        medium = self._medium.child
+        children = [child for child in reversed(self._children) if child.name != medium]
         await asyncio.gather(*(child.stop() for child in children))
         for child in self._children:
             await child.stop()

@@ -6,7 +6,7 @@ import msgspec
 
 from zacoustic.app.tools.columns import align
 from zacoustic.app.tools.demo.lanes import Lane
-from zacoustic.app.tools.demo.logbook import Logbook, island_name
+from zacoustic.app.tools.demo.logbook import Logbook, network_name
 
 _HEADER = ("stream", "from", "sent", "crossed", "mean delay", "bytes", "airtime")
 _RIGHT = ("sent", "crossed", "mean delay", "bytes", "airtime")
@@ -84,7 +84,7 @@ def _lane_summaries(logbook: Logbook, total_bytes: int) -> Iterator[LaneSummary]
         delay_s, size = lane.mean_delay_s, lane.transmitted_bytes
         yield LaneSummary(
             stream=lane.name,
-            source=island_name(lane.source),
+            source=network_name(lane.source),
             sent=lane.sent,
             crossed=lane.crossed,
             mean_delay_s=None if delay_s is None else round(delay_s, 3),
@@ -97,7 +97,7 @@ def _missing(logbook: Logbook) -> Iterator[str]:
     if logbook.began_at is None:
         return  # whatever stopped it before the start says more
     for lane in logbook.lanes:
-        head = f"{lane.name} from {island_name(lane.source)}"
+        head = f"{lane.name} from {network_name(lane.source)}"
         if not lane.sent:
             yield f"{head}: nothing was sent"
         if lane.missing and not _is_lost(lane, logbook):
@@ -115,7 +115,7 @@ def _is_lost(lane: Lane, logbook: Logbook) -> bool:
 def _line(lane: Lane) -> str:
     numbers = ", ".join(map(str, lane.missing))
     missing = f"{len(lane.missing)} of {lane.sent} did not cross (number {numbers})"
-    return f"{lane.name} from {island_name(lane.source)}: {missing}"
+    return f"{lane.name} from {network_name(lane.source)}: {missing}"
 
 
 def as_text(summary: Summary) -> str:

@@ -6,7 +6,7 @@ from typing import assert_never
 
 import msgspec
 
-from zacoustic.app.tools.demo.logbook import Logbook, island_name
+from zacoustic.app.tools.demo.logbook import Logbook, network_name
 from zacoustic.app.tools.demo.notes import AnyNote, Arrived, Crossed, Emitted, Sent, Started
 from zacoustic.app.tools.demo.verdict import Summary, as_text
 from zacoustic.text.safetext import json_line
@@ -80,18 +80,18 @@ def describe(note: AnyNote) -> str:
             return f"{note.child} is ready"
         case Emitted():
             return (
-                f"{island_name(note.source)} sends {note.frame_bytes} bytes, "
+                f"{network_name(note.source)} sends {note.frame_bytes} bytes, "
                 f"{note.airtime_s:.3f} s of airtime"
             )
         case Arrived(outcome="received"):
             return (
-                f"{island_name(note.target)} has received {note.frame_bytes} bytes "
-                f"from {island_name(note.source)}, {note.propagation_s:.3f} s on their way"
+                f"{network_name(note.target)} has received {note.frame_bytes} bytes "
+                f"from {network_name(note.source)}, {note.propagation_s:.3f} s on their way"
             )
         case Arrived():
-            return f"{island_name(note.target)} has lost a frame: {note.outcome}"
+            return f"{network_name(note.target)} has lost a frame: {note.outcome}"
         case Sent():
-            name = island_name(note.source)
+            name = network_name(note.source)
             return f"{name}: {note.stream} {note.count} is to cross: {shown(note.value)}"
         case Crossed():
             return (

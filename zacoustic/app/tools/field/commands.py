@@ -11,7 +11,7 @@ from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.commandquery import CommandQuery
 from zacoustic.zenoh.session.asking.commands import SilenceState, StreamState
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 
 async def give_command(
@@ -40,12 +40,12 @@ async def give_command(
         DeliveryError: It makes no sense there, or no gateway knows the node.
         CallTimeoutError: No answer in time.
     """
-    island = await Island.open(session_config(config, connect))
+    zenoh_session = await ZenohSession.open(session_config(config, connect))
     try:
         question = CommandQuery(node, command, timeout_s)
-        await question.ask(island)
+        await question.ask(zenoh_session)
     finally:
-        await island.close()
+        await zenoh_session.close()
     if question.payloads:
         kind: type[SilenceState] | type[StreamState]
         kind = SilenceState if command.stream_id is None else StreamState

@@ -31,7 +31,7 @@ from zacoustic.zenoh.node import Node
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.pings import PingAnswer, ping_selector
 from zacoustic.zenoh.session.asking.question import Question
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own limit is above the gateway's, whose answer says more.
@@ -68,11 +68,11 @@ class GatewayPinger(Pinger):
     """Has the local gateway ask.
 
     Args:
-        island: A session on its network.
+        zenoh_session: A session on its network.
     """
 
-    def __init__(self, island: Island) -> None:
-        self._island = island
+    def __init__(self, zenoh_session: ZenohSession) -> None:
+        self._zenoh_session = zenoh_session
 
     async def ping(self, node: int, timeout_s: float) -> PingAnswer:
         """Ask the local gateways; the responsible one pings."""
@@ -83,14 +83,14 @@ class GatewayPinger(Pinger):
 
         def ask() -> None:
             question.ask(
-                self._island,
+                self._zenoh_session,
                 None,
                 parameters=parameters,
                 priority=Priority.DATA,
                 timeout_s=timeout_s + _BEHIND_S,
             )
 
-        await self._island.worker.run(ask)
+        await self._zenoh_session.worker.run(ask)
         await ended.wait()
         if question.good is not None:
             return msgspec.json.decode(question.good[0], type=PingAnswer)
@@ -155,11 +155,11 @@ async def gateway_pinger(
     Raises:
         SessionError: No router is reached.
     """
-    island = await Island.open(session_config(config, connect))
+    zenoh_session = await ZenohSession.open(session_config(config, connect))
     try:
-        yield GatewayPinger(island)
+        yield GatewayPinger(zenoh_session)
     finally:
-        await island.close()
+        await zenoh_session.close()
 
 
 async def pings(

@@ -16,6 +16,7 @@ import msgspec
 from zacoustic.app.tools.watch.documents import (
     DOCUMENTS,
     PEER_DOCUMENTS,
+    ChannelDocument,
     DroppedDocument,
     EventsDocument,
     FrameRow,
@@ -32,7 +33,6 @@ from zacoustic.app.tools.watch.documents import (
     StreamRow,
     StreamsDocument,
     TransferRow,
-    WaterDocument,
 )
 from zacoustic.app.tools.watch.views import (
     CauseView,
@@ -184,7 +184,7 @@ class _GatewayBoard:
             self._get("dropped", DroppedDocument),
             self._get("journal", JournalDocument),
         )
-        water = self._get("water", WaterDocument)
+        channel = self._get("channel", ChannelDocument)
         utilisation, window_s = self._utilisation(link, node, unix_s, there_s)
         capabilities = link.capabilities
         return GatewayView(
@@ -210,7 +210,7 @@ class _GatewayBoard:
             digest=streams.digest,
             frames_sent=link.frames_transmitted,
             frames_heard=link.frames_received,
-            frames_damaged=sum(dropped.water.get(reason, 0) for reason in _DAMAGED),
+            frames_damaged=sum(dropped.channel.get(reason, 0) for reason in _DAMAGED),
             bytes_sent=link.bytes_transmitted,
             airtime_s=round(link.airtime_s, 3),
             utilisation=utilisation,
@@ -220,9 +220,9 @@ class _GatewayBoard:
             peers=self._peers(there_s),
             causes=self._causes(),
             transfers=self._transfers(),
-            transmitting=_frame(water.transmitting, there_s) if water.transmitting else None,
-            frames=tuple(_frame(row, there_s) for row in reversed(water.last)),
-            dropped=dropped.water,
+            transmitting=_frame(channel.transmitting, there_s) if channel.transmitting else None,
+            frames=tuple(_frame(row, there_s) for row in reversed(channel.last)),
+            dropped=dropped.channel,
             events=self._events(there_s),
         )
 
@@ -275,7 +275,7 @@ class _GatewayBoard:
             outcomes=_outcomes(row),
             useless=sum(counts.get(row.name, 0) for counts in useless),
             expired=dropped.expired.get(row.name, 0) if row.delivering is None else row.expired,
-            refused=row.refused + sum(dropped.island.get(row.name, {}).values()),
+            refused=row.refused + sum(dropped.zenoh_session.get(row.name, {}).values()),
             deadline_missed=row.deadline_missed,
             airtime_bytes=own,
             airtime_share=round(own / total, 4) if total else 0.0,

@@ -158,7 +158,7 @@ class ObjectsDocument(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FrameRow(msgspec.Struct, frozen=True, kw_only=True):
-    """Of ``water``: one frame."""
+    """Of ``channel``: one frame."""
 
     way: str = ""
     peer: int | None = None
@@ -169,8 +169,8 @@ class FrameRow(msgspec.Struct, frozen=True, kw_only=True):
     outcome: str = ""
 
 
-class WaterDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """``water``: the frame being sent, and the last frames sent and heard."""
+class ChannelDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``channel``: the frame being sent, and the last frames sent and heard."""
 
     transmitting: FrameRow | None = None
     last: list[FrameRow] = []
@@ -187,8 +187,8 @@ class JournalDocument(msgspec.Struct, frozen=True, kw_only=True):
 class DroppedDocument(msgspec.Struct, frozen=True, kw_only=True):
     """``dropped``."""
 
-    water: dict[str, int] = {}
-    island: dict[str, dict[str, int]] = {}
+    channel: dict[str, int] = {}
+    zenoh_session: dict[str, dict[str, int]] = {}
     expired: dict[str, int] = {}
     superseded: dict[str, int] = {}
     unsubscribed: dict[str, int] = {}
@@ -229,7 +229,7 @@ DOCUMENTS: dict[str, Any] = {
     "peers": dict[int, PeerRow],
     "streams": StreamsDocument,
     "objects": ObjectsDocument,
-    "water": WaterDocument,
+    "channel": ChannelDocument,
     "journal": JournalDocument,
     "dropped": DroppedDocument,
     "events": EventsDocument,

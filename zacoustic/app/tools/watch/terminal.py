@@ -273,7 +273,7 @@ def _events(view: GatewayView) -> RenderableType:
     ]
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(view.dropped.items()))
     if dropped:
-        lines.append(_cell(f"dropped off the water: {dropped}", _WEAK))
+        lines.append(_cell(f"dropped off the channel: {dropped}", _WEAK))
     if view.bytes_sent:
         lines.append(
             Text(f"{size_words(view.bytes_sent)} in {view.airtime_s:.1f} s of airtime", style=_DIM)

@@ -14,7 +14,7 @@ from zacoustic.app.tools.watch.board import Board, addresses_in
 from zacoustic.config import Config
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.commands import PREFIX
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
 PULSE_S: Final = 0.5
@@ -45,7 +45,7 @@ class Watch:
         """What is known."""
         self.changed = asyncio.Event()
         """Set when something was heard; cleared by the waiting caller."""
-        self.island: Island
+        self.zenoh_session: ZenohSession
         """The session."""
         self._settings = session_config(config, connect)
         self._ask_s = ask_s
@@ -65,12 +65,12 @@ class Watch:
         Raises:
             SessionError: No router is reached.
         """
-        self.island = await Island.open(self._settings)
+        self.zenoh_session = await ZenohSession.open(self._settings)
         try:
-            await self.island.worker.run(self._declare)
+            await self.zenoh_session.worker.run(self._declare)
             await self.ask()
         except BaseException:
-            await self.island.close()
+            await self.zenoh_session.close()
             raise
         self._asking = asyncio.create_task(self._ask_again())
         self._feeling = asyncio.create_task(self._feel_pulses())
@@ -86,7 +86,7 @@ class Watch:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        await self.island.close()
+        await self.zenoh_session.close()
 
     async def ask(self) -> None:
         """Ask all gateways for everything, and wait until they have answered."""
@@ -103,26 +103,30 @@ class Watch:
                 self._take_sample(reply.ok)
 
         def get() -> None:
-            self.island.session.get(
+            self.zenoh_session.session.get(
                 zenoh.KeyExpr(f"{PREFIX}/{what}"),
-                self.island.callback(take, lambda: tell_loop(self._loop, ended.set)),
+                self.zenoh_session.callback(take, lambda: tell_loop(self._loop, ended.set)),
                 timeout=limit_s,
                 consolidation=zenoh.ConsolidationMode.NONE,
             )
 
-        await self.island.worker.run(get)
+        await self.zenoh_session.worker.run(get)
         await ended.wait()
         self._attend()
         return answered
 
     def _declare(self) -> None:
-        session = self.island.session
+        session = self.zenoh_session.session
         session.declare_subscriber(
-            zenoh.KeyExpr(f"{PREFIX}/**"), self.island.callback(self._take_sample)
+            zenoh.KeyExpr(f"{PREFIX}/**"), self.zenoh_session.callback(self._take_sample)
         )
-        self.island.watch(lambda is_up: tell_loop(self._loop, lambda: self._note_router(is_up)))
+        self.zenoh_session.watch(
+            lambda is_up: tell_loop(self._loop, lambda: self._note_router(is_up))
+        )
         session.liveliness().declare_subscriber(
-            zenoh.KeyExpr(f"{PREFIX}/*/gateway"), self.island.callback(self._see), history=True
+            zenoh.KeyExpr(f"{PREFIX}/*/gateway"),
+            self.zenoh_session.callback(self._see),
+            history=True,
         )
 
     async def _ask_again(self) -> None:

@@ -1,4 +1,4 @@
-"""What comes off the water: taken apart, checked, handed to topics and services.
+"""What comes off the channel: taken apart, checked, handed to topics and services.
 
 Nothing here raises, whatever arrives. Each thing that is dropped is counted under one word:
 

@@ -8,8 +8,8 @@ form on this wire: its client hears nothing and gives up by itself.
 An answer goes to all clients of the service, which tell theirs by the sequence id. Clients of
 rmw_desert draw theirs from 0…999, this node counts from 1000 on (`specs.FIRST_SEQUENCE`). Two of
 them may draw the same one at the same time; both requests are served, since who leaves one out has
-told its client that it was done. But the very same bytes again, as long as a modem or the water may
-have made two of a frame, are one request: its answer is said again, if there is one.
+told its client that it was done. But the very same bytes again, as long as a modem or the channel
+may have made two of a frame, are one request: its answer is said again, if there is one.
 """
 
 from collections.abc import Callable
@@ -43,7 +43,7 @@ CALLS_LIMIT = 16
 SERVED_LIMIT = 64
 """Requests of one service that are not answered yet; further ones are dropped."""
 SETTLING_UNITS = 4
-"""A duplicate that a modem or the water makes arrives within as many times as the largest frame
+"""A duplicate that a modem or the channel makes arrives within as many times as the largest frame
 takes to arrive."""
 
 _REQUEST_LANE = 1
@@ -139,7 +139,7 @@ class DesertCalls:
         self._forget(key, now)
         return False
 
-    # For the water
+    # For the channel
 
     def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
         """Take a request or a response; returns why it is dropped, or None."""

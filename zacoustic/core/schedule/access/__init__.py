@@ -1,4 +1,4 @@
-"""Medium access: when a node may put a frame on the water.
+"""Medium access: when a node may put a frame on the channel.
 
 One file per policy, all with the interface of `zacoustic.core.schedule.access.base.MediumAccess`:
 

@@ -31,5 +31,5 @@ goals survive it.
 - `outbox`: gets records about goals onto the queue.
 - `client`, `clientgoal`, `clientletters`, `clientjournal`: the goals that this node has sent.
 - `server`, `servedgoal`: the goals that this node pursues.
-- `actions`: both, and what the application and the water say to them.
+- `actions`: both, and what the application and the channel say to them.
 """

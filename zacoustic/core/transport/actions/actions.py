@@ -1,4 +1,4 @@
-"""What the application and the water say to the actions of one node.
+"""What the application and the channel say to the actions of one node.
 
 Commands are given here (`Engine.actions`); the events are those of
 `zacoustic.core.transport.actions.events`.

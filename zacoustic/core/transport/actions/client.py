@@ -138,12 +138,12 @@ class GoalClient:
             self._emit(CancelAnswered(goal=key, accepted=True))
         elif not goal.cancel_wanted:
             goal.cancel_wanted = True
-            # Whatever of it is in the water: it shall not begin any more.
+            # Whatever of it is on its way: it shall not begin any more.
             self._requests.stop_offer(goal, now)
             self._attempt_cancel(goal, now)
         return True
 
-    # For the water
+    # For the channel
 
     def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
         """Take what a server says of a goal; returns why it is dropped, or None."""

@@ -4,7 +4,7 @@ Numbers come again, so both ends must agree when one is free. The rules are thos
 (`zacoustic.core.transport.calls.calls`), with other figures:
 
 1. No goal is begun before the one `WINDOW` numbers earlier has ended, and nothing that was sent of
-   it can arrive any more: so all GOALs in the water are of `WINDOW` successive numbers.
+   it can arrive any more: so all GOALs under way are of `WINDOW` successive numbers.
 2. A GOAL closes at its server all goals `WINDOW` to 32 - `WINDOW` numbers earlier, since by rule 1
    they have ended at their client; they are forgotten there.
 3. A number is used again only when an answer has proved, a settling time ago, that its last use was
@@ -79,7 +79,7 @@ class GoalNumbers:
 
         Args:
             index: Of the goal.
-            settled_at: Instant at which nothing from before is in the water any more, ns.
+            settled_at: Instant at which nothing from before is on its way any more, ns.
         """
         last_below = self._proofs[-1][1] if self._proofs else self._closed_below
         below = index - WINDOW + 1
@@ -87,12 +87,12 @@ class GoalNumbers:
             self._proofs.append((settled_at, below))
 
     def ended(self, index: int, sent: Iterable[Repetition]) -> None:
-        """A goal has ended; of this, which was sent, something may still be in the water."""
+        """A goal has ended; of this, which was sent, something may still be on its way."""
         self._open.discard(index)
         self._ended[index] = tuple(sent)
 
     def rest(self, number: int, until: int) -> None:
-        """Something of the last goal of that number is still in the water, until an instant, ns."""
+        """Something of the last goal of that number is still on its way, until an instant, ns."""
         self._rests_until[number] = until
 
     # Below the methods above

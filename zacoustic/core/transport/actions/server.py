@@ -160,7 +160,7 @@ class GoalServer:
         self._say_cancel(goal, now)
         return True
 
-    # For the water
+    # For the channel
 
     def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
         """Take what a client says of a goal; returns why it is dropped, or None."""

@@ -1,6 +1,6 @@
 """The calls that this node serves: each runs once, and is answered until its client confirms.
 
-`zacoustic.core.transport.calls.calls` keeps which calls there are; here they get off the water,
+`zacoustic.core.transport.calls.calls` keeps which calls there are; here they get off the channel,
 into the journal, to the application, and their answers onto the queue. A service that the engine
 itself serves has a handler here in place of the application.
 """
@@ -124,7 +124,7 @@ class Answering:
         """Answer a request with an error; see `Engine.reply_error`."""
         return self._answer(call, CallKind.ERROR, self._error(failure, text), now)
 
-    # For the water
+    # For the channel
 
     def receive_request(
         self, key: CallKey, stream: Stream, payload: bytes, now: int, *, introduced: bool

@@ -14,7 +14,7 @@ running when the server died is answered `UNKNOWN`.
 Numbers come again, so both ends must agree when one is free. The client keeps three rules:
 
 1. No call is begun before the one `WINDOW` numbers earlier has ended, and nothing of its request
-   can arrive any more: so all requests in the water are of `WINDOW` successive numbers.
+   can arrive any more: so all requests under way are of `WINDOW` successive numbers.
 2. A request closes at its server all calls `WINDOW` to 64 - `WINDOW` numbers earlier, since by rule
    1 they have ended; they are forgotten there.
 3. A number is used again only when an answer has proved that its last use was closed so. If none

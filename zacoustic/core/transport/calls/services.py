@@ -1,7 +1,7 @@
 """Services: the calls that this node makes, and the way to those that it serves.
 
 `zacoustic.core.transport.calls.calls` keeps who called what and which numbers are in use; here
-requests get onto the queue and their answers off the water.
+requests get onto the queue and their answers off the channel.
 `zacoustic.core.transport.calls.answering` is the server's side.
 """
 
@@ -158,7 +158,7 @@ class Services:
         """A call of this node has no answer yet."""
         return len(self._clients) > 0
 
-    # For the water
+    # For the channel
 
     def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
         """Take a record that may be decoded; returns why it is dropped, or None."""

@@ -108,7 +108,7 @@ class Commands:
         carrier, rival = self._carrier, self._table.by_id(COMMANDS_STREAM_ID)
         if not rival.is_built_in:
             raise LocalError(
-                f"stream {COMMANDS_STREAM_ID} is {rival.name}, so no commands cross the water",
+                f"stream {COMMANDS_STREAM_ID} is {rival.name}, so no commands cross the channel",
                 hint="give that stream another id",
             )
         if command.changes:

@@ -1,8 +1,8 @@
 """How each kind of field is packed: one class per kind, composed once per type.
 
-A packing writes validated values and trusts them; it reads bits off the water and trusts nothing: a
-number, count or form that the type does not allow is a `PayloadError`. Every element takes at least
-one bit, so a payload bounds the work that it can cause.
+A packing writes validated values and trusts them; it reads bits off the channel and trusts nothing:
+a number, count or form that the type does not allow is a `PayloadError`. Every element takes at
+least one bit, so a payload bounds the work that it can cause.
 """
 
 from abc import ABC, abstractmethod

@@ -10,7 +10,7 @@ from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.status.health import Health
 from zacoustic.zenoh.session.asking.queries import QueryHandler, Serve
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 
 class Handlers:
@@ -36,12 +36,12 @@ class Handlers:
         """Take the answer to a command or a ping; False: it is one of a service."""
         return self.commands.answered(event) or self.pings.answered(event)
 
-    def declare(self, island: Island, queries: QueryHandler) -> None:
+    def declare(self, zenoh_session: ZenohSession, queries: QueryHandler) -> None:
         """Declare where the gateway is asked; in the worker."""
         for expression, serve, complete in self._places():
-            queryable = island.session.declare_queryable(
+            queryable = zenoh_session.session.declare_queryable(
                 zenoh.KeyExpr(expression),
-                island.callback(partial(queries.admit, serve)),
+                zenoh_session.callback(partial(queries.admit, serve)),
                 complete=complete,
                 allowed_origin=zenoh.Locality.REMOTE,
             )

@@ -73,7 +73,7 @@ class PingHandler:
         assert asked is not None
         node, within_s = asked
         if node in self._redundant.alive:
-            text = f"node {node} is on this island: there is no water between"
+            text = f"node {node} is on this local network: there is no channel between"
             held.refuse(CallFailure.BAD_REQUEST, text)
             return
         self._runner.apply(partial(self._begin, held, node, within_s))

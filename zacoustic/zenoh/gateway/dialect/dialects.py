@@ -3,8 +3,8 @@
 Frames are the same for all local programs. Locally, a topic is a key with samples of some form,
 each with an attachment that marks samples from the channel; a service is a key with questions and
 answers. A dialect is these forms. `PlainTopic` and `PlainService` are those of Zenoh programs: keys
-as the configuration writes them, CBOR or JSON, and a mark (`island.marker`). Nodes of ROS 2 have
-another one: `zacoustic.zenoh.gateway.dialect.ros`.
+as the configuration writes them, CBOR or JSON, and a mark (`zenoh_session.marker`). Nodes of ROS 2
+have another one: `zacoustic.zenoh.gateway.dialect.ros`.
 """
 
 from abc import ABC, abstractmethod
@@ -21,11 +21,11 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
 from zacoustic.zenoh.gateway.dialect.latched import LatchedKeys
 from zacoustic.zenoh.gateway.dialect.mailbox import Parcel
-from zacoustic.zenoh.gateway.dialect.translation import from_island, to_island
+from zacoustic.zenoh.gateway.dialect.translation import from_local, to_local
 from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey, ActionMessages
 from zacoustic.zenoh.session.latching import latched_subscriber
 from zacoustic.zenoh.session.marker import Marker, is_marked
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 
 class Declared(Protocol):
@@ -63,15 +63,15 @@ class TopicDialect(ABC):
 
     Args:
         stream: The topic.
-        island: The session.
+        zenoh_session: The session.
     """
 
-    def __init__(self, stream: Stream, island: Island) -> None:
+    def __init__(self, stream: Stream, zenoh_session: ZenohSession) -> None:
         self.stream = stream
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._latched: LatchedKeys | None = None
         if stream.qos.durability is Durability.TRANSIENT_LOCAL:
-            self._latched = LatchedKeys(stream.qos.depth, island, stream.qos.priority)
+            self._latched = LatchedKeys(stream.qos.depth, zenoh_session, stream.qos.priority)
 
     @property
     def is_latched(self) -> bool:
@@ -119,7 +119,7 @@ class TopicDialect(ABC):
         if self._latched is not None:
             self._latched.put(key, written.payload, written.encoding, written.attachment)
             return
-        self._island.put(
+        self._zenoh_session.put(
             key,
             written.payload,
             encoding=written.encoding,
@@ -131,7 +131,7 @@ class TopicDialect(ABC):
         """Delete a key on the local network."""
         if self._latched is not None:
             self._latched.forget(key)
-        self._island.delete(
+        self._zenoh_session.delete(
             key, priority=self.stream.qos.priority, attachment=Marker(acoustic=source).encode()
         )
 
@@ -140,14 +140,14 @@ class TopicDialect(ABC):
     ) -> Sequence[Declared]:
         """Subscribe to local samples, of a latched topic also to earlier ones; in the worker."""
         if self._latched is None:
-            subscriber = self._island.session.declare_subscriber(
+            subscriber = self._zenoh_session.session.declare_subscriber(
                 zenoh.KeyExpr(expression),
-                self._island.callback(take),
+                self._zenoh_session.callback(take),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
             return [subscriber]
         depth = self.stream.qos.depth
-        return [latched_subscriber(self._island, expression, take, depth)]
+        return [latched_subscriber(self._zenoh_session, expression, take, depth)]
 
     def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
         """Declare the publishers of remote nodes here; in the worker."""
@@ -167,13 +167,13 @@ class PlainTopic(TopicDialect):
     def read(self, parcel: Parcel) -> Reading:
         """Decode CBOR, JSON or bytes, by the encoding."""
         stream = self.stream
-        value, encoding = from_island(parcel.payload, parcel.encoding, stream.type, stream.encoding)
+        value, encoding = from_local(parcel.payload, parcel.encoding, stream.type, stream.encoding)
         return Reading(value=value, encoding=encoding)
 
     def write(self, key: str, event: SampleReceived) -> Written:
         """Encode it in the encoding of its publication."""
         stream = self.stream
-        payload, encoding = to_island(event.value, stream.type, event.encoding, stream.encoding)
+        payload, encoding = to_local(event.value, stream.type, event.encoding, stream.encoding)
         mark = Marker(acoustic=event.source, age_s=event.age_s).encode()
         return Written(payload=payload, encoding=encoding, attachment=mark)
 
@@ -250,22 +250,22 @@ class PlainService(ServiceDialect):
         stream = self.stream
         if not payload and stream.type is not None:
             return {}, stream.encoding
-        value, said = from_island(payload, encoding, stream.type, stream.encoding)
+        value, said = from_local(payload, encoding, stream.type, stream.encoding)
         return value, said or stream.encoding
 
     def write_response(self, value: object, encoding: str) -> tuple[bytes, str]:
         """Write it in the encoding of the request."""
-        return to_island(value, self.stream.response_type, encoding, self.stream.encoding)
+        return to_local(value, self.stream.response_type, encoding, self.stream.encoding)
 
     def write_request(self, value: object) -> tuple[bytes, str]:
         """Write it in the encoding of the stream."""
         stream = self.stream
-        return to_island(value, stream.type, stream.encoding, stream.encoding)
+        return to_local(value, stream.type, stream.encoding, stream.encoding)
 
     def read_response(self, payload: bytes, encoding: object) -> object:
         """Decode it by its encoding."""
         stream = self.stream
-        return from_island(payload, encoding, stream.response_type, stream.encoding)[0]
+        return from_local(payload, encoding, stream.response_type, stream.encoding)[0]
 
     def answer_mark(self, asked: bytes | None) -> bytes:
         """Return a mark with the address of the server."""
@@ -281,15 +281,15 @@ class Dialects:
     """The dialect of each stream: plain ones, unless a subclass knows better.
 
     Args:
-        island: The session of the streams.
+        zenoh_session: The session of the streams.
     """
 
-    def __init__(self, island: Island) -> None:
-        self._island = island
+    def __init__(self, zenoh_session: ZenohSession) -> None:
+        self._zenoh_session = zenoh_session
 
     def topic(self, stream: Stream) -> TopicDialect:
         """Make the dialect of a topic."""
-        return PlainTopic(stream, self._island)
+        return PlainTopic(stream, self._zenoh_session)
 
     def service(self, stream: Stream) -> ServiceDialect:
         """Make the dialect of a service."""
@@ -309,7 +309,7 @@ class Dialects:
         mark = Marker(acoustic=stream.spec.server).encode()
 
         def put(which: ActionKey, payload: bytes) -> None:
-            self._island.put(
+            self._zenoh_session.put(
                 form.key(which),
                 payload,
                 encoding=form.encoding,

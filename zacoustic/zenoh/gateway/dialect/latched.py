@@ -9,7 +9,7 @@ from functools import partial
 
 from zacoustic.core.base.qos import Priority
 from zacoustic.zenoh.session.latching import Latched, latched_publisher
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 
 class LatchedPublisher:
@@ -18,14 +18,16 @@ class LatchedPublisher:
     Args:
         key: The key.
         depth: How many samples it keeps.
-        island: The session.
+        zenoh_session: The session.
         priority: Of its samples.
     """
 
-    def __init__(self, key: str, depth: int, island: Island, priority: Priority) -> None:
+    def __init__(
+        self, key: str, depth: int, zenoh_session: ZenohSession, priority: Priority
+    ) -> None:
         self._key = key
         self._depth = depth
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._priority = priority
         self._guard = threading.Lock()
         self._publisher: Latched | None = None
@@ -35,7 +37,7 @@ class LatchedPublisher:
         """Declare it, unless it is, and put waiting samples; in the worker."""
         if self._publisher is not None:
             return
-        publisher = latched_publisher(self._island, self._key, self._depth, self._priority)
+        publisher = latched_publisher(self._zenoh_session, self._key, self._depth, self._priority)
         with self._guard:
             self._publisher = publisher
             waiting = list(self._waiting)
@@ -76,13 +78,13 @@ class LatchedKeys:
 
     Args:
         depth: How many samples each keeps.
-        island: Their session.
+        zenoh_session: Their session.
         priority: Of the samples.
     """
 
-    def __init__(self, depth: int, island: Island, priority: Priority) -> None:
+    def __init__(self, depth: int, zenoh_session: ZenohSession, priority: Priority) -> None:
         self._depth = depth
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._priority = priority
         self._caches: dict[str, LatchedPublisher] = {}
         self._is_declared = False
@@ -93,13 +95,13 @@ class LatchedKeys:
         cache = self._cache(key)
         cache.put(payload, encoding, attachment)
         if is_new and self._is_declared:
-            self._island.worker.submit(cache.declare)
+            self._zenoh_session.worker.submit(cache.declare)
 
     def forget(self, key: str) -> None:
         """Drop a deleted key's samples for late joiners; on the loop."""
         cache = self._caches.get(key)
         if cache is not None:
-            self._island.worker.submit(partial(self._renew, cache, cache.clear()))
+            self._zenoh_session.worker.submit(partial(self._renew, cache, cache.clear()))
 
     def declare(self, *keys: str) -> None:
         """Declare the existing caches, and those of these keys; in the worker."""
@@ -124,5 +126,5 @@ class LatchedKeys:
 
     def _cache(self, key: str) -> LatchedPublisher:
         # Made by the loop or by the worker, the first of them; `setdefault` is one step.
-        made = LatchedPublisher(key, self._depth, self._island, self._priority)
+        made = LatchedPublisher(key, self._depth, self._zenoh_session, self._priority)
         return self._caches.setdefault(key, made)

@@ -12,7 +12,7 @@ from zacoustic.zenoh.session.values import read_value, said_encoding, write_valu
 _SCHEMA_MARK: Final = ";"
 
 
-def from_island(
+def from_local(
     payload: bytes, encoding: object, type_spec: TypeSpec | None, stream_encoding: str
 ) -> tuple[object, str | None]:
     """Read what an application sent.
@@ -38,7 +38,7 @@ def from_island(
     return value, None if said == stream_encoding else said
 
 
-def to_island(
+def to_local(
     value: object, type_spec: TypeSpec | None, encoding: str, stream_encoding: str
 ) -> tuple[bytes, str]:
     """Write a value from the engine for an application; returns the bytes and their encoding.

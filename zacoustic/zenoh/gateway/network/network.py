@@ -14,7 +14,7 @@ from zacoustic.zenoh.gateway.network.routes import Routes
 from zacoustic.zenoh.gateway.notices import Notify, RedundancyChanged, RouterChanged
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.queries import QueryHandler
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
 FAREWELL_LIMIT_S: Final = 3.0
@@ -25,7 +25,7 @@ class LocalNetwork:
     """The local network of one gateway; for the loop.
 
     Args:
-        island: Its session, open.
+        zenoh_session: Its session, open.
         wake_up: Wakes the loop.
         redundant: The gateways there.
         dialects: The local forms of streams.
@@ -36,7 +36,7 @@ class LocalNetwork:
 
     def __init__(
         self,
-        island: Island,
+        zenoh_session: ZenohSession,
         wake_up: WakeUp,
         *,
         redundant: RedundantGateways,
@@ -45,7 +45,7 @@ class LocalNetwork:
         queries: QueryHandler,
         tell: Notify,
     ) -> None:
-        self.island = island
+        self.zenoh_session = zenoh_session
         self.redundant = redundant
         self.queries = queries
         self._wake_up = wake_up
@@ -55,7 +55,7 @@ class LocalNetwork:
         self._has_router = True
         self._loop = asyncio.get_running_loop()
         digest = routes.table.digest.hex()
-        self._presence = Presence(redundant.address, digest, island, wake_up.ring)
+        self._presence = Presence(redundant.address, digest, zenoh_session, wake_up.ring)
 
     async def join(self) -> None:
         """Become visible.
@@ -63,8 +63,8 @@ class LocalNetwork:
         Raises:
             SessionError: Another gateway has the address.
         """
-        if self.island.mode == "client":
-            await self.island.worker.run(lambda: self.island.watch(self._see_router))
+        if self.zenoh_session.mode == "client":
+            await self.zenoh_session.worker.run(lambda: self.zenoh_session.watch(self._see_router))
         for address in await self._presence.declare():
             self.redundant.update(address, is_alive=True)
         await self._dialects.open()
@@ -77,7 +77,7 @@ class LocalNetwork:
             attend: Called on the loop when there is something to take in.
         """
         self._routes.reconcile()
-        await self.island.worker.run(declare)  # and all that was to be declared
+        await self.zenoh_session.worker.run(declare)  # and all that was to be declared
         self._wake_up.open(attend)
         self._wake_up.ring()
 
@@ -122,7 +122,7 @@ class LocalNetwork:
             undeclare()
 
         await self._in_worker(undeclare_all)
-        await self.island.close()
+        await self.zenoh_session.close()
 
     def _see_router(self, is_there: bool) -> None:
         """Note that the router was lost or is back; on Zenoh's thread."""
@@ -135,4 +135,4 @@ class LocalNetwork:
 
     async def _in_worker(self, step: Callable[[], None]) -> None:
         with contextlib.suppress(TimeoutError, zenoh.ZError):
-            await self.island.worker.run(step, limit_s=FAREWELL_LIMIT_S)
+            await self.zenoh_session.worker.run(step, limit_s=FAREWELL_LIMIT_S)

@@ -21,7 +21,7 @@ import zenoh
 
 from zacoustic.errors import SessionError
 from zacoustic.zenoh.session.asking.commands import PREFIX
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 # A get of tokens ends when all routers have answered; only a dying one uses up the time.
 _LOOK_LIMIT_S: Final = 2.0
@@ -34,16 +34,18 @@ class Presence:
     Args:
         address: Acoustic address of this gateway.
         digest: Digest of its stream table, hexadecimal.
-        island: Its session.
+        zenoh_session: Its session.
         ring: Wakes the loop, which then calls `take`.
     """
 
-    def __init__(self, address: int, digest: str, island: Island, ring: Callable[[], None]) -> None:
+    def __init__(
+        self, address: int, digest: str, zenoh_session: ZenohSession, ring: Callable[[], None]
+    ) -> None:
         self._address = address
         self._token = f"{PREFIX}/{address}/gateway"
         self._tokens = f"{PREFIX}/*/gateway/{digest}"
         self._digest = digest
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._ring = ring
         self._guard = threading.Lock()
         self._news: dict[int, bool] = {}
@@ -55,7 +57,7 @@ class Presence:
         Raises:
             SessionError: A gateway with this address is there.
         """
-        return await self._island.worker.run(self._declare)
+        return await self._zenoh_session.worker.run(self._declare)
 
     def take(self) -> dict[int, bool]:
         """Return the changes: address → is alive; on the loop."""
@@ -75,19 +77,19 @@ class Presence:
                 hint="give each gateway an address of its own: --address; after a crash of the "
                 "other one wait 10 s",
             )
-        liveliness = self._island.session.liveliness()
+        liveliness = self._zenoh_session.session.liveliness()
         for token in (self._token, f"{self._token}/{self._digest}"):
             self._declared.append(liveliness.declare_token(token))
         self._declared.append(
             liveliness.declare_subscriber(
-                zenoh.KeyExpr(self._tokens), self._island.callback(self._see), history=True
+                zenoh.KeyExpr(self._tokens), self._zenoh_session.callback(self._see), history=True
             )
         )
         redundant = map(_address_in, self._look(self._tokens))
         return [each for each in redundant if each is not None and each != self._address]
 
     def _look(self, tokens: str) -> list[str]:
-        replies = self._island.session.liveliness().get(tokens, timeout=_LOOK_LIMIT_S)
+        replies = self._zenoh_session.session.liveliness().get(tokens, timeout=_LOOK_LIMIT_S)
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def _see(self, sample: zenoh.Sample) -> None:

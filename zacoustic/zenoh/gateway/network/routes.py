@@ -32,7 +32,7 @@ from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 from zacoustic.zenoh.session.asking.goals import ActionKey
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler, Serve
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 
 class Routes:
@@ -40,7 +40,7 @@ class Routes:
 
     Args:
         table: All streams.
-        island: The session of the declarations.
+        zenoh_session: The session of the declarations.
         redundant: Which jobs are ours, of those that redundant gateways share.
         streams: Take samples, calls and goals.
         dialects: Make jobs visible, and see local programs.
@@ -51,7 +51,7 @@ class Routes:
     def __init__(
         self,
         table: StreamTable,
-        island: Island,
+        zenoh_session: ZenohSession,
         redundant: RedundantGateways,
         *,
         streams: StreamHandlers,
@@ -63,7 +63,7 @@ class Routes:
         """Job and stream id of present declarations, or soon to be."""
         self.table = table
         """All streams."""
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._redundant = redundant
         self._streams = streams
         self._dialects = dialects
@@ -90,10 +90,10 @@ class Routes:
         gone, new = self.jobs - wanted, wanted - self.jobs
         self.jobs = wanted
         for key in sorted(gone):
-            self._island.worker.submit(partial(self._undeclare, key))
+            self._zenoh_session.worker.submit(partial(self._undeclare, key))
         for job, stream_id in sorted(new):
             stream = self.table.by_id(stream_id)
-            self._island.worker.submit(partial(self._declare, job, stream))
+            self._zenoh_session.worker.submit(partial(self._declare, job, stream))
         self._streams.matching.watch({stream_id for job, stream_id in wanted if job == WATCH})
 
     def undeclare(self) -> None:
@@ -118,7 +118,7 @@ class Routes:
         ]
 
     def _entities(self, job: str, stream: Stream) -> list[Declared]:
-        session, stream_id = self._island.session, stream.stream_id
+        session, stream_id = self._zenoh_session.session, stream.stream_id
         if job == SERVE:
             return []
         if job == WATCH:
@@ -127,7 +127,7 @@ class Routes:
             key = self._streams.actions.forms[stream_id].key(ActionKey.FEEDBACK)
             subscriber = session.declare_subscriber(
                 zenoh.KeyExpr(key),
-                self._island.callback(self._streams.actions.ear(stream_id)),
+                self._zenoh_session.callback(self._streams.actions.ear(stream_id)),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
             return [subscriber]
@@ -141,7 +141,7 @@ class Routes:
         for key in keys:
             queryable = session.declare_queryable(
                 zenoh.KeyExpr(key),
-                self._island.callback(partial(self._queries.admit, serve)),
+                self._zenoh_session.callback(partial(self._queries.admit, serve)),
                 complete=job == PROXY,
                 allowed_origin=zenoh.Locality.REMOTE,
             )

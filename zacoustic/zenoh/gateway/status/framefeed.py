@@ -21,7 +21,7 @@ from zacoustic.run.recording.channels import received_frame, report_record, sent
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.session.asking.commands import PREFIX
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import tell_loop
 
 FRAMES: Final = "frames"
@@ -33,12 +33,12 @@ class FrameFeed:
 
     Args:
         runner: Whose link.
-        island: Where it is put.
+        zenoh_session: Where it is put.
     """
 
-    def __init__(self, runner: LinkRunner, island: Island) -> None:
+    def __init__(self, runner: LinkRunner, zenoh_session: ZenohSession) -> None:
         self._runner = runner
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._loop = asyncio.get_running_loop()
         self._prefix = f"{PREFIX}/{runner.engine.address}"
         self._declared: list[Any] = []
@@ -49,13 +49,13 @@ class FrameFeed:
     def declare(self) -> None:
         """Have the subscribers watched; in the worker."""
         for name in (FRAMES, REPORTS):
-            publisher = self._island.session.declare_publisher(
+            publisher = self._zenoh_session.session.declare_publisher(
                 zenoh.KeyExpr(f"{self._prefix}/{name}"),
                 allowed_destination=zenoh.Locality.REMOTE,
                 congestion_control=zenoh.CongestionControl.DROP,
             )
             listener = publisher.declare_matching_listener(
-                self._island.callback(partial(self._see, name))
+                self._zenoh_session.callback(partial(self._see, name))
             )
             self._declared += [publisher, listener]
             status: Any = publisher.matching_status  # an object, not the bool of the stub
@@ -97,7 +97,7 @@ class FrameFeed:
                 record, name = report_record(engine.address, crossing), REPORTS
         payload = as_json({**_fields(record), "unix_s": time.time()})
         key = f"{self._prefix}/{name}"
-        self._island.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
+        self._zenoh_session.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
 
 
 def _fields(record: Any) -> dict[str, Any]:  # noqa: ANN401 (one of two records)

@@ -13,7 +13,7 @@ answered to a `get`:
               crossed and how often; missed deadlines; outcomes of reliable samples; overrides of
               topics that this node publishes; subscribers and publishers of on-demand topics
 ``objects``   samples larger than a frame: their progress, the outcomes of the last ones
-``water``     the frame being sent, the last ones sent and heard
+``channel``   the frame being sent, the last ones sent and heard
 ``journal``   whether anything survives a restart, why it cannot be written now, and why it may
               lack the last writes (a line that ``node`` has as well)
 ``events``    the last notable events, errors among them
@@ -39,7 +39,7 @@ from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.report import Report
 from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 INTERVAL_S: Final = 1.0
 """Least time between two puts of one document, s."""
@@ -50,7 +50,7 @@ class Health:
 
     Args:
         address: Acoustic address of the gateway.
-        island: Where the report is put.
+        zenoh_session: Where the report is put.
         report: What it says.
         dates: Dates of the documents.
         interval_s: Least time between two puts of one document, s.
@@ -59,14 +59,14 @@ class Health:
     def __init__(
         self,
         address: int,
-        island: Island,
+        zenoh_session: ZenohSession,
         report: Report,
         dates: Dates,
         *,
         interval_s: float = INTERVAL_S,
     ) -> None:
         self._prefix = f"{PREFIX}/{address}"
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._report = report
         self._dates = dates
         self._times_set = 0
@@ -119,7 +119,7 @@ class Health:
         for key, payload in documents.items():
             if self._published.get(key) != payload:
                 self._published[key] = payload
-                self._island.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
+                self._zenoh_session.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
 
     def _clock_document(self) -> dict[str, bytes]:
         """Shows a client how far the wall clocks are apart."""

@@ -145,7 +145,7 @@ def _streams(rows: list["Documents"], dropped: "Documents") -> Iterator[Metric]:
     published = _counter("stream_published", "What the island gave, and was taken.", "stream")
     transmitted = _counter("stream_transmitted_records", "Records transmitted.", "stream")
     received = _counter("stream_received_records", "Records that came.", "stream")
-    waiting = _gauges("stream_waiting", "What waits for the water.", "stream")
+    waiting = _gauges("stream_waiting", "What waits for the channel.", "stream")
     delivering = _gauges("stream_delivering", "Reliable samples that have not ended.", "stream")
     ended = _counter(
         "stream_deliveries", "Reliable samples by how they ended.", "stream", "outcome"
@@ -179,8 +179,10 @@ def _streams(rows: list["Documents"], dropped: "Documents") -> Iterator[Metric]:
         for name, count in dropped[reason].items():
             discarded.add_metric([name, reason], count)
     yield discarded
-    refused = _counter("island_discarded", "What the island gave in vain.", "stream", "reason")
-    for name, counts in dropped["island"].items():
+    refused = _counter(
+        "local_discarded", "What the local network gave in vain.", "stream", "reason"
+    )
+    for name, counts in dropped["local"].items():
         for reason, count in counts.items():
             refused.add_metric([name, reason], count)
     yield refused
@@ -223,8 +225,8 @@ def _peers(documents: "Documents") -> Iterator[Metric]:
 
 
 def _rest(documents: "Documents") -> Iterator[Metric]:
-    dropped = _counter("dropped", "What came off the water and was of no use.", "reason")
-    for reason, count in documents["dropped"]["water"].items():
+    dropped = _counter("dropped", "What came off the channel and was of no use.", "reason")
+    for reason, count in documents["dropped"]["channel"].items():
         dropped.add_metric([reason], count)
     yield dropped
     objects = _gauges("objects", "Samples larger than a frame, on their way.", "direction")

@@ -40,7 +40,7 @@ from zacoustic.zenoh.session.asking.goals import GOAL_ID_BYTES, ActionForm, Endi
 from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer, Put
 from zacoustic.zenoh.session.asking.queries import HeldQuery
 from zacoustic.zenoh.session.marker import Marker
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 PROGRAM_PATIENCE_S: Final = 10.0
 """How long a program that pursues a goal, or the router, may be away, s."""
@@ -60,7 +60,7 @@ class Actions:
     Args:
         address: Of this node.
         table: All streams.
-        island: The session of the goals.
+        zenoh_session: The session of the goals.
         input_errors: Takes the errors of local programs.
         dialects: The local forms of actions.
         runner: Drives the engine.
@@ -71,7 +71,7 @@ class Actions:
         self,
         address: int,
         table: StreamTable,
-        island: Island,
+        zenoh_session: ZenohSession,
         input_errors: InputErrors,
         dialects: Dialects,
         *,
@@ -93,7 +93,7 @@ class Actions:
             if stream.spec.server == address:
                 form = self.forms[stream.stream_id]
                 attendant = _Attendant(
-                    stream, form, island, input_errors, runner=runner, clock=clock
+                    stream, form, zenoh_session, input_errors, runner=runner, clock=clock
                 )
                 self._attendants[stream.stream_id] = attendant
             else:
@@ -160,7 +160,7 @@ class _Proxy:
         """Send a goal to a remote server."""
         attachment = held.query.attachment
         if attachment is not None and self._form.is_marked(attachment.to_bytes()):
-            raise LocalError("the goal came off the water, it does not go back")
+            raise LocalError("the goal came off the channel, it does not go back")
 
         def send(engine: Engine, now: int) -> None:
             key = engine.actions.send_goal(self._stream.stream_id, value, now, tag=goal_id)
@@ -237,7 +237,7 @@ class _Attendant:
         self,
         stream: Stream,
         form: ActionForm,
-        island: Island,
+        zenoh_session: ZenohSession,
         input_errors: InputErrors,
         *,
         runner: LinkRunner,
@@ -245,7 +245,7 @@ class _Attendant:
     ) -> None:
         self._stream = stream
         self._form = form
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._input_errors = input_errors
         self._runner = runner
         self._clock = clock
@@ -267,7 +267,7 @@ class _Attendant:
         goal_id = self._rng.randbytes(GOAL_ID_BYTES)
         self._keys[goal_id], self._ids[event.goal] = event.goal, goal_id
         goal_request = self._goal_requests[goal_id] = LocalGoalRequest(
-            self._island,
+            self._zenoh_session,
             self._form,
             goal_id,
             self,

@@ -21,7 +21,7 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.topics import Topics
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 GRACE_S: Final = 10.0
 """How long a subscription outlasts its last local subscriber, s."""
@@ -49,7 +49,7 @@ class MatchingSubscribers:
 
     Args:
         table: All streams.
-        island: Their session.
+        zenoh_session: Their session.
         redundant: The local nodes.
         topics: What topics look like there.
         runner: Whose engine asks for what they want to see.
@@ -60,7 +60,7 @@ class MatchingSubscribers:
     def __init__(
         self,
         table: StreamTable,
-        island: Island,
+        zenoh_session: ZenohSession,
         redundant: RedundantGateways,
         topics: Topics,
         runner: LinkRunner,
@@ -69,7 +69,7 @@ class MatchingSubscribers:
         grace_s: float | None = None,
     ) -> None:
         self._table = table
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._redundant = redundant
         self._topics = topics
         self._runner = runner
@@ -90,7 +90,7 @@ class MatchingSubscribers:
             others = set(self._table.nodes) - {self._redundant.address}
             nodes = tuple(each for each in sorted(others) if stream.may_publish(each))
         for node in nodes:
-            publisher = self._island.session.declare_publisher(
+            publisher = self._zenoh_session.session.declare_publisher(
                 zenoh.KeyExpr(dialect.key(stream.keys.expression(node or None))),
                 allowed_destination=zenoh.Locality.REMOTE,
                 congestion_control=zenoh.CongestionControl.DROP,
@@ -100,7 +100,7 @@ class MatchingSubscribers:
             with self._guard:
                 self._matching.pop(place, None)
             listener = publisher.declare_matching_listener(
-                self._island.callback(partial(self._see, place))
+                self._zenoh_session.callback(partial(self._see, place))
             )
             declared.append(listener)
             status: Any = publisher.matching_status  # an object, not the bool of the stub

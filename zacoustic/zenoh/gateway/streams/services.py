@@ -32,7 +32,7 @@ from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.asking.question import Question
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 # Zenoh refuses a limit of 0.
 _LEAST_LIMIT_S: Final = 0.001
@@ -50,7 +50,7 @@ class Services:
 
     Args:
         table: All streams.
-        island: The session of the servers.
+        zenoh_session: The session of the servers.
         input_errors: Takes the errors of local answers.
         dialects: Their local forms.
         clock: Where instants come from.
@@ -60,7 +60,7 @@ class Services:
     def __init__(
         self,
         table: StreamTable,
-        island: Island,
+        zenoh_session: ZenohSession,
         input_errors: InputErrors,
         dialects: Dialects,
         *,
@@ -68,7 +68,7 @@ class Services:
         ring: Callable[[], None],
     ) -> None:
         self._table = table
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._input_errors = input_errors
         self._clock = clock
         self._ring = ring
@@ -89,7 +89,7 @@ class Services:
         """Watch whether the servers of this node's services are there; in the worker."""
         for stream in self._table:
             if isinstance(stream.spec, ServiceSpec) and stream.spec.server == address:
-                self._watched[stream.stream_id] = self._island.session.declare_querier(
+                self._watched[stream.stream_id] = self._zenoh_session.session.declare_querier(
                     zenoh.KeyExpr(self.dialects[stream.stream_id].key),
                     allowed_destination=zenoh.Locality.REMOTE,
                 )
@@ -105,7 +105,7 @@ class Services:
             held.refuse(CallFailure.BAD_REQUEST, text)
             return
         if query.attachment is not None and dialect.is_marked(query.attachment.to_bytes()):
-            text = "the call came off the water, it does not go back"
+            text = "the call came off the channel, it does not go back"
             held.refuse(CallFailure.NO_SERVER, text)
             return
         payload = query.payload.to_bytes() if query.payload is not None else b""
@@ -146,10 +146,10 @@ class Services:
         watched = self._watched.get(stream.stream_id)
         is_there = watched is not None and bool(watched.matching_status.matching)
         self._asked[question] = event.call, is_there
-        self._island.worker.submit(
+        self._zenoh_session.worker.submit(
             partial(
                 question.ask,
-                self._island,
+                self._zenoh_session,
                 payload,
                 encoding=encoding,
                 priority=stream.qos.priority,
@@ -172,7 +172,7 @@ class Services:
         questions = list(self._asked)
         self._asked.clear()
         for question in questions:
-            self._island.worker.submit(question.cancel)
+            self._zenoh_session.worker.submit(question.cancel)
 
     def _settle(self, question: Question) -> None:
         self._settled.append(question)

@@ -125,7 +125,7 @@ class Topics:
 
     def deliver(self, event: SampleReceived) -> None:
         """Put a received sample on the local network, and keep it for `answer`."""
-        if self._redundant.shares_island(event.source):
+        if self._redundant.shares_network(event.source):
             return
         dialect = self.dialects[event.stream_id]
         stream = dialect.stream

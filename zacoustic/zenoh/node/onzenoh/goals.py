@@ -29,7 +29,7 @@ from zacoustic.zenoh.session.asking.goals import (
 from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
 from zacoustic.zenoh.session.marker import read_marker
-from zacoustic.zenoh.session.session import Island, one_line
+from zacoustic.zenoh.session.session import ZenohSession, one_line
 from zacoustic.zenoh.session.wake_up import WakeUp
 
 QUERIES_LIMIT: Final = 256
@@ -49,12 +49,12 @@ class ZenohGoals:
     """Goals that this node has sent, and goals that it pursues.
 
     Args:
-        island: Returns the session.
+        zenoh_session: Returns the session.
         keep: Remembers how to end a declaration.
     """
 
-    def __init__(self, island: Callable[[], Island], keep: Keep) -> None:
-        self._island = island
+    def __init__(self, zenoh_session: Callable[[], ZenohSession], keep: Keep) -> None:
+        self._zenoh_session = zenoh_session
         self._keep = keep
         self._sent: dict[bytes, ZenohSentGoal] = {}
         self._ears: set[str] = set()
@@ -73,7 +73,7 @@ class ZenohGoals:
         self._hear(route, messages)
         goal_id = os.urandom(GOAL_ID_BYTES)
         checked = _checked(route.goal, value)
-        sent = ZenohSentGoal(self._island(), route, messages, goal_id, feed, tag)
+        sent = ZenohSentGoal(self._zenoh_session(), route, messages, goal_id, feed, tag)
         self._sent[goal_id] = sent
         try:
             sent.goal_request.begin(checked, limit_s + _BEHIND_S)
@@ -97,12 +97,12 @@ class ZenohGoals:
 
     def serve(self, route: Route, handler: GoalHandler) -> Callable[[], None]:
         """Declare the queryable of an action."""
-        island = self._island()
-        server = _Server(route, handler, island)
+        zenoh_session = self._zenoh_session()
+        server = _Server(route, handler, zenoh_session)
         with _errors(route.name):
-            queryable = island.session.declare_queryable(
+            queryable = zenoh_session.session.declare_queryable(
                 zenoh.KeyExpr(*messages_of(route).served()),
-                island.callback(server.bring),
+                zenoh_session.callback(server.bring),
                 complete=True,
                 allowed_origin=zenoh.Locality.REMOTE,
             )
@@ -125,12 +125,12 @@ class ZenohGoals:
         """Subscribe to the feedback of an action, once."""
         if route.name in self._ears:
             return
-        island = self._island()
+        zenoh_session = self._zenoh_session()
         ear = FeedbackEar(messages, self._take_feedback, hears_marked=True)
         with _errors(route.name):
-            subscriber = island.session.declare_subscriber(
+            subscriber = zenoh_session.session.declare_subscriber(
                 zenoh.KeyExpr(ActionKey.FEEDBACK.of(route.name)),
-                island.callback(ear.take),
+                zenoh_session.callback(ear.take),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
         self._ears.add(route.name)
@@ -147,7 +147,7 @@ class ZenohSentGoal:
 
     def __init__(
         self,
-        island: Island,
+        zenoh_session: ZenohSession,
         route: Route,
         messages: ActionMessages,
         goal_id: bytes,
@@ -166,7 +166,7 @@ class ZenohSentGoal:
         self._name = route.name
         self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
         self.goal_request = LocalGoalRequest(
-            island,
+            zenoh_session,
             messages,
             goal_id,
             self,
@@ -238,19 +238,19 @@ class ZenohSentGoal:
 class _Server:
     """Where the goals of one action arrive; made on the loop."""
 
-    def __init__(self, route: Route, handler: GoalHandler, island: Island) -> None:
+    def __init__(self, route: Route, handler: GoalHandler, zenoh_session: ZenohSession) -> None:
         self._route = route
         self._handler = handler
         self._goals: dict[bytes, _TakenGoal] = {}
         bell = WakeUp(asyncio.get_running_loop(), self._drain)
         self._queries = QueryHandler(
-            island.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
+            zenoh_session.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
         )
 
         messages = messages_of(route)
 
         def put(which: ActionKey, payload: bytes) -> None:
-            island.put(
+            zenoh_session.put(
                 messages.key(which),
                 payload,
                 encoding=messages.encoding,

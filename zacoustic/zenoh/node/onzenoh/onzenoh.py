@@ -2,7 +2,7 @@
 
 Zenoh's callbacks run in its own threads and do nothing but hand over. From the loop, puts
 are dropped on a full connection; replies, gets and closing, which may block on one, are for the
-worker of the `Island`.
+worker of the `ZenohSession`.
 """
 
 import asyncio
@@ -46,7 +46,7 @@ from zacoustic.zenoh.session.asking.commands import read_state
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
-from zacoustic.zenoh.session.session import WORDS, Island, one_line, zenoh_priority
+from zacoustic.zenoh.session.session import WORDS, ZenohSession, one_line, zenoh_priority
 from zacoustic.zenoh.session.values import said_encoding
 from zacoustic.zenoh.session.wake_up import tell_loop
 
@@ -78,11 +78,11 @@ class ZenohCarrier:
         self._connect = connect
         self._report = report
         self._stats = EngineStats()
-        self._open_island: Island | None = None
+        self._open_session: ZenohSession | None = None
         self._is_up: bool | None = None
         self._ends: dict[object, Callable[[], None]] = {}
         self._calls: set[asyncio.Future[object]] = set()
-        self.goals = ZenohGoals(lambda: self.island, self._keep)
+        self.goals = ZenohGoals(lambda: self.zenoh_session, self._keep)
 
     @property
     def stats(self) -> EngineStats:
@@ -90,15 +90,15 @@ class ZenohCarrier:
         return self._stats
 
     @property
-    def island(self) -> Island:
+    def zenoh_session(self) -> ZenohSession:
         """The session and its worker.
 
         Raises:
             SessionError: It is not open.
         """
-        if self._open_island is None:
+        if self._open_session is None:
             raise SessionError("the Zenoh session is closed")
-        return self._open_island
+        return self._open_session
 
     def expired(self) -> dict[int, int]:
         """Return nothing: what waits is the gateway's."""
@@ -118,23 +118,23 @@ class ZenohCarrier:
         Raises:
             SessionError: No router is reached.
         """
-        island = await Island.open(session_config(self._config, self._connect))
-        self._open_island = island
+        zenoh_session = await ZenohSession.open(session_config(self._config, self._connect))
+        self._open_session = zenoh_session
         loop = asyncio.get_running_loop()
-        island.watch(lambda is_up: tell_loop(loop, partial(self._report_connection, is_up)))
+        zenoh_session.watch(lambda is_up: tell_loop(loop, partial(self._report_connection, is_up)))
 
     async def close(self) -> None:
         """Close the session; inform the callers of calls under way. May be called again."""
-        if self._open_island is None:
+        if self._open_session is None:
             return
         self.goals.close()
         for end in tuple(self._ends.values()):
             end()
-        island, self._open_island = self._open_island, None
+        zenoh_session, self._open_session = self._open_session, None
         for answer in tuple(self._calls):
             if not answer.done():
                 answer.set_exception(LinkClosedError("the node was closed"))
-        await island.close()  # behind the replies that wait there
+        await zenoh_session.close()  # behind the replies that wait there
 
     async def flush(self) -> None:
         """Do nothing: a put is on its way when it returns, and closing waits for it."""
@@ -151,7 +151,7 @@ class ZenohCarrier:
         """Ask the local gateways, which execute or forward it."""
         question = CommandQuery(node, command, timeout_s)
         with zenoh_errors(question.key):
-            await question.ask(self.island)
+            await question.ask(self.zenoh_session)
         if question.payloads:
             return read_state(question.payloads[0], command)
         nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
@@ -169,10 +169,10 @@ class ZenohCarrier:
         with zenoh_errors(route.name):
             if route.qos.durability is Durability.TRANSIENT_LOCAL:
                 publisher: Latched = latched_publisher(
-                    self.island, route.expression, route.qos.depth, route.qos.priority
+                    self.zenoh_session, route.expression, route.qos.depth, route.qos.priority
                 )
             else:
-                publisher = self.island.session.declare_publisher(
+                publisher = self.zenoh_session.session.declare_publisher(
                     route.expression,
                     encoding=route.encoding,
                     priority=zenoh_priority(route.qos.priority),
@@ -189,14 +189,16 @@ class ZenohCarrier:
             lambda sample: self._receive(sample, route, deliver)
         )
 
-        island, qos = self.island, route.qos
+        zenoh_session, qos = self.zenoh_session, route.qos
         with zenoh_errors(route.name):
             if qos.durability is Durability.TRANSIENT_LOCAL:
-                latched = latched_subscriber(island, route.expression, crossing.put, qos.depth)
+                latched = latched_subscriber(
+                    zenoh_session, route.expression, crossing.put, qos.depth
+                )
                 return self._keep(latched.undeclare)
-            subscriber = island.session.declare_subscriber(
+            subscriber = zenoh_session.session.declare_subscriber(
                 zenoh.KeyExpr(route.expression),
-                island.callback(crossing.put),
+                zenoh_session.callback(crossing.put),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
         return self._keep(subscriber.undeclare)
@@ -205,7 +207,7 @@ class ZenohCarrier:
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
         """Ask by a Zenoh `get` and wait for the first reply."""
-        loop, island = asyncio.get_running_loop(), self.island
+        loop, zenoh_session = asyncio.get_running_loop(), self.zenoh_session
         answer: asyncio.Future[object] = loop.create_future()
         limit_s = route.timeout_s if timeout_s is None else timeout_s
         question = Question(
@@ -213,7 +215,7 @@ class ZenohCarrier:
         )
         ask = partial(
             question.ask,
-            island,
+            zenoh_session,
             route.request.write(value, route.encoding),
             encoding=route.encoding,
             priority=route.qos.priority,
@@ -223,7 +225,7 @@ class ZenohCarrier:
         try:
             async with asyncio.timeout(limit_s):
                 with zenoh_errors(route.name):
-                    await island.worker.run(ask)
+                    await zenoh_session.worker.run(ask)
                 return await answer
         except CallTimeoutError:
             raise
@@ -233,18 +235,18 @@ class ZenohCarrier:
         finally:
             self._calls.discard(answer)
             answer.cancel()
-            island.worker.submit(question.cancel)
+            zenoh_session.worker.submit(question.cancel)
 
     def serve(
         self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
     ) -> Callable[[], None]:
         """Declare a Zenoh queryable."""
-        island = self.island
-        handler = ServiceHandler(route, handle, island.worker)
+        zenoh_session = self.zenoh_session
+        handler = ServiceHandler(route, handle, zenoh_session.worker)
         with zenoh_errors(route.name):
-            queryable = island.session.declare_queryable(
+            queryable = zenoh_session.session.declare_queryable(
                 zenoh.KeyExpr(route.name),
-                island.callback(handler.bring),
+                zenoh_session.callback(handler.bring),
                 complete=True,
                 allowed_origin=zenoh.Locality.REMOTE,
             )
@@ -305,7 +307,7 @@ class ZenohCarrier:
 
     def _report_connection(self, is_up: bool) -> None:
         state = LinkState.UP if is_up else LinkState.DOWN
-        if self._open_island is not None and self._is_up != is_up:
+        if self._open_session is not None and self._is_up != is_up:
             if self._is_up is not None:
                 _logger.warning("%s", WORDS[is_up])
             self._is_up = is_up

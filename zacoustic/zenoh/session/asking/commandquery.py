@@ -9,7 +9,7 @@ from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.zenoh.session.asking.commands import selector
 from zacoustic.zenoh.session.asking.replies import read_error
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own limit is above the gateway's, whose error says more.
@@ -41,19 +41,19 @@ class CommandQuery:
         """Where it is asked."""
         return self._key
 
-    async def ask(self, island: Island) -> None:
+    async def ask(self, zenoh_session: ZenohSession) -> None:
         """Ask, and wait for the last answer.
 
         Raises:
             ZError: It cannot be asked.
         """
-        await island.worker.run(lambda: self._get(island))
+        await zenoh_session.worker.run(lambda: self._get(zenoh_session))
         await self._ended
 
-    def _get(self, island: Island) -> None:
-        island.session.get(
+    def _get(self, zenoh_session: ZenohSession) -> None:
+        zenoh_session.session.get(
             zenoh.Selector(zenoh.KeyExpr(self._key), self._parameters or None),
-            island.callback(self._take, self._end),
+            zenoh_session.callback(self._take, self._end),
             timeout=self._timeout_s + _BEHIND_S,
             consolidation=zenoh.ConsolidationMode.NONE,
             allowed_destination=zenoh.Locality.REMOTE,

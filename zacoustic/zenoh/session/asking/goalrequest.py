@@ -12,7 +12,7 @@ from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey, Ending, Verdict
 from zacoustic.zenoh.session.asking.question import Question
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
@@ -49,7 +49,7 @@ class LocalGoalRequest:
     """One goal for a local server; for the loop.
 
     Args:
-        island: The session.
+        zenoh_session: The session.
         form: Decodes and encodes the messages.
         goal_id: Its name.
         sender: Gets the outcome.
@@ -60,7 +60,7 @@ class LocalGoalRequest:
 
     def __init__(
         self,
-        island: Island,
+        zenoh_session: ZenohSession,
         form: ActionForm,
         goal_id: bytes,
         sender: GoalSender,
@@ -69,7 +69,7 @@ class LocalGoalRequest:
         patience_s: float,
         mark: bytes | None = None,
     ) -> None:
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._form = form
         self._goal_id = goal_id
         self._sender = sender
@@ -103,7 +103,7 @@ class LocalGoalRequest:
             self._retry.cancel()
         questions, self._questions = self._questions, set()
         for question in questions:
-            self._island.worker.submit(question.cancel)
+            self._zenoh_session.worker.submit(question.cancel)
 
     # Below the methods above
 
@@ -119,10 +119,10 @@ class LocalGoalRequest:
 
         question = Question(self._form.key(key), settle)
         self._questions.add(question)
-        self._island.worker.submit(
+        self._zenoh_session.worker.submit(
             partial(
                 question.ask,
-                self._island,
+                self._zenoh_session,
                 payload,
                 encoding=self._form.encoding,
                 priority=self._priority,

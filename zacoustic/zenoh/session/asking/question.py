@@ -12,7 +12,7 @@ import zenoh
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.zenoh.session.asking.replies import read_error
-from zacoustic.zenoh.session.session import Island, zenoh_priority
+from zacoustic.zenoh.session.session import ZenohSession, zenoh_priority
 
 
 class Question:
@@ -37,7 +37,7 @@ class Question:
 
     def ask(
         self,
-        island: Island,
+        zenoh_session: ZenohSession,
         payload: bytes | None,
         *,
         encoding: str | None = None,
@@ -52,9 +52,9 @@ class Question:
             ZError: It cannot be asked; it is settled then.
         """
         try:
-            island.session.get(
+            zenoh_session.session.get(
                 zenoh.Selector(zenoh.KeyExpr(self.key), parameters or None),
-                island.callback(self._take, self._end),
+                zenoh_session.callback(self._take, self._end),
                 payload=payload,
                 encoding=encoding,
                 attachment=attachment,

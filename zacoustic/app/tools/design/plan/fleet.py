@@ -59,7 +59,7 @@ class Fleet(msgspec.Struct, kw_only=True):
     """What a recording has that its types refuse, by stream id."""
 
 
-class Water(msgspec.Struct, frozen=True, kw_only=True):
+class AssumedChannel(msgspec.Struct, frozen=True, kw_only=True):
     """Positions for the nodes of a config, which has none."""
 
     profile: str = DEFAULT_PROFILE
@@ -70,7 +70,7 @@ class Water(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the frames that are lost on top of what the channel takes, 0…1."""
 
 
-def fleet_of(path: Path, recordings: Sequence[str], water: Water) -> Fleet:
+def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> Fleet:
     """Read a scenario or a config, and perhaps recordings.
 
     Raises:
@@ -78,7 +78,7 @@ def fleet_of(path: Path, recordings: Sequence[str], water: Water) -> Fleet:
     """
     mapping = read_json5(path)
     is_config = isinstance(mapping, Mapping) and "nodes" not in mapping
-    fleet = _of_config(path, water) if is_config else _of_scenario(path, mapping)
+    fleet = _of_config(path, channel) if is_config else _of_scenario(path, mapping)
     table = next(iter(fleet.tables.values()))
     if recordings:
         found = read_recordings(recordings, table, only_dense=False, window_s=_WINDOW_S)
@@ -119,21 +119,21 @@ def _of_scenario(path: Path, mapping: object) -> Fleet:
     )
 
 
-def _of_config(path: Path, water: Water) -> Fleet:
+def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
     first = read_fleet(path)
     addresses = sorted(first.nodes) or _two_of(first.address)
     configs = {address: read_config(path, address=address) for address in addresses}
     scenario = Scenario(
         nodes=tuple(
-            NodeSpec(address=address, position=(0.0 if not index else water.range_m, 0.0, 10.0))
+            NodeSpec(address=address, position=(0.0 if not index else channel.range_m, 0.0, 10.0))
             for index, address in enumerate(addresses)
         ),
-        profile=profile_named(water.profile).name,
-        loss=LossSpec(frame=water.loss),
+        profile=profile_named(channel.profile).name,
+        loss=LossSpec(frame=channel.loss),
     )
     tables = {address: config.table for address, config in configs.items()}
     offers, notes = offers_of_config(
-        first.table, addresses, first.typical_bits, profile_named(water.profile).mtu_bytes
+        first.table, addresses, first.typical_bits, profile_named(channel.profile).mtu_bytes
     )
     return Fleet(
         scenario=scenario,

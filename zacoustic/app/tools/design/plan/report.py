@@ -7,7 +7,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.design.plan.advice import Change, changes_that_fit
-from zacoustic.app.tools.design.plan.fleet import Fleet, Water, fleet_of
+from zacoustic.app.tools.design.plan.fleet import AssumedChannel, Fleet, fleet_of
 from zacoustic.app.tools.design.plan.verdict import StreamFound, streams_of, verdict_of, walk
 from zacoustic.app.tools.design.plan.walk import Found
 from zacoustic.channel.profiles import ModemProfile, profile_named
@@ -43,7 +43,7 @@ class StreamPlan(msgspec.Struct, frozen=True, kw_only=True):
     share: float
     """That as a share of all sound, 0…1."""
     went: float
-    """Share of its samples that get on the water at all, 0…1; without those that `min_interval_s`
+    """Share of its samples that get on the channel at all, 0…1; without those that `min_interval_s`
     leaves out."""
     refused: float
     """Share of its samples that publishing refuses, 0…1: its type does, or no frame has room."""
@@ -102,7 +102,7 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
 def plan(
     path: str | Path,
     *,
-    water: Water | None = None,
+    channel: AssumedChannel | None = None,
     recordings: Sequence[str] = (),
     hours: float = DEFAULT_HOURS,
     transmit_w: float | None = None,
@@ -112,7 +112,7 @@ def plan(
 
     Args:
         path: A scenario with traffic, or a config.
-        water: What a config does not have.
+        channel: What a config does not have.
         recordings: Where sizes and rates come from instead.
         hours: How long the model walks, h, above 0.
         transmit_w: What the modem takes while it transmits, W; None: from its source level.
@@ -121,7 +121,7 @@ def plan(
     Raises:
         ConfigError: A file is wrong, or no rates are known.
     """
-    fleet = fleet_of(Path(path), recordings, water or Water())
+    fleet = fleet_of(Path(path), recordings, channel or AssumedChannel())
     if any(table.wire is not WireProfile.NATIVE for table in fleet.tables.values()):
         raise ConfigError(f'{path}: wire: "rmw_desert"; allowed: "native", which is what plans are')
     until_s = hours * _S_PER_H

@@ -36,8 +36,8 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError, LocalError
-from zacoustic.testing.stories.witness import Arrived, Publication
-from zacoustic.testing.tally import SimulationResult, Tally
+from zacoustic.testing.counters import Counters, SimulationResult
+from zacoustic.testing.scenarios.checker import Arrived, Publication
 from zacoustic.testing.virtual import VirtualNetwork
 
 DEFAULT_UNTIL_S: Final = 3600.0
@@ -84,7 +84,7 @@ def simulate(
     if record is not None:
         record.network = run.network
     run.network.run(until_s=until_s)
-    return run.tally.result(run.network, until_s)
+    return run.counters.result(run.network, until_s)
 
 
 class _Run:
@@ -107,7 +107,7 @@ class _Run:
         self._called: dict[tuple[int, int, int], Publication] = {}
         self._answers: dict[int, object] = {}
         late_after_s: dict[int, float] = {}
-        self.tally = Tally(tables, late_after_s)
+        self.counters = Counters(tables, late_after_s)
 
         self.network = VirtualNetwork(
             scenario,
@@ -179,7 +179,7 @@ class _Run:
         try:
             self.network.apply(traffic.node, command)
         except LocalError:
-            self.tally.refused(traffic.node, stream)
+            self.counters.refused(traffic.node, stream)
 
     def _note(
         self,
@@ -207,10 +207,10 @@ class _Run:
         if is_topic:
             key = (stream.stream_id, node, instance, stream.codec.encode(value))
             self._published.setdefault(key, []).append(_Sent(publication))
-            self.tally.published(publication)
+            self.counters.published(publication)
         else:
             self._called[node, life, result] = publication
-            self.tally.called(publication)
+            self.counters.called(publication)
 
     def _deliver(self, address: int, event: Event) -> None:
         if isinstance(event, SampleReceived):
@@ -221,7 +221,7 @@ class _Run:
                 lacking = (sent for sent in reversed(known) if address not in sent.got)
                 sent = next(lacking, known[-1])
                 sent.got.add(address)
-                self.tally.received(self._arrived(sent.publication, address))
+                self.counters.received(self._arrived(sent.publication, address))
         elif isinstance(event, RequestReceived):
             answer = self._answers.get(event.call.stream_id)
             self.network.apply(
@@ -234,9 +234,9 @@ class _Run:
             if publication is not None:
                 arrived = self._arrived(publication, address)
                 if isinstance(event, CallFailed):
-                    self.tally.failed(arrived)
+                    self.counters.failed(arrived)
                 else:
-                    self.tally.answered(arrived)
+                    self.counters.answered(arrived)
 
     def _arrived(self, publication: Publication, node: int) -> Arrived:
         network = self.network
@@ -246,7 +246,7 @@ class _Run:
         if is_alive:
             self.network.at(self.network.now / NS_PER_S, partial(self._subscribe, address))
         else:
-            self.tally.crashed(address, self.network.now)
+            self.counters.crashed(address, self.network.now)
 
     def _subscribe(self, address: int) -> None:
         """Subscribe to all on-demand topics."""

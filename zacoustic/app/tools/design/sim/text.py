@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 
 from zacoustic.app.tools.columns import align
-from zacoustic.app.tools.design.sim.storytelling import StoryResult
-from zacoustic.testing.tally import SimulationResult, StreamResult
+from zacoustic.app.tools.design.sim.randomscenario import ScenarioResult
+from zacoustic.testing.counters import SimulationResult, StreamResult
 
 _HEADER = (
     "id", "stream", "published", "delivered", "late", "twice", "disorder", "failed", "refused",
@@ -17,14 +17,14 @@ def as_text(result: SimulationResult) -> str:
     return "\n".join(_lines(result))
 
 
-def story_as_text(result: StoryResult) -> str:
+def scenario_as_text(result: ScenarioResult) -> str:
     """Return a random scenario and its violations as lines."""
     return "\n".join(
         (result.summary, *_lines(result.simulation), *result.violations, _verdict(result))
     )
 
 
-def _verdict(result: StoryResult) -> str:
+def _verdict(result: ScenarioResult) -> str:
     number = len(result.violations)
     return f"{number} complaints" if number else "all held that must hold"
 

@@ -1,7 +1,7 @@
 """A vehicle and a listener over a lossy channel: sizes of frames, and that they decode right.
 
 An acknowledgement is known when the next but one frame is written, unless it is lost too. It goes
-in a frame that goes anyway, as on the water, and is not counted here.
+in a frame that goes anyway, as on the channel, and is not counted here.
 """
 
 import random
@@ -22,7 +22,7 @@ _LISTENER: Final = 1
 _ROOM_BYTES: Final = 1 << 20
 
 
-class Tally(msgspec.Struct):
+class Counters(msgspec.Struct):
     """What came of an exchange."""
 
     sizes: list[int] = []
@@ -82,7 +82,7 @@ def exchange(
     acknowledged: bool,
     loss: float = 0.0,
     seed: int = 1,
-) -> Tally:
+) -> Counters:
     """Send groups of samples, each in its own frame, and decode what arrives.
 
     Args:
@@ -95,7 +95,7 @@ def exchange(
     """
     rng = random.Random(seed)
     packed = {stream_id: PackedCodec(each) for stream_id, each in types.items()}
-    speaker, listener, tally = Speaker(codec), Listener(codec), Tally()
+    speaker, listener, counters = Speaker(codec), Listener(codec), Counters()
     receivers = {_LISTENER} if acknowledged else ()
     on_the_way: int | None = None
     for group in groups:
@@ -103,20 +103,20 @@ def exchange(
         while left:
             encoded = speaker.encode(left, _ROOM_BYTES, receivers)
             if encoded is None:  # no string that could not be misunderstood: as records
-                tally.sizes.append(sum(_record_bytes(packed, sample) for sample in left))
+                counters.sizes.append(sum(_record_bytes(packed, sample) for sample in left))
                 break
             speaker.sent(encoded)
-            tally.sizes.append(len(encoded.frame))
+            counters.sizes.append(len(encoded.frame))
             if on_the_way is not None:
                 speaker.acknowledged(_LISTENER, on_the_way)
                 on_the_way = None
             taken, left = left[: encoded.taken], left[encoded.taken :]
             if rng.random() < loss:
                 continue
-            _receive(listener, encoded.frame, taken, types, tally)
+            _receive(listener, encoded.frame, taken, types, counters)
             if rng.random() >= loss:
                 on_the_way = listener.mark
-    return tally
+    return counters
 
 
 def _receive(
@@ -124,18 +124,18 @@ def _receive(
     frame: bytes,
     sent: Sequence[DenseSample],
     types: Mapping[int, TypeSpec],
-    tally: Tally,
+    counters: Counters,
 ) -> None:
-    tally.received += 1
+    counters.received += 1
     try:
         found = listener.decode(frame).samples
     except PayloadError:
-        tally.unread += 1
+        counters.unread += 1
         return
     expected = sorted(sent, key=lambda each: each.stream_id)
-    tally.wrong += abs(len(expected) - len(found))
+    counters.wrong += abs(len(expected) - len(found))
     for sample, (stream_id, value) in zip(expected, found, strict=False):
-        tally.wrong += stream_id != sample.stream_id or not _is_right(types, sample, value)
+        counters.wrong += stream_id != sample.stream_id or not _is_right(types, sample, value)
 
 
 def _is_right(types: Mapping[int, TypeSpec], sample: DenseSample, value: dict[str, Any]) -> bool:

@@ -189,14 +189,14 @@ class _Bench:
         for mission, groups in zip(self._missions, missions, strict=True):
             if not groups:
                 continue
-            tally = exchange(
+            counters = exchange(
                 DenseCodec(mission.types, model=model), mission.types, groups,
                 acknowledged=loss is not None, loss=loss or 0.0, seed=self._seed,
             )  # fmt: skip
-            total += tally.total
-            frames += len(tally.sizes)
-            self.decoded += tally.received
-            self.different += tally.faults
+            total += counters.total
+            frames += len(counters.sizes)
+            self.decoded += counters.received
+            self.different += counters.faults
         return total / frames
 
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.design.telemetry.exchange import Tally, counted, exchange, windows
+from zacoustic.app.tools.design.telemetry.exchange import Counters, counted, exchange, windows
 from zacoustic.app.tools.design.telemetry.recording import Mission, Recordings
 from zacoustic.config.model import ModelFile
 from zacoustic.core.streams.table import StreamTable
@@ -209,14 +209,14 @@ def _frames(
             _exchange(mission, with_model, window_s, acknowledged=acknowledged)
             for mission in missions
         ]
-        return _mean([size for tally in tallies for size in tally.sizes])
+        return _mean([size for counters in tallies for size in counters.sizes])
 
     return Cost(before=mean_bytes(None), after=mean_bytes(model))
 
 
 def _exchange(
     mission: Mission, model: Model | None, window_s: float, *, acknowledged: bool
-) -> Tally:
+) -> Counters:
     groups: list[list[DenseSample]] = windows(counted(mission), window_s)
     codec = DenseCodec(mission.types, model=model)
     return exchange(codec, mission.types, groups, acknowledged=acknowledged)

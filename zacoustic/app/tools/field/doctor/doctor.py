@@ -6,7 +6,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.design.plan.fleet import Water
+from zacoustic.app.tools.design.plan.fleet import AssumedChannel
 from zacoustic.app.tools.design.plan.report import plan
 from zacoustic.app.tools.field.doctor.host import (
     Synchronised,
@@ -61,7 +61,7 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     """Time server that is asked, `HOST` or `HOST:PORT`."""
     recordings: tuple[str, ...] = ()
     """Rates, for the plan."""
-    water: Water = Water()
+    channel: AssumedChannel = AssumedChannel()
     """For the plan."""
     patience_s: float = DEFAULT_PATIENCE_S
     """How long a device may take to come, s."""
@@ -166,7 +166,7 @@ class _Rounds:
     async def _airtime(self, link: Link | None) -> None:
         """Ask the plan, if any rates are known."""
         config, options = self._config, self._options
-        profile = profile_named(options.water.profile)
+        profile = profile_named(options.channel.profile)
         capabilities = getattr(link, "capabilities", None)
         if isinstance(capabilities, LinkCapabilities):
             times = capabilities.bit_rate_bps / profile.bit_rate_bps
@@ -181,7 +181,7 @@ class _Rounds:
             return
         try:
             report = await asyncio.to_thread(
-                plan, config.source, water=options.water, recordings=options.recordings,
+                plan, config.source, channel=options.channel, recordings=options.recordings,
                 hours=_PLANNED_HOURS,
             )  # fmt: skip
         except ConfigError as error:

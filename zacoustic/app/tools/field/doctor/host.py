@@ -48,7 +48,7 @@ def check_journal(config: Config) -> Iterator[Finding]:
             what=f"{config.journal}: {left} MB left on the disk; a journal takes up to "
             f"{JOURNAL_BYTES // 1_000_000} MB",
             why="when it is full, samples and calls that are to survive a restart are refused",
-            cure="make room before the mission: nobody can from beyond the water",
+            cure="make room before the mission: no remote node can",
         )
 
 

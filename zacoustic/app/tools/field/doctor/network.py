@@ -13,7 +13,7 @@ from zacoustic.errors import SessionError
 from zacoustic.link.contract import Finding
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.commands import PREFIX
-from zacoustic.zenoh.session.session import Island, endpoints_of, mode_of
+from zacoustic.zenoh.session.session import ZenohSession, endpoints_of, mode_of
 
 _TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):([0-9]{1,5})")
 _ANSWERS_S: Final = 3.0
@@ -57,13 +57,15 @@ async def look(config: Config, connect: Sequence[str]) -> tuple[Running, list[Fi
     if not reachable:
         return Running(), [_unreachable(endpoints)] if must_be_there else []
     try:
-        island = await Island.open(session_config(config, reachable))
+        zenoh_session = await ZenohSession.open(session_config(config, reachable))
     except SessionError as error:
         return Running(), [_unreachable(endpoints, str(error))] if must_be_there else []
     try:
-        return await island.worker.run(lambda: _read(island.session, config.address)), []
+        return await zenoh_session.worker.run(
+            lambda: _read(zenoh_session.session, config.address)
+        ), []
     finally:
-        await island.close()
+        await zenoh_session.close()
 
 
 def _endpoints(config: Config) -> tuple[str, ...]:

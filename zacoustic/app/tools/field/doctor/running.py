@@ -27,7 +27,7 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
         yield Finding(
             what=f"the running gateway has sent {sent} frames and heard none",
             why="either nobody else is there, or this node is deaf, or nobody hears it",
-            cure="see that another gateway runs in the same water, that both transducers are in "
+            cure="see that another gateway runs on the same channel, that both transducers are in "
             "it, and that both links have the same settings",
         )
     why_silent = link.get("why_silent")
@@ -57,7 +57,7 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
 
 
 def _clash(config: Config, health: Mapping[str, Any]) -> Iterator[Finding]:
-    own = _part(_part(health, "dropped"), "water").get("own", 0)
+    own = _part(_part(health, "dropped"), "channel").get("own", 0)
     if isinstance(own, int) and own >= _LEAST_OWN:
         yield Finding(
             what=f"address clash: {own} frames came that say they are of node {config.address}, "

@@ -1,7 +1,7 @@
 """What is done with recordings: looked at, checked, played back, tried in another way, reported.
 
 ===============  ===================================================================================
-`lives`          the boot epochs of nodes in a file, with their calls; a call made again
+`epochs`          the boot epochs of nodes in a file, with their calls; a call made again
 `checking`       engines made again: do they send the same bytes? (`checktext`)
 `otherwise`      the same inputs into engines of another configuration (`today`)
 `frames`         frames in words

@@ -6,9 +6,9 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.app.tools.inspect.recordings.epochs import no_engine
 from zacoustic.app.tools.inspect.recordings.gathering import gather
-from zacoustic.app.tools.inspect.recordings.lives import no_engine
-from zacoustic.app.tools.inspect.recordings.measuredwater import measure_water, with_loss
+from zacoustic.app.tools.inspect.recordings.measuredchannel import measure_channel, with_loss
 from zacoustic.app.tools.inspect.recordings.today import configs_for
 from zacoustic.app.tools.inspect.recordings.whatif import Change, WhatIf, compare, configured
 from zacoustic.channel.scenario import scenario_from_mapping
@@ -58,13 +58,13 @@ def what_if(paths: Sequence[str], wanted: Wanted) -> WhatIf:
     facts = gather(paths)
     if not facts.tables:
         raise no_engine(", ".join(paths))
-    measured = measure_water(facts, seed=wanted.seed)
+    measured = measure_channel(facts, seed=wanted.seed)
     scenario, notes = measured.scenario, list(measured.notes)
     if wanted.scenario is not None:
         written = read_json5(wanted.scenario)
         scenario = scenario_from_mapping(written, source=wanted.scenario)
         scenario = msgspec.structs.replace(scenario, seed=wanted.seed)
-        notes = [f"the water is that of {Path(wanted.scenario).name}"]
+        notes = [f"the channel is that of {Path(wanted.scenario).name}"]
         lacking = {*facts.tables} - {node.address for node in scenario.nodes}
         if lacking:
             raise ConfigError(f"{wanted.scenario}: nodes: lacks {sorted(lacking)}")

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.lives import (
+from zacoustic.app.tools.inspect.recordings.epochs import (
     Calls,
     LifeReader,
     NewLife,
     make_call,
-    must_have_lives,
+    must_have_epochs,
 )
 from zacoustic.core.base.linktypes import Transmission
 from zacoustic.core.engine.events import Event
@@ -60,7 +60,7 @@ class Verdict(msgspec.Struct, kw_only=True):
 
     file: str
     """Its name."""
-    lives: list[LifeVerdict]
+    epochs: list[LifeVerdict]
     """In the order in which they began."""
     damage: str = ""
     """Why the file ends early; empty: it does not."""
@@ -68,7 +68,7 @@ class Verdict(msgspec.Struct, kw_only=True):
     @property
     def is_same(self) -> bool:
         """Everything was the same, and there was something."""
-        return bool(self.lives) and not any(life.difference for life in self.lives)
+        return bool(self.epochs) and not any(life.difference for life in self.epochs)
 
 
 _DELIVERIES = frozenset(
@@ -165,7 +165,7 @@ def check_messages(messages: Iterable[ReadMessage], name: str) -> Verdict:
     """
     reader = LifeReader()
     running: dict[int, LifeCheck] = {}
-    verdict = Verdict(file=name, lives=[])
+    verdict = Verdict(file=name, epochs=[])
     for message in messages:
         part = reader.read(message)
         if isinstance(part, NewLife):
@@ -173,7 +173,7 @@ def check_messages(messages: Iterable[ReadMessage], name: str) -> Verdict:
             if node in running:
                 running[node].finish()
             running[node] = check = LifeCheck(part.life)
-            verdict.lives.append(check.verdict)
+            verdict.epochs.append(check.verdict)
         elif isinstance(part, Calls):
             for call in part.calls:
                 running[part.node].take(call)
@@ -181,7 +181,7 @@ def check_messages(messages: Iterable[ReadMessage], name: str) -> Verdict:
             _compare_ledger(message, running)
     for check in running.values():
         check.finish()
-    must_have_lives(reader, name)
+    must_have_epochs(reader, name)
     return verdict
 
 

@@ -22,12 +22,12 @@ def as_text(verdict: Verdict) -> str:
             str(life.deliveries),
             "DIFFERS" if life.difference else "the same",
         )
-        for life in verdict.lives
+        for life in verdict.epochs
     ]
     lines = [align(header, rows, right=header[:-1])]
     lines += [
         f"node {life.node}, epoch {life.epoch}: {life.difference}"
-        for life in verdict.lives
+        for life in verdict.epochs
         if life.difference
     ]
     if verdict.damage:
@@ -37,7 +37,7 @@ def as_text(verdict: Verdict) -> str:
     return "\n".join(lines)
 
 
-def otherwise_as_text(lives: Sequence[Otherwise]) -> str:
+def otherwise_as_text(epochs: Sequence[Otherwise]) -> str:
     """Return tables of then and now, and the first frame that differs."""
     header = ("node", "epoch", "frames then", "now", "the same", "bytes then", "now")
     rows = [
@@ -50,10 +50,10 @@ def otherwise_as_text(lives: Sequence[Otherwise]) -> str:
             str(life.bytes_then),
             str(life.bytes_now),
         )
-        for life in lives
+        for life in epochs
     ]
     lines = [align(header, rows, right=header)]
-    for life in lives:
+    for life in epochs:
         who = f"node {life.node}, epoch {life.epoch}"
         names = sorted({*life.samples_then, *life.samples_now})
         samples = [
@@ -68,6 +68,6 @@ def otherwise_as_text(lives: Sequence[Otherwise]) -> str:
             lines.append(f"{who}: commands refused that were not: {said}")
         if life.first_difference:
             lines.append(f"{who}: the first other frame {life.first_difference}")
-    if all(not life.first_difference for life in lives):
+    if all(not life.first_difference for life in epochs):
         lines.append("every frame is the same, byte for byte")
     return "\n".join(lines)

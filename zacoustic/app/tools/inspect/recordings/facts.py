@@ -105,7 +105,7 @@ class Facts:
         self.streams: dict[int, Stream] = {}
         """All streams that are known, by id."""
         self.capabilities: dict[int, LinkCapabilities] = {}
-        self.lives: dict[int, int] = {}
+        self.epochs: dict[int, int] = {}
         """How many boot epochs of each node were recorded."""
         self.published: list[Published] = []
         self.arrived: list[Arrived] = []

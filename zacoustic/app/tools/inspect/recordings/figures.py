@@ -63,7 +63,7 @@ class NodeFigures(msgspec.Struct, kw_only=True):
 
     node: int
     """Its address."""
-    lives: int
+    epochs: int
     """How many were recorded."""
     frames: int = 0
     """Sent."""
@@ -191,7 +191,7 @@ def _kind(stream: Stream) -> str:
 
 
 def _node(facts: Facts, node: int) -> NodeFigures:
-    found = NodeFigures(node=node, lives=facts.lives.get(node, 0))
+    found = NodeFigures(node=node, epochs=facts.epochs.get(node, 0))
     for _, frame in facts.frames:
         if frame.node == node and frame.direction == SENT:
             found.frames += 1
@@ -207,7 +207,7 @@ def _node(facts: Facts, node: int) -> NodeFigures:
             for row in ledger.rows:
                 known = found.by_cause.get(row.cause, 0)
                 found.by_cause[row.cause] = known + row.transmitted_bytes
-    if found.ledger_bytes is not None and found.lives:
+    if found.ledger_bytes is not None and found.epochs:
         found.covered_bytes = facts.covered_bytes.get(node, found.frame_bytes)
         found.ledger_is_exact = found.ledger_bytes == found.covered_bytes
     if facts.duration_s > 0:

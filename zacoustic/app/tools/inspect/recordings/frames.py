@@ -8,7 +8,7 @@ import msgspec
 
 from zacoustic.app.tools.inspect.decode.decoded import DecodedItem
 from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder
-from zacoustic.app.tools.inspect.recordings.lives import LifeReader, NewLife
+from zacoustic.app.tools.inspect.recordings.epochs import LifeReader, NewLife
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
@@ -71,7 +71,7 @@ class FrameReader:
         self._given = table
         self._wire = wire
         self._found: StreamTable | None = None
-        self._lives = LifeReader()
+        self._epochs = LifeReader()
         self._tables: dict[int, StreamTable] = {}
         self._capabilities: dict[int, LinkCapabilities] = {}
         self._decoders: dict[int, FrameDecoder] = {}
@@ -96,7 +96,7 @@ class FrameReader:
 
     def _read_life(self, message: ReadMessage, node: int) -> None:
         if b"life" in message.data[:8]:
-            part = self._lives.read(message)
+            part = self._epochs.read(message)
             if isinstance(part, NewLife):
                 self._tables[node] = part.life.table.table()
                 self._decoders.pop(node, None)

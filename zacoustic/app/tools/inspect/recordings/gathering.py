@@ -1,7 +1,7 @@
 """What happened, out of one or more recordings: the facts that figures are made of.
 
 Of an engine all of it is known: what was asked for, what arrived, every frame. Of a recorded
-network the frames of its gateways are known, and what came off the water there.
+network the frames of its gateways are known, and what came off the channel there.
 """
 
 import re
@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import msgspec
 
+from zacoustic.app.tools.inspect.recordings.epochs import LifeReader, NewLife
 from zacoustic.app.tools.inspect.recordings.facts import Arrived, Asked, Command, Facts, Published
-from zacoustic.app.tools.inspect.recordings.lives import LifeReader, NewLife
 from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkMetrics,
@@ -84,7 +84,7 @@ _COMMANDS: Final = (
 class _Gatherer:
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
-        self._lives = LifeReader()
+        self._epochs = LifeReader()
         self._offsets: dict[int, int] = {}
         self._calls: dict[tuple[int, object], Asked] = {}
         self._envelopes: dict[int, Envelope] = {}
@@ -202,14 +202,14 @@ class _Gatherer:
     # A recorded engine
 
     def _take_engine(self, message: ReadMessage) -> None:
-        part = self._lives.read(message)
+        part = self._epochs.read(message)
         if isinstance(part, NewLife):
             node = part.life.address
             table = self._facts.tables[node] = part.life.table.table()
             self._know(table)
             self._offsets[node] = part.life.utc_offset_ns
             self._facts.births.append((message.utc_ns, part.life))
-            self._facts.lives[node] = self._facts.lives.get(node, 0) + 1
+            self._facts.epochs[node] = self._facts.epochs.get(node, 0) + 1
             self._calls = {key: asked for key, asked in self._calls.items() if key[0] != node}
         elif part is not None:
             for call in part.calls:

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.lives import NewLife, make_call, read_parts
+from zacoustic.app.tools.inspect.recordings.epochs import NewLife, make_call, read_parts
 from zacoustic.config import Config
 from zacoustic.core.base.linktypes import (
     LinkCapabilities,

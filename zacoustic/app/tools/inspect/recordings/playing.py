@@ -14,7 +14,7 @@ from zacoustic.config import Config
 from zacoustic.errors import ConfigError
 from zacoustic.run.recording.reading import RecordingReader
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 
 class Played(msgspec.Struct, kw_only=True):
@@ -59,7 +59,7 @@ async def play(
     reader = PutReader(node=node, config=config)
     played = Played(samples={})
     clock = now_s or asyncio.get_running_loop().time
-    island = await Island.open(session_config(config, connect))
+    zenoh_session = await ZenohSession.open(session_config(config, connect))
     try:
         first_ns: int | None = None
         began_s = clock()
@@ -73,23 +73,23 @@ async def play(
                     await _until(began_s + played.duration_s / rate - clock(), stop)
                 if stop.is_set():
                     return played
-                await island.worker.run(partial(_put, island, put))
+                await zenoh_session.worker.run(partial(_put, zenoh_session, put))
                 played.samples[put.key] = played.samples.get(put.key, 0) + 1
     finally:
         played.left_out = reader.left_out
-        await island.close()
+        await zenoh_session.close()
     if not played.samples and not played.left_out:
         raise ConfigError(f"{path}: no sample of {', '.join(keys) or 'any key'} is in it")
     return played
 
 
-def _put(island: Island, put: Put) -> None:
+def _put(zenoh_session: ZenohSession, put: Put) -> None:
     """Put a sample, in the worker: nothing is dropped on a slow network."""
     blocks = zenoh.CongestionControl.BLOCK
     if put.deleted:
-        island.session.delete(put.key, attachment=put.attachment, congestion_control=blocks)
+        zenoh_session.session.delete(put.key, attachment=put.attachment, congestion_control=blocks)
     else:
-        island.session.put(
+        zenoh_session.session.put(
             put.key,
             put.payload,
             encoding=put.encoding,

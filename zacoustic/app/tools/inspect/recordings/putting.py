@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.lives import LifeReader, NewLife
+from zacoustic.app.tools.inspect.recordings.epochs import LifeReader, NewLife
 from zacoustic.config import Config
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.values.encoding import JSON, decode_application
@@ -69,7 +69,7 @@ class PutReader:
         self._node = node
         self._is_chosen = node is not None
         self._ros = None if config is None else config.ros
-        self._lives = LifeReader()
+        self._epochs = LifeReader()
         self._table: StreamTable | None = None
         self._arrived: _Arrived | None = None
         self._sequence = 0
@@ -99,7 +99,7 @@ class PutReader:
         if address is None or not self._is_ours(address):
             return
         if word == "engine" and b"life" in message.data[:8]:
-            part = self._lives.read(message)
+            part = self._epochs.read(message)
             if isinstance(part, NewLife):
                 self._table = part.life.table.table()
         elif word == "events":

@@ -102,7 +102,7 @@ def _nodes(figures: Figures) -> Sheet:
         rows.append(
             (
                 str(each.node),
-                str(each.lives),
+                str(each.epochs),
                 str(each.frames),
                 str(each.frame_bytes),
                 "" if each.ledger_bytes is None else str(each.ledger_bytes),

@@ -239,16 +239,16 @@ def configured(
 
     A node that is not recorded has the table of one that is.
     """
-    lives = {life.address: life for _, life in facts.births}
-    if not lives:
+    epochs = {life.address: life for _, life in facts.births}
+    if not epochs:
         raise ConfigError(
             "no engine was recorded", hint="record with --record at the gateway or the Node"
         )
-    anybody = next(iter(lives.values()))
+    anybody = next(iter(epochs.values()))
     tables, rules = {}, {}
     for spec in scenario.nodes:
         address = spec.address
-        life = lives.get(address, anybody)
+        life = epochs.get(address, anybody)
         config = configs.get(address)
         tables[address] = life.table.table() if config is None else config.table
         rules[address] = life.rules if config is None else config.rules

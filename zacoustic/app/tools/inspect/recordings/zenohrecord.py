@@ -41,11 +41,11 @@ from zacoustic.run.recording.samples import (
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.recording.values import encode_value, ros_channel
 from zacoustic.run.recording.writing import RecordingFile
-from zacoustic.zenoh.gateway.dialect.translation import from_island
+from zacoustic.zenoh.gateway.dialect.translation import from_local
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.marker import read_marker
-from zacoustic.zenoh.session.session import WORDS, Island
+from zacoustic.zenoh.session.session import WORDS, ZenohSession
 
 _ASK_S = 2.0
 
@@ -67,7 +67,7 @@ class RecordedKeys(msgspec.Struct, kw_only=True):
     """How often the router was gone for a while."""
 
 
-class IslandRecorder:
+class NetworkRecorder:
     """Records what a session hears.
 
     Args:
@@ -166,9 +166,7 @@ class IslandRecorder:
             self._file.put(self._channel(topic, make), now_ns, record.payload)
         elif stream is not None:
             try:
-                value, _ = from_island(
-                    record.payload, record.encoding, stream.type, stream.encoding
-                )
+                value, _ = from_local(record.payload, record.encoding, stream.type, stream.encoding)
             except PayloadInvalidError:
                 return  # it is among the samples, as it came
             channel = self._channel(topic, partial(value_channel, topic, stream))
@@ -228,17 +226,17 @@ async def record_network(
     """
     file = await asyncio.to_thread(RecordingFile, path)
     try:
-        recorder = IslandRecorder(file, config, heard)
-        island = await Island.open(session_config(config, connect))
+        recorder = NetworkRecorder(file, config, heard)
+        zenoh_session = await ZenohSession.open(session_config(config, connect))
         try:
-            island.watch(recorder.note_connection)
+            zenoh_session.watch(recorder.note_connection)
             wanted: dict[str, Stream | None] = {**dict.fromkeys(keys), **recorder.topics()}
-            await island.worker.run(partial(_declare, island, recorder, wanted))
+            await zenoh_session.worker.run(partial(_declare, zenoh_session, recorder, wanted))
             ready(file.path, [*wanted, f"{PREFIX}/**"])
             await stop.wait()
         finally:
             recorder.end()
-            await island.close()
+            await zenoh_session.close()
     finally:
         await asyncio.to_thread(file.close)
     return RecordedKeys(
@@ -250,16 +248,18 @@ async def record_network(
     )
 
 
-def _declare(island: Island, recorder: IslandRecorder, wanted: dict[str, Stream | None]) -> None:
+def _declare(
+    zenoh_session: ZenohSession, recorder: NetworkRecorder, wanted: dict[str, Stream | None]
+) -> None:
     for expression, stream in wanted.items():
-        island.session.declare_subscriber(
-            zenoh.KeyExpr(expression), island.callback(partial(recorder.take, stream))
+        zenoh_session.session.declare_subscriber(
+            zenoh.KeyExpr(expression), zenoh_session.callback(partial(recorder.take, stream))
         )
-    island.session.declare_subscriber(
-        zenoh.KeyExpr(f"{PREFIX}/**"), island.callback(recorder.take_document)
+    zenoh_session.session.declare_subscriber(
+        zenoh.KeyExpr(f"{PREFIX}/**"), zenoh_session.callback(recorder.take_document)
     )
     # What was put before is known as well: what the link can do, above all.
-    for reply in island.session.get(f"{PREFIX}/*/*", timeout=_ASK_S):
+    for reply in zenoh_session.session.get(f"{PREFIX}/*/*", timeout=_ASK_S):
         if reply.ok is not None and str(reply.ok.encoding).startswith(f"application/{JSON}"):
             recorder.take_document(reply.ok)
 

@@ -30,12 +30,13 @@ zfec 1.6             0               not measured       not measured   compiled;
 reedsolo 1.7         0               not measured       not measured   255 in all, likewise
 ===================  ==============  =================  =============  ==========================
 
-`raptorq` is as good on the water and faster where it runs. It is not taken because its wire is not
+`raptorq` is as good on the channel and faster where it runs. It is not taken because its wire is
+not
 stable: 1.8.0 and 2.0.0 give the same repair fragment other numbers (seen; upstream calls it a
 breaking change), so two vehicles with two versions would never finish an object. Its
 Python binding also offers its own default parameters only, and wheels for the 64-bit ARM boards of
-most vehicles were not to be had. Speed does not decide: a fragment takes a second on the water and
-less than a millisecond here.
+most vehicles were not to be had. Speed does not decide: a fragment takes a second on the channel
+and less than a millisecond here.
 """
 
 import hashlib

@@ -168,7 +168,7 @@ class ReliableSending:
                     sample.expires_at = now + seconds_to_ns(lifespan_s)
             self._go_on(lane, now)
 
-    # For the water
+    # For the channel
 
     def heard(self, source: int, now: int) -> None:
         """A frame of a node arrived: if repetitions to it had become rare, they are due."""

@@ -30,7 +30,7 @@ from zacoustic.zenoh.session.asking.goals import (
     GoalState,
     Verdict,
 )
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 STATUS_CODES: Final = {
     "unknown": 0,
@@ -55,7 +55,7 @@ class RosActionForm(ActionForm):
         stream: The action.
         action: What it is in ROS.
         graph: Its endpoints.
-        island: The session.
+        zenoh_session: The session.
         wall_clock: What time it is, ns since 1970.
     """
 
@@ -66,12 +66,12 @@ class RosActionForm(ActionForm):
         stream: Stream,
         action: RosAction,
         graph: Graph,
-        island: Island,
+        zenoh_session: ZenohSession,
         wall_clock: Clock,
     ) -> None:
         self._action = action
         self._graph = graph
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._wall_clock = wall_clock
         self._priority = stream.qos.priority
         said = {
@@ -100,7 +100,7 @@ class RosActionForm(ActionForm):
             for key, topic in self._topics.values()
         ]
         self._status = LatchedPublisher(
-            self._keys[ActionKey.STATUS], action.status.qos.depth, island, self._priority
+            self._keys[ActionKey.STATUS], action.status.qos.depth, zenoh_session, self._priority
         )
 
     def key(self, which: ActionKey) -> str:
@@ -129,7 +129,7 @@ class RosActionForm(ActionForm):
         if which is ActionKey.STATUS:
             self._status.put(payload, CDR, attachment)
             return
-        self._island.put(
+        self._zenoh_session.put(
             self.key(which),
             payload,
             encoding=CDR,

@@ -21,7 +21,7 @@ from zacoustic.zenoh.gateway.dialect.ros.topics import RosTopicDialect
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.jobs import FORWARD, PROXY
 from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 
 class RosDialects(Dialects):
@@ -31,7 +31,7 @@ class RosDialects(Dialects):
         address: Acoustic address of this gateway.
         table: All streams.
         ros: Which of them are of ROS.
-        island: Their session.
+        zenoh_session: Their session.
         input_errors: Takes what does not fit.
         ring: Wakes the loop, which then calls `settle`.
         wall_clock: What time it is, ns since 1970.
@@ -42,19 +42,19 @@ class RosDialects(Dialects):
         address: int,
         table: StreamTable,
         ros: RosConfig,
-        island: Island,
+        zenoh_session: ZenohSession,
         input_errors: InputErrors,
         ring: Callable[[], None],
         *,
         wall_clock: Clock = time.time_ns,
     ) -> None:
-        super().__init__(island)
+        super().__init__(zenoh_session)
         self._address = address
         self._table = table
         self._ros = ros.streams
         self._input_errors = input_errors
         self._wall_clock = wall_clock
-        self._graph = Graph(ros.domain, address, island, input_errors, ring)
+        self._graph = Graph(ros.domain, address, zenoh_session, input_errors, ring)
         self._topics: dict[int, RosTopicDialect] = {}
         self._services: dict[int, RosServiceDialect] = {}
         self._actions: dict[int, RosActionForm] = {}
@@ -66,7 +66,7 @@ class RosDialects(Dialects):
         if not isinstance(ros, RosTopic):
             return super().topic(stream)
         made = self._topics[stream.stream_id] = RosTopicDialect(
-            stream, self._island, ros, self._graph, self._input_errors, self._wall_clock
+            stream, self._zenoh_session, ros, self._graph, self._input_errors, self._wall_clock
         )
         made.expect(tuple(self._table.nodes))
         return made
@@ -87,7 +87,7 @@ class RosDialects(Dialects):
         if not isinstance(ros, RosAction):
             return super().action(stream)
         made = self._actions[stream.stream_id] = RosActionForm(
-            stream, ros, self._graph, self._island, self._wall_clock
+            stream, ros, self._graph, self._zenoh_session, self._wall_clock
         )
         return made
 

@@ -20,7 +20,7 @@ from zacoustic.ros.names import RosKey, interface_of
 from zacoustic.ros.qos import RosQos
 from zacoustic.ros.tokens import PREFIX, Entity, RosNode, Token, gid_of, read_token
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 ENCLAVE: Final = "/acoustic"
 """Of the nodes of gateways."""
@@ -41,7 +41,7 @@ class Graph:
     Args:
         domain: ``ROS_DOMAIN_ID``.
         address: Acoustic address of this gateway.
-        island: Its session.
+        zenoh_session: Its session.
         input_errors: Takes what does not fit.
         ring: Wakes the loop, which then calls `take`.
     """
@@ -50,17 +50,17 @@ class Graph:
         self,
         domain: int,
         address: int,
-        island: Island,
+        zenoh_session: ZenohSession,
         input_errors: InputErrors,
         ring: Callable[[], None],
     ) -> None:
         self.domain = domain
-        self._island = island
+        self._zenoh_session = zenoh_session
         self._input_errors = input_errors
         self._ring = ring
         self.node = RosNode(
             domain=domain,
-            zid=str(island.session.zid()).lstrip("0"),
+            zid=str(zenoh_session.session.zid()).lstrip("0"),
             number=0,
             name=f"acoustic_gateway_{address}",
             enclave=ENCLAVE,
@@ -97,7 +97,7 @@ class Graph:
 
     def announce(self, tokens: Sequence[Token]) -> list[zenoh.LivelinessToken]:
         """Make endpoints visible; in the worker."""
-        liveliness = self._island.session.liveliness()
+        liveliness = self._zenoh_session.session.liveliness()
         return [liveliness.declare_token(str(token)) for token in tokens]
 
     def expect(self, stream: str, key: RosKey, qos: RosQos) -> None:
@@ -106,7 +106,7 @@ class Graph:
 
     async def open(self) -> None:
         """Become a node, and see the others."""
-        await self._island.worker.run(self._open)
+        await self._zenoh_session.worker.run(self._open)
 
     def undeclare(self) -> None:
         """Become invisible; in the worker."""
@@ -137,13 +137,13 @@ class Graph:
     # Below the methods above
 
     def _open(self) -> None:
-        session = self._island.session
+        session = self._zenoh_session.session
         token = Token(node=self.node, number=self.node.number, kind=Entity.NODE)
         self._declared.append(session.liveliness().declare_token(str(token)))
         self._declared.append(
             session.liveliness().declare_subscriber(
                 zenoh.KeyExpr(f"{PREFIX}/{self.domain}/**"),
-                self._island.callback(self._see),
+                self._zenoh_session.callback(self._see),
                 history=True,
             )
         )

@@ -17,7 +17,7 @@ from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
 from zacoustic.zenoh.gateway.dialect.mailbox import Parcel
 from zacoustic.zenoh.gateway.dialect.ros.graph import Graph
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 CDR: Final = "application/cdr"
 """Zenoh encoding of the messages; ROS does not read it."""
@@ -59,7 +59,7 @@ class RosTopicDialect(TopicDialect):
 
     Args:
         stream: The topic.
-        island: The session.
+        zenoh_session: The session.
         topic: What it is in ROS.
         graph: Its endpoints.
         input_errors: Takes the errors of stamps.
@@ -69,13 +69,13 @@ class RosTopicDialect(TopicDialect):
     def __init__(
         self,
         stream: Stream,
-        island: Island,
+        zenoh_session: ZenohSession,
         topic: RosTopic,
         graph: Graph,
         input_errors: InputErrors,
         wall_clock: Clock,
     ) -> None:
-        super().__init__(stream, island)
+        super().__init__(stream, zenoh_session)
         self._topic = topic
         self._graph = graph
         self._input_errors = input_errors

@@ -4,7 +4,7 @@ from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.streams.topics import Topics
 from zacoustic.zenoh.session.asking.queries import QueryHandler
-from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.session import ZenohSession
 
 Counts = dict[str, dict[str, int]]
 """How many, by stream and reason."""
@@ -18,7 +18,7 @@ class Dropped:
         input_errors: Counts the errors of local input.
         topics: Counts the samples that were too many.
         queries: Counts the queries that were too many.
-        island: Counts what the session did not take.
+        zenoh_session: Counts what the session did not take.
     """
 
     def __init__(
@@ -27,21 +27,21 @@ class Dropped:
         input_errors: InputErrors,
         topics: Topics,
         queries: QueryHandler,
-        island: Island,
+        zenoh_session: ZenohSession,
     ) -> None:
         self._runner = runner
         self._input_errors = input_errors
         self._topics = topics
         self._queries = queries
-        self._island = island
+        self._zenoh_session = zenoh_session
 
     def documents(self) -> dict[str, object]:
         """Return the document, by the end of its key."""
         engine = self._runner.engine
         return {
             "dropped": {
-                "water": engine.stats.dropped,
-                "island": self._of_local_input(),
+                "channel": engine.stats.dropped,
+                "local": self._of_local_input(),
                 "expired": self._by_name(engine.expired),
                 "superseded": self._by_name(engine.superseded),
                 "unsubscribed": self._by_name(engine.stats.unsubscribed),
@@ -54,8 +54,8 @@ class Dropped:
             found.setdefault(name, {}).update(counts)
         if self._queries.refused:
             found["queries"] = {"refused": self._queries.refused}
-        if self._island.lost:
-            found["session"] = {"lost": self._island.lost}
+        if self._zenoh_session.lost:
+            found["session"] = {"lost": self._zenoh_session.lost}
         return found
 
     def _by_name(self, counts: dict[int, int]) -> dict[str, int]:

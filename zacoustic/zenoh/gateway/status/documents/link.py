@@ -71,7 +71,7 @@ class LinkStatus:
         engine = self._engine
         state = engine.silence.state(self._clock())
         if state.is_commanded:
-            return f"ordered; {state.doubt}" if state.doubt else "ordered"
+            return f"commanded; {state.doubt}" if state.doubt else "commanded"
         return engine.clock.doubt or ("a quiet window" if state.is_silent else "")
 
     def _ledger(self) -> dict[str, object]:

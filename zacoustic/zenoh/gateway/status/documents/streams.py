@@ -110,7 +110,7 @@ class StreamStatus:
             return {}
         on, qos = self._engine.commands.overrides.effective(stream)
         priority = qos.priority.name.lower()
-        return {"tuning": {"on": on, "min_interval_s": qos.min_interval_s, "priority": priority}}
+        return {"override": {"on": on, "min_interval_s": qos.min_interval_s, "priority": priority}}
 
     def _subscriptions(self, stream: Stream) -> dict[str, list[int]]:
         """Return subscribers and publishers of an on-demand topic."""

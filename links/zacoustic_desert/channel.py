@@ -2,11 +2,11 @@
 
 Two kinds of channel, for one driver:
 
-- `SampleWater`, as measured with DESERT's sample script: every node 500 m from every other, modems
-  of 48 kbit/s, packets lost at a node that transmits when they begin to arrive, and a share at
-  random. What begins while a packet arrives does no harm: that is how the measured losses come out,
-  0.01 for 64 bytes and 0.15 for 512 with two packets a second each way.
-- `ScenarioWater`, the channel model of this project with a scenario file: places, modem profiles,
+- `SampleChannel`, as measured with DESERT's sample script: every node 500 m from every other,
+  modems of 48 kbit/s, packets lost at a node that transmits when they begin to arrive, and a share
+  at random. What begins while a packet arrives does no harm: that is how the measured losses come
+  out, 0.01 for 64 bytes and 0.15 for 512 with two packets a second each way.
+- `ScenarioChannel`, the channel model of this project with a scenario file: places, modem profiles,
   noise, collisions, faults.
 
 Pure and seeded: instants come in, and never decrease.
@@ -38,7 +38,7 @@ class Landing(msgspec.Struct, frozen=True, kw_only=True):
     starts_at: int
     """Instant at which it begins to arrive, ns."""
     ends_at: int
-    """Instant of its arrival, ns; the driver calls `Water.finish` then."""
+    """Instant of its arrival, ns; the driver calls `Channel.finish` then."""
     arrival: Arrival | None = None
     """What the channel model calls it."""
 
@@ -63,7 +63,7 @@ class Landed(msgspec.Struct, frozen=True, kw_only=True):
     """Why nothing was received; empty if something was."""
 
 
-class Water(Protocol):
+class Channel(Protocol):
     """Who hears a packet, when, and whether at all."""
 
     nodes: int
@@ -78,7 +78,7 @@ class Water(Protocol):
         ...
 
 
-class SampleWater:
+class SampleChannel:
     """Water as in DESERT's sample script.
 
     Args:
@@ -145,7 +145,7 @@ class SampleWater:
         return seconds_to_ns((payload_bytes + HEADER_BYTES) * 8 / self._bit_rate_bps)
 
 
-class ScenarioWater:
+class ScenarioChannel:
     """The channel of a scenario; its nodes in their order are those of the stand-in.
 
     Args:

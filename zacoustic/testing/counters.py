@@ -9,7 +9,7 @@ from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.testing.stories.witness import Arrived, Publication, Witness
+from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
 from zacoustic.testing.virtual import VirtualNetwork
 
 
@@ -80,7 +80,7 @@ class SimulationResult(msgspec.Struct, frozen=True, kw_only=True):
     """SHA-256 of the trace: equal for equal runs; empty if none was made."""
 
 
-class Tally(Witness):
+class Counters(Checker):
     """Counts.
 
     Args:

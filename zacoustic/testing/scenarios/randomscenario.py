@@ -48,7 +48,7 @@ class Cast(msgspec.Struct, frozen=True):
     """By stream id."""
 
 
-class Story(msgspec.Struct, frozen=True, kw_only=True):
+class RandomScenario(msgspec.Struct, frozen=True, kw_only=True):
     """All that happens, as far as it does not follow from it."""
 
     seed: int

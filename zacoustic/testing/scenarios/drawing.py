@@ -1,4 +1,4 @@
-"""`random_story`: one random scenario for each seed, with all faults of sea and hardware."""
+"""`draw_scenario`: one random scenario for each seed, with all faults of sea and hardware."""
 
 import random
 from typing import Any, Final
@@ -12,7 +12,7 @@ from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Priority, Qos, Reliability, Stamp
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
-from zacoustic.testing.stories.story import Lane, Story, cast_of, opaque, typed
+from zacoustic.testing.scenarios.randomscenario import Lane, RandomScenario, cast_of, opaque, typed
 from zacoustic.testing.virtualmodem import Modem
 
 MOST_LOSS: Final = 0.6
@@ -37,7 +37,7 @@ _MODEMS: Final = (
 )
 
 
-def random_story(seed: int, *, reliable: bool = True) -> Story:
+def draw_scenario(seed: int, *, reliable: bool = True) -> RandomScenario:
     """Draw a random scenario.
 
     Two to five nodes within two kilometres, three streams or more, loss to 60 % and in bursts,
@@ -67,7 +67,7 @@ def random_story(seed: int, *, reliable: bool = True) -> Story:
     lanes = _lanes(rng, count, room_bytes, reliable=reliable)
     names = {address: f"n{address}" for address in range(1, count + 1)}
     cast = cast_of(lanes, names)
-    return Story(
+    return RandomScenario(
         seed=seed,
         scenario=scenario,
         casts=dict.fromkeys(names, cast),
@@ -93,20 +93,20 @@ def _scenario(rng: random.Random, seed: int, count: int, busy_s: float, modem: M
         for target in addresses
         if source != target
     ]
-    water: dict[str, Any] = {
+    medium: dict[str, Any] = {
         "seed": seed,
         "channel": rng.choice(("none", "none", "none", "sea")),
         "nodes": nodes,
         "links": links,
     }
-    bare = scenario_from_mapping(water, source=f"story {seed}")
+    bare = scenario_from_mapping(medium, source=f"story {seed}")
     capabilities = modem.capabilities(profile_named(bare.profile), bare.farthest_s)
-    water["faults"] = {
+    medium["faults"] = {
         **_faults_of_frames(rng, capabilities, modem),
         **_faults_of_nodes(rng, addresses, busy_s),
         "until_s": busy_s,
     }
-    return scenario_from_mapping(water, source=f"story {seed}")
+    return scenario_from_mapping(medium, source=f"story {seed}")
 
 
 def _node(rng: random.Random, address: int, busy_s: float) -> dict[str, Any]:

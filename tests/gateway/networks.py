@@ -1,4 +1,4 @@
-"""Islands in one process: gateways on simulated water, and plain Zenoh clients.
+"""Local networks in one process: gateways on simulated water, and plain Zenoh clients.
 
 Every session is on 127.0.0.1, with scouting off, on a port that was free a moment ago. Waiting is
 always for something that happens, with a limit.
@@ -151,7 +151,7 @@ def counts(streams: bytes, name: str) -> dict[str, int]:
     return {what: entry[what] for what in ("published", "received", "transmitted")}
 
 
-class Water:
+class Channel:
     """Simulated water with nodes 1, 2 and 3, and what was sent in it."""
 
     def __init__(
@@ -178,7 +178,7 @@ class Water:
         return sum(1 for emission in self.emissions if emission.source == address)
 
 
-class Island:
+class LocalNetwork:
     """A gateway, the port of its router, and what it said."""
 
     def __init__(self, port: int) -> None:
@@ -198,23 +198,23 @@ class Island:
 
 
 @asynccontextmanager
-async def island(
+async def local_network(
     address: int,
-    water: Water,
+    channel: Channel,
     *,
     section: dict[str, Any] | None = None,
     join: int | None = None,
     journal: Journal | None = None,
     clock: Clock = time.monotonic_ns,
     host: HostClock | None = None,
-) -> AsyncIterator[Island]:
+) -> AsyncIterator[LocalNetwork]:
     """Run a gateway: as a router of its own, or as a client of the one at port `join`."""
-    found = Island(join or free_port())
+    found = LocalNetwork(join or free_port())
     settings = (
         zenoh_config("client", connect=join) if join else zenoh_config("router", listen=found.port)
     )
     config = config_of(address, settings, section)
-    link = water.medium.link(address)
+    link = channel.medium.link(address)
     async with Gateway(
         config, link=link, journal=journal, notify=found.notify, clock=clock, host=host
     ):

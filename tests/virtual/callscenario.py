@@ -1,4 +1,4 @@
-"""Random stories of calls: several clients, one server, and everything goes wrong for a while.
+"""Random scenarios of calls: several clients, one server, and everything goes wrong for a while.
 
 Each request carries a ticket of its own, and each answer the ticket of its request, so that an
 answer to another call shows.
@@ -46,7 +46,7 @@ class Call(msgspec.Struct):
     """With the instants at which they came."""
 
 
-class CallStory:
+class CallScenario:
     """One story.
 
     Args:

@@ -30,7 +30,7 @@ _USUAL_S: Final = 1.0
 Pair = tuple[int, int]
 
 
-class MeasuredWater(msgspec.Struct, frozen=True, kw_only=True):
+class MeasuredChannel(msgspec.Struct, frozen=True, kw_only=True):
     """What was measured."""
 
     scenario: Scenario
@@ -43,7 +43,7 @@ class MeasuredWater(msgspec.Struct, frozen=True, kw_only=True):
     """Assumptions, a line each."""
 
 
-def measure_water(facts: Facts, *, seed: int) -> MeasuredWater:
+def measure_channel(facts: Facts, *, seed: int) -> MeasuredChannel:
     """Measure the channel of a recording."""
     notes: list[str] = []
     nodes = sorted({*facts.tables, *(each.source for each in facts.arrived)} - {0})
@@ -67,7 +67,7 @@ def measure_water(facts: Facts, *, seed: int) -> MeasuredWater:
             for (source, node), share in sorted(losses.items())
         ),
     )
-    return MeasuredWater(
+    return MeasuredChannel(
         scenario=scenario,
         modem=_modem(capabilities, profile),
         losses={f"{source} to {node}": share for (source, node), share in sorted(losses.items())},

@@ -1,4 +1,4 @@
-"""Random stories of commands: two nodes give them, one executes, and everything goes wrong for a
+"""Random scenarios of commands: two nodes give them, one executes, and everything goes wrong for a
 while.
 
 What the node does is looked at where it does it (`_Spy`), and compared with what was commanded,
@@ -78,7 +78,7 @@ class Hush(msgspec.Struct):
     """Frames after its beginning."""
 
 
-class CommandStory:
+class CommandScenario:
     """One story.
 
     Args:

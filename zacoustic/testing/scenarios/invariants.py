@@ -1,6 +1,7 @@
 """Invariants of every random scenario; each is a checker that complains.
 
-That nothing is altered, and nothing comes on a wrong stream, is not here: `Telling` sees it itself.
+That nothing is altered, and nothing comes on a wrong stream, is not here: `ScenarioRun` sees it
+itself.
 """
 
 from typing import Final
@@ -12,7 +13,7 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.topics.copied import COPIED_NS
-from zacoustic.testing.stories.witness import Arrived, Publication, Run, Witness
+from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication, Run
 
 
 def is_reliable(stream: Stream) -> bool:
@@ -21,7 +22,7 @@ def is_reliable(stream: Stream) -> bool:
     return isinstance(spec, TopicSpec) and spec.qos.reliability is Reliability.RELIABLE
 
 
-class NothingTwice(Witness):
+class NothingTwice(Checker):
     """No node gets a sample twice.
 
     A reliable one never, over all boot epochs of a node with a journal, except one that says so:
@@ -30,10 +31,10 @@ class NothingTwice(Witness):
     best-effort samples that press, which go again for half a minute.
     """
 
-    def begins(self, telling: Run) -> None:
+    def begins(self, scenario_run: Run) -> None:
         """Learn the settling time."""
-        self._within_ns = telling.settling_ns + seconds_to_ns(
-            telling.story.scenario.faults.jitter_s
+        self._within_ns = scenario_run.settling_ns + seconds_to_ns(
+            scenario_run.drawn.scenario.faults.jitter_s
         )
         self._pressed_ns = self._within_ns + COPIED_NS
         self._first: dict[tuple[int, int], Arrived] = {}
@@ -55,7 +56,7 @@ class NothingTwice(Witness):
             self.violations.append(f"{_told(arrived)} again, long after {_at(first.at)}")
 
 
-class InOrder(Witness):
+class InOrder(Checker):
     """The reliable samples of a key of one source arrive in the order of their publication."""
 
     def __init__(self) -> None:
@@ -79,7 +80,7 @@ class InOrder(Witness):
             )
 
 
-class NothingLost(Witness):
+class NothingLost(Checker):
     """A reliable sample arrives at every subscriber, or its publisher gets another outcome.
 
     What was accepted and not yet written down when its publisher crashed may be lost, and so may be
@@ -92,9 +93,9 @@ class NothingLost(Witness):
         self._owed: dict[int, set[int]] = {}
         self._by_id: dict[tuple[int, int], Publication] = {}
 
-    def begins(self, telling: Run) -> None:
+    def begins(self, scenario_run: Run) -> None:
         """Remember the nodes."""
-        self._telling = telling
+        self._scenario_run = scenario_run
 
     def published(self, publication: Publication) -> None:
         """Note its receivers."""
@@ -110,7 +111,7 @@ class NothingLost(Witness):
     def _receivers(self, publication: Publication) -> set[int]:
         return {
             address
-            for address, cast in self._telling.casts.items()
+            for address, cast in self._scenario_run.casts.items()
             if address != publication.node
             and (stream := cast.table.get(publication.stream.stream_id)) is not None
             and stream.digest == publication.stream.digest
@@ -123,7 +124,7 @@ class NothingLost(Witness):
 
     def crashed(self, node: int, at: int) -> None:
         """Forget what may be lost."""
-        journal = self._telling.network.journal(node)
+        journal = self._scenario_run.network.journal(node)
         for publication in list(self._open.values()):
             if publication.node != node:
                 continue
@@ -145,7 +146,7 @@ class NothingLost(Witness):
             )
         self._close(publication)
 
-    def ends(self, telling: Run) -> None:
+    def ends(self, scenario_run: Run) -> None:
         """Complain about what never ended."""
         for publication in self._open.values():
             owed = sorted(self._owed[publication.number])
@@ -158,17 +159,17 @@ class NothingLost(Witness):
         del self._owed[publication.number]
 
 
-class OncePerCall(Witness):
+class OncePerCall(Checker):
     """No server executes a call twice, over all boot epochs if it keeps a journal and its table."""
 
     def __init__(self) -> None:
         super().__init__()
         self._served: set[tuple[int, int]] = set()
 
-    def begins(self, telling: Run) -> None:
+    def begins(self, scenario_run: Run) -> None:
         """Learn whether boot epochs are distinguished."""
-        story = telling.story
-        self._forgets = bool(story.pool) or story.scenario.faults.journal.keeps is False
+        drawn = scenario_run.drawn
+        self._forgets = bool(drawn.pool) or drawn.scenario.faults.journal.keeps is False
 
     def served(self, arrived: Arrived) -> None:
         """Compare with what ran before."""
@@ -179,8 +180,8 @@ class OncePerCall(Witness):
         self._served.add(call)
 
 
-INVARIANTS: Final[tuple[type[Witness], ...]] = (NothingTwice, InOrder, NothingLost, OncePerCall)
-"""All of them; they must hold in the scenarios of `random_story`."""
+INVARIANTS: Final[tuple[type[Checker], ...]] = (NothingTwice, InOrder, NothingLost, OncePerCall)
+"""All of them; they must hold in the scenarios of `draw_scenario`."""
 
 
 def _keeps(stream: Stream) -> bool:

@@ -48,7 +48,7 @@ class LifeReader:
     """Takes the messages of a recording and finds boot epochs and calls in them."""
 
     def __init__(self) -> None:
-        self.lives = 0
+        self.epochs = 0
         """How many have begun."""
         self._readers: dict[int, CallReader] = {}
         self._decoder = msgspec.msgpack.Decoder(_Written)
@@ -72,7 +72,7 @@ class LifeReader:
                     f"{message.topic}: format {life.format}; allowed: {FORMAT}",
                     hint=f"replay it with zacoustic {life.program}",
                 )
-            self.lives += 1
+            self.epochs += 1
             self._readers[life.address] = CallReader(life.calls)
             return NewLife(life)
         node = whole_number(message.metadata.get("node", ""))
@@ -97,16 +97,16 @@ def read_parts(path: str | Path, *, tells: bool = True) -> Iterator[Part]:
         part = reader.read(message)
         if part is not None:
             yield part
-    must_have_lives(reader, str(path))
+    must_have_epochs(reader, str(path))
 
 
-def must_have_lives(reader: LifeReader, name: str) -> None:
+def must_have_epochs(reader: LifeReader, name: str) -> None:
     """Complain about a recording without any boot epoch.
 
     Raises:
         ConfigError: There was none.
     """
-    if not reader.lives:
+    if not reader.epochs:
         raise no_engine(name)
 
 

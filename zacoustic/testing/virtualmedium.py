@@ -42,7 +42,7 @@ class Serve(Protocol):
         ...
 
 
-class VirtualWater:
+class VirtualMedium:
     """Medium and modems of one link.
 
     Args:

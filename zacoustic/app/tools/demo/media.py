@@ -11,7 +11,7 @@ translates its own into them::
     reception   source sequence node outcome        its outcome at the other side
                 propagation_s
 
-One more class in `WATERS` is one more `zacoustic demo --link`.
+One more class in `MEDIA` is one more `zacoustic demo --link`.
 """
 
 from abc import ABC, abstractmethod
@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Final, TypeAlias
 
-from zacoustic.app.tools.demo.islands import NAMES, SHORE, VEHICLE, demo_text, write_water
+from zacoustic.app.tools.demo.networks import NAMES, SHORE, VEHICLE, demo_text, write_scenario
 
 Told: TypeAlias = Mapping[str, Any]
 """A line of a process."""
@@ -28,7 +28,7 @@ Told: TypeAlias = Mapping[str, Any]
 _ANY_PORT: Final = "127.0.0.1:0"
 
 
-class Water(ABC):
+class Medium(ABC):
     """The process between the two sides, for one run."""
 
     child: ClassVar[str]
@@ -40,8 +40,8 @@ class Water(ABC):
 
     def __init__(self) -> None:
         self.locators: dict[int, str] = {}
-        """The modem of each island by its address; complete when `take` has returned that the
-        water is listening."""
+        """The modem of each local network by its address; complete when `take` has returned that
+        the water is listening."""
 
     @abstractmethod
     def verb(self, folder: Path) -> tuple[str, ...]:
@@ -52,11 +52,11 @@ class Water(ABC):
         """Translate a line of the process; None: of no interest."""
 
 
-class SimWater(Water):
+class SimMedium(Medium):
     """The simulator's medium with the scenario of the demo."""
 
     child = "medium"
-    title = "zacoustic: two Zenoh islands, 1000 m of water, EvoLogics S2C 18/34"
+    title = "zacoustic: two Zenoh networks, 1000 m of water, EvoLogics S2C 18/34"
 
     def __init__(self) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ class SimWater(Water):
 
     def verb(self, folder: Path) -> tuple[str, ...]:
         """The medium server."""
-        return ("medium", str(write_water(folder)), "--listen", _ANY_PORT, "--json")
+        return ("medium", str(write_scenario(folder)), "--listen", _ANY_PORT, "--json")
 
     def take(self, told: Told) -> Told:
         """Take a line as it is."""
@@ -73,14 +73,14 @@ class SimWater(Water):
         return told
 
 
-class EvologicsWater(Water):
+class EvologicsMedium(Medium):
     """Emulated S2C modems on TCP ports, on the channel of the simulator's scenario.
 
     What modems send by themselves carries no frame, and is not shown.
     """
 
     child = "modems"
-    title = "zacoustic: two Zenoh islands, 1000 m of water, emulated S2C modems on TCP ports"
+    title = "zacoustic: two Zenoh networks, 1000 m of water, emulated S2C modems on TCP ports"
     places: ClassVar[tuple[str, ...]] = ("--listen", _ANY_PORT)
     """Arguments that say where the modems are."""
 
@@ -90,7 +90,7 @@ class EvologicsWater(Water):
 
     def verb(self, folder: Path) -> tuple[str, ...]:
         """The emulator."""
-        scenario = str(write_water(folder))
+        scenario = str(write_scenario(folder))
         return ("emulate", "evologics", "--scenario", scenario, *self.places, "--json")
 
     def take(self, told: Told) -> Told | None:
@@ -105,14 +105,14 @@ class EvologicsWater(Water):
                 return told
 
 
-class EvologicsSerialWater(EvologicsWater):
+class EvologicsSerialMedium(EvologicsMedium):
     """The same modems on pseudo-terminals, which a serial port's driver opens."""
 
-    title = "zacoustic: two Zenoh islands, 1000 m of water, emulated S2C modems on serial lines"
+    title = "zacoustic: two Zenoh networks, 1000 m of water, emulated S2C modems on serial lines"
     places = ("--pty",)
 
 
-class DesertWater(Water):
+class DesertMedium(Medium):
     """The stand-in for DESERT Underwater, with its sample script: two nodes 500 m apart.
 
     Its packets have no names, but they arrive in their order: each node has one other to hear. A
@@ -121,7 +121,7 @@ class DesertWater(Water):
     """
 
     child = "DESERT"
-    title = "zacoustic: two Zenoh islands, DESERT Underwater (a stand-in), 500 m of water"
+    title = "zacoustic: two Zenoh networks, DESERT Underwater (a stand-in), 500 m of water"
     propagation_s = 500.0 / 1500.0
 
     def __init__(self) -> None:
@@ -174,11 +174,11 @@ class DesertWater(Water):
         }  # fmt: skip
 
 
-WATERS: Final[Mapping[str, type[Water]]] = {
-    "sim": SimWater,
-    "evologics": EvologicsWater,
-    "evologics-serial": EvologicsSerialWater,
-    "desert": DesertWater,
+MEDIA: Final[Mapping[str, type[Medium]]] = {
+    "sim": SimMedium,
+    "evologics": EvologicsMedium,
+    "evologics-serial": EvologicsSerialMedium,
+    "desert": DesertMedium,
 }
 """The waters by the name of their link; the first is the default."""
 
@@ -194,7 +194,7 @@ def _scenario_propagation_s() -> float:
     from zacoustic.channel.scenario import scenario_from_mapping
     from zacoustic.config.json5 import parse_json5
 
-    water = parse_json5(demo_text("water.json5"), source="water.json5")
-    scenario = scenario_from_mapping(water, source="water.json5")
+    medium = parse_json5(demo_text("water.json5"), source="water.json5")
+    scenario = scenario_from_mapping(medium, source="water.json5")
     near, far = (node.motion().position(0.0) for node in scenario.nodes)
     return distance_m(near, far) / scenario.sound_speed_m_s

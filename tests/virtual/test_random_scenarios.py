@@ -1,4 +1,4 @@
-"""Random stories: whatever goes wrong, nothing is altered, doubled, mixed up or quietly lost."""
+"""Random scenarios: whatever goes wrong, nothing is altered, doubled, mixed up or quietly lost."""
 
 from collections.abc import Callable
 
@@ -7,29 +7,35 @@ import pytest
 
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import SampleReceived
-from zacoustic.testing.stories import INVARIANTS, Story, Witness, random_story, tell
-from zacoustic.testing.stories.invariants import InOrder, NothingLost, NothingTwice
-from zacoustic.testing.stories.telling import Telling
+from zacoustic.testing.scenarios import (
+    INVARIANTS,
+    Checker,
+    RandomScenario,
+    draw_scenario,
+    run_scenario,
+)
+from zacoustic.testing.scenarios.invariants import InOrder, NothingLost, NothingTwice
+from zacoustic.testing.scenarios.running import ScenarioRun
 from zacoustic.testing.virtual import VirtualNetwork
 
 BLOCKS = range(10)
 
 
 @pytest.mark.parametrize("number", BLOCKS)
-def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
+def test_all_holds_in_any_scenario(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(3_000), len(BLOCKS)):
-        violations = tell(random_story(seed)).violations
+        violations = run_scenario(draw_scenario(seed)).violations
         again = f"zacoustic sim --story {seed}"
         assert not violations, f"{again}: {len(violations)} complaints, {violations[0]}"
 
 
-def test_stories_are_repeatable_and_differ() -> None:
-    digests = [tell(random_story(seed), digest=True).digest for seed in (5, 5, 6)]
+def test_scenarios_are_repeatable_and_differ() -> None:
+    digests = [run_scenario(draw_scenario(seed), digest=True).digest for seed in (5, 5, 6)]
     assert digests[0] == digests[1] != digests[2]
 
 
-def test_stories_are_as_bad_as_they_promise() -> None:
-    faults = [random_story(seed).scenario for seed in range(200)]
+def test_scenarios_are_as_bad_as_they_promise() -> None:
+    faults = [draw_scenario(seed).scenario for seed in range(200)]
     assert max(link.loss.frame for each in faults for link in each.links if link.loss) > 0.55
     assert max(len(spec.at_s) for each in faults for spec in each.faults.crashes) == 10
     assert max(b.to_s - b.from_s for each in faults for b in each.faults.blackouts) > 1500
@@ -40,7 +46,7 @@ def test_stories_are_as_bad_as_they_promise() -> None:
     assert {len(each.nodes) for each in faults} == {2, 3, 4, 5}
 
 
-class Lying(Telling):
+class Lying(ScenarioRun):
     """Tells witnesses of a sample twice, of no sample, or in disorder."""
 
     way = ""
@@ -55,16 +61,16 @@ class Lying(Telling):
             )
 
 
-def reliable_story() -> Story:
+def draw_reliable_scenario() -> RandomScenario:
     """Return the first story with reliable streams and few nodes, and with no crash."""
     for seed in range(1000):
-        story = random_story(seed)
-        if len(story.casts) == 2 and 30 in story.casts[1].lanes:
-            faults = msgspec.structs.replace(story.scenario.faults, crashes=())
-            scenario = msgspec.structs.replace(story.scenario, faults=faults)
-            spec = story.casts[1].lanes[30].spec
+        drawn = draw_scenario(seed)
+        if len(drawn.casts) == 2 and 30 in drawn.casts[1].lanes:
+            faults = msgspec.structs.replace(drawn.scenario.faults, crashes=())
+            scenario = msgspec.structs.replace(drawn.scenario, faults=faults)
+            spec = drawn.casts[1].lanes[30].spec
             if spec.qos.lifespan_s is None and spec.qos.depth == 1000:
-                return msgspec.structs.replace(story, scenario=scenario)
+                return msgspec.structs.replace(drawn, scenario=scenario)
     raise AssertionError
 
 
@@ -76,26 +82,28 @@ def reliable_story() -> Story:
         ("twice", InOrder, "which is younger"),
     ],
 )
-def test_invariants_complain(way: str, invariant: type[Witness], expected: str) -> None:
-    telling = Lying(reliable_story(), [invariant()])
-    telling.way = way
-    telling.run()
-    assert any(expected in violation for violation in telling.violations()), telling.violations()
+def test_invariants_complain(way: str, invariant: type[Checker], expected: str) -> None:
+    scenario_run = Lying(draw_reliable_scenario(), [invariant()])
+    scenario_run.way = way
+    scenario_run.run()
+    assert any(expected in violation for violation in scenario_run.violations()), (
+        scenario_run.violations()
+    )
 
 
 def test_a_sample_that_nobody_published_is_a_violation() -> None:
-    class Altering(Telling):
+    class Altering(ScenarioRun):
         def _take(self, node: int, event: object) -> None:
             if isinstance(event, SampleReceived) and isinstance(event.value, bytes):
                 event = msgspec.structs.replace(event, value=event.value[:-1] + b"?")
             super()._take(node, event)  # type: ignore[arg-type]
 
-    telling = Altering(reliable_story(), [make() for make in INVARIANTS])
-    telling.run()
-    assert any("published: Publication" in line for line in telling.misread)
+    scenario_run = Altering(draw_reliable_scenario(), [make() for make in INVARIANTS])
+    scenario_run.run()
+    assert any("published: Publication" in line for line in scenario_run.misread)
 
 
-def test_a_story_takes_engines_of_ones_own() -> None:
+def test_a_scenario_takes_engines_of_ones_own() -> None:
     built: list[int] = []
 
     class Counted(Engine):
@@ -103,6 +111,6 @@ def test_a_story_takes_engines_of_ones_own() -> None:
             super().__init__(**settings)  # type: ignore[arg-type]
             built.append(self.address)
 
-    tell(reliable_story(), (), build=Counted)
+    run_scenario(draw_reliable_scenario(), (), build=Counted)
     assert sorted(built) == [1, 2]
     assert VirtualNetwork is not None

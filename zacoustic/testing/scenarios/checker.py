@@ -1,6 +1,6 @@
 """The checker of a run: gets each publication with its outcome.
 
-`Telling` knows the publication of an arrival by its ticket, so a checker never looks into a
+`ScenarioRun` knows the publication of an arrival by its ticket, so a checker never looks into a
 payload. All instants are those of the network, ns, whatever the clocks of the nodes show.
 """
 
@@ -12,7 +12,7 @@ import msgspec
 from zacoustic.core.engine.events import Event
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
-from zacoustic.testing.stories.story import Cast, Story
+from zacoustic.testing.scenarios.randomscenario import Cast, RandomScenario
 from zacoustic.testing.virtual import VirtualNetwork
 
 
@@ -64,7 +64,7 @@ class Run(Protocol):
     """A story that is being told, as its witnesses see it."""
 
     @property
-    def story(self) -> Story:
+    def drawn(self) -> RandomScenario:
         """Which."""
 
     @property
@@ -80,14 +80,14 @@ class Run(Protocol):
         """Time within which a frame may come a second time, ns."""
 
 
-class Witness:
+class Checker:
     """Watches; a subclass overrides what it wants to see, and appends to `violations`."""
 
     def __init__(self) -> None:
         self.violations: list[str] = []
         """What must not have happened, one line each."""
 
-    def begins(self, telling: Run) -> None:
+    def begins(self, scenario_run: Run) -> None:
         """The nodes are there, and nothing has happened yet."""
 
     def published(self, publication: Publication) -> None:
@@ -117,5 +117,5 @@ class Witness:
     def happened(self, node: int, event: Event, at: int) -> None:
         """An engine has emitted any event; before the method for it."""
 
-    def ends(self, telling: Run) -> None:
+    def ends(self, scenario_run: Run) -> None:
         """The run is over."""

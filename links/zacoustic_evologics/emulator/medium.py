@@ -44,7 +44,7 @@ class Sound(msgspec.Struct, frozen=True, gc=False):
     """Whether a modem that listens notices it."""
 
 
-class Water(Medium):
+class EmulatedMedium(Medium):
     """The shared channel of one scenario.
 
     Args:

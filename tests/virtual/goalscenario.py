@@ -1,4 +1,4 @@
-"""Random stories of goals: several clients, one server, and everything goes wrong for a while.
+"""Random scenarios of goals: several clients, one server, and everything goes wrong for a while.
 
 Each goal carries a ticket of its own; feedback and results carry the ticket of their goal, so that
 one of another goal shows.
@@ -62,7 +62,7 @@ class Goal(msgspec.Struct):
     """With the instants at which they came."""
 
 
-class GoalStory:
+class GoalScenario:
     """One story.
 
     Args:

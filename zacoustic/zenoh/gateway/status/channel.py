@@ -1,8 +1,8 @@
 """The frames on the channel: the one being sent, and the last ones sent and heard.
 
-``@acoustic/ADDRESS/water`` is a document of the health report. Counters show how much has crossed;
-this shows what crosses now, for a user who waits. A frame that was sent is still under way for the
-propagation delay: instants are those of its beginning.
+``@acoustic/ADDRESS/channel`` is a document of the health report. Counters show how much has
+crossed; this shows what crosses now, for a user who waits. A frame that was sent is still under way
+for the propagation delay: instants are those of its beginning.
 """
 
 import time
@@ -78,7 +78,7 @@ class FrameLog:
 
     def documents(self) -> dict[str, object]:
         """Return the document, by the end of its key; the past is oldest first."""
-        return {"water": {"transmitting": self._transmitting, "last": list(self._last)}}
+        return {"channel": {"transmitting": self._transmitting, "last": list(self._last)}}
 
     def _frame(self, way: str, peer: int | None, record: TraceRecord) -> Frame:
         found = (self._table.get(each) for each in dict.fromkeys(record.streams))

@@ -49,11 +49,13 @@ STREAM = 12
 class Node:
     """Objects, a journal, and a half-duplex modem."""
 
-    def __init__(self, water: "Water", address: int, epoch: int, stored: dict[str, bytes]) -> None:
+    def __init__(
+        self, medium: "Medium", address: int, epoch: int, stored: dict[str, bytes]
+    ) -> None:
         self.address = address
         self.epoch = epoch
         self.entries = stored
-        self.water = water
+        self.medium = medium
         self.admission = Admission()
         self.behind: set[int] = set()
         self.awaited: set[int] = set()
@@ -69,29 +71,29 @@ class Node:
         self.armed: int | None = None
         self.journal = JournalPort()
         self.timers = Timers()
-        self.listening = Listening(water.capabilities)
+        self.listening = Listening(medium.capabilities)
         self.objects = Objects(
             epoch=epoch,
-            limits=water.limits,
+            limits=medium.limits,
             timers=self.timers,
-            generators=Generators(random.Random(f"{water.seed}/{address}/{epoch}")),
+            generators=Generators(random.Random(f"{medium.seed}/{address}/{epoch}")),
             admission=self,
             owner=self,
             emit=self.progress.append,
             journal=self.journal,
         )
         self.objects.restore(stored, lambda order: True)
-        self.use_link(water.capabilities)
+        self.use_link(medium.capabilities)
 
     def use_link(self, capabilities: LinkCapabilities) -> None:
         self.objects.use_link(
-            capabilities, capabilities.mtu_bytes, self.listening.pause_ns, self.water.now
+            capabilities, capabilities.mtu_bytes, self.listening.pause_ns, self.medium.now
         )
 
     # Gate and owner: nothing is in the way, unless a test says so
 
     def admit(self, source: int, stream_id: int) -> Admission:
-        others = sorted(set(self.water.nodes) - {source})
+        others = sorted(set(self.medium.nodes) - {source})
         admission = self.admission if stream_id else Admission()
         return msgspec.structs.replace(
             admission, rank=others.index(self.address), others=len(others) - 1
@@ -131,14 +133,14 @@ class Node:
             else:
                 self.entries[write.key] = write.value
         for write in writes:
-            self.journal.committed(write.write_id, self.water.now)
+            self.journal.committed(write.write_id, self.medium.now)
 
     def writes(self) -> list[JournalWrite]:
         """Take what is to be written."""
         return list(iter(self.journal.poll, None))
 
 
-class Water:
+class Medium:
     """A heap, and nodes that all hear each other after the same delay."""
 
     def __init__(
@@ -355,11 +357,11 @@ class Water:
 
 def confirmation_s(
     seed: int, loss: float, *, exclusive: bool, size_bytes: int = 10240
-) -> tuple[float, Water]:
+) -> tuple[float, Medium]:
     """Return when the sender of a 10 KiB object knows that it has arrived, s."""
-    water = Water(seed, loss=loss)
+    medium = Medium(seed, loss=loss)
     payload = random.Random(seed + 1).randbytes(size_bytes)
-    water.publish(payload, exclusive=exclusive)
-    assert water.run(until=lambda: water.nodes[1].objects.is_idle, limit_s=100_000)
-    assert [each.payload for each in water.nodes[2].delivered] == [payload]
-    return water.now / NS_PER_S, water
+    medium.publish(payload, exclusive=exclusive)
+    assert medium.run(until=lambda: medium.nodes[1].objects.is_idle, limit_s=100_000)
+    assert [each.payload for each in medium.nodes[2].delivered] == [payload]
+    return medium.now / NS_PER_S, medium

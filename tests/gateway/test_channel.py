@@ -4,8 +4,8 @@ import json
 from contextlib import AsyncExitStack
 from typing import Any
 
-from tests.gateway.islands import SECTION, Water, get, hear, island, matched, run
-from zacoustic.zenoh.gateway.status.water import KEPT
+from tests.gateway.networks import SECTION, Channel, get, hear, local_network, matched, run
+from zacoustic.zenoh.gateway.status.channel import KEPT
 
 TOPIC: dict[str, Any] = {"id": 31, "topic": "photo", "publishers": [1], "subscribers": [2],
                          "reliability": "reliable", "depth": 4}  # fmt: skip
@@ -13,7 +13,7 @@ LARGE = SECTION | {"streams": [*SECTION["streams"], TOPIC]}
 
 
 async def document(client: Any, address: int) -> dict[str, Any]:
-    key = f"@acoustic/{address}/water"
+    key = f"@acoustic/{address}/channel"
     found: dict[str, Any] = json.loads((await get(client, key)).payload(key))
     return found
 
@@ -27,9 +27,9 @@ def test_both_ends_tell_the_same_frames() -> None:
 
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            sea = Water(profile="evologics_s2c_18_34", time_scale=100.0)
-            a = await stack.enter_async_context(island(1, sea, section=LARGE))
-            b = await stack.enter_async_context(island(2, sea, section=LARGE))
+            sea = Channel(profile="evologics_s2c_18_34", time_scale=100.0)
+            a = await stack.enter_async_context(local_network(1, sea, section=LARGE))
+            b = await stack.enter_async_context(local_network(2, sea, section=LARGE))
             shore, auv = (stack.enter_context(each.client()) for each in (a, b))
             await matched(shore, "photo")
             heard = await hear(auv, "photo")
@@ -60,9 +60,9 @@ def test_both_ends_tell_the_same_frames() -> None:
 def test_the_frame_under_way_is_told_and_the_past_is_bounded() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            sea = Water(profile="evologics_s2c_18_34", time_scale=20.0)
-            a = await stack.enter_async_context(island(1, sea, section=LARGE))
-            b = await stack.enter_async_context(island(2, sea, section=LARGE))
+            sea = Channel(profile="evologics_s2c_18_34", time_scale=20.0)
+            a = await stack.enter_async_context(local_network(1, sea, section=LARGE))
+            b = await stack.enter_async_context(local_network(2, sea, section=LARGE))
             shore, auv = (stack.enter_context(each.client()) for each in (a, b))
             await matched(shore, "photo")
             heard = await hear(auv, "photo")

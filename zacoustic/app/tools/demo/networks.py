@@ -27,7 +27,7 @@ _ADDRESS: Final = "address: 1,\n"
 _LOCATOR: Final = "sim/127.0.0.1:7000"
 
 
-class Island(msgspec.Struct, frozen=True, kw_only=True):
+class LocalNetwork(msgspec.Struct, frozen=True, kw_only=True):
     """One local network."""
 
     address: int
@@ -41,18 +41,18 @@ class Island(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def demo_text(name: str) -> str:
-    """Return a file of the demo: `fleet.json5` or `water.json5`."""
+    """Return a file of the demo: `fleet.json5` or `medium.json5`."""
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def write_water(folder: Path) -> Path:
+def write_scenario(folder: Path) -> Path:
     """Write the scenario into a folder; returns its path."""
     path = folder / "water.json5"
     path.write_text(demo_text("water.json5"), encoding="utf-8")
     return path
 
 
-def write_islands(folder: Path, locators: str | Mapping[int, str]) -> dict[int, Island]:
+def write_networks(folder: Path, locators: str | Mapping[int, str]) -> dict[int, LocalNetwork]:
     """Write a configuration for each network into a folder.
 
     Args:
@@ -62,7 +62,7 @@ def write_islands(folder: Path, locators: str | Mapping[int, str]) -> dict[int, 
     Returns:
         The networks by address; their ports were free a moment ago.
     """
-    islands = {}
+    networks = {}
     for (address, name), port in zip(NAMES.items(), free_ports(len(NAMES)), strict=True):
         endpoint = f"tcp/127.0.0.1:{port}"
         text = demo_text("fleet.json5")
@@ -76,8 +76,8 @@ def write_islands(folder: Path, locators: str | Mapping[int, str]) -> dict[int, 
             text = text.replace(written, instead)
         file = folder / f"{name}.json5"
         file.write_text(text, encoding="utf-8")
-        islands[address] = Island(address=address, name=name, endpoint=endpoint, file=file)
-    return islands
+        networks[address] = LocalNetwork(address=address, name=name, endpoint=endpoint, file=file)
+    return networks
 
 
 def free_ports(count: int) -> list[int]:

@@ -24,16 +24,16 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.errors import LocalError, PayloadTooLargeError
-from zacoustic.testing.stories.invariants import INVARIANTS
-from zacoustic.testing.stories.story import Cast, Lane, Shape, Story
-from zacoustic.testing.stories.witness import Arrived, Publication, Witness
+from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
+from zacoustic.testing.scenarios.invariants import INVARIANTS
+from zacoustic.testing.scenarios.randomscenario import Cast, Lane, RandomScenario, Shape
 from zacoustic.testing.virtual import VirtualNetwork
 
 _OFF_BEAT = 0.05
 _MISUNDERSTOOD = (CallFailure.BAD_REQUEST, CallFailure.BAD_RESPONSE)
 
 
-class Told(msgspec.Struct, frozen=True):
+class RunResult(msgspec.Struct, frozen=True):
     """The result of a random scenario."""
 
     violations: tuple[str, ...]
@@ -42,32 +42,32 @@ class Told(msgspec.Struct, frozen=True):
     """SHA-256 of the trace, if it was asked for."""
 
 
-def tell(
-    story: Story,
-    witnesses: Iterable[Callable[[], Witness]] = INVARIANTS,
+def run_scenario(
+    drawn: RandomScenario,
+    checkers: Iterable[Callable[[], Checker]] = INVARIANTS,
     *,
     digest: bool = False,
     build: MakeEngine = Engine,
-) -> Told:
+) -> RunResult:
     """Run a random scenario from its beginning to its end.
 
     Args:
-        story: The scenario.
-        witnesses: Make the checkers.
+        drawn: The scenario.
+        checkers: Make the checkers.
         digest: Make the digest of the trace as well.
         build: Makes the engines.
     """
-    telling = Telling(story, [make() for make in witnesses], digest=digest, build=build)
-    telling.run()
-    return Told(tuple(telling.violations()), telling.network.digest)
+    scenario_run = ScenarioRun(drawn, [make() for make in checkers], digest=digest, build=build)
+    scenario_run.run()
+    return RunResult(tuple(scenario_run.violations()), scenario_run.network.digest)
 
 
-class Telling:
+class ScenarioRun:
     """One run of a random scenario.
 
     Args:
-        story: The scenario.
-        witnesses: The checkers.
+        drawn: The scenario.
+        checkers: The checkers.
         trace: Takes each trace record.
         digest: Make the digest of the trace.
         build: Makes the engines.
@@ -75,28 +75,28 @@ class Telling:
 
     def __init__(
         self,
-        story: Story,
-        witnesses: Iterable[Witness] = (),
+        drawn: RandomScenario,
+        checkers: Iterable[Checker] = (),
         *,
         trace: Callable[[TraceRecord], None] | None = None,
         digest: bool = False,
         build: MakeEngine = Engine,
     ) -> None:
-        self.story = story
-        self.witnesses = tuple(witnesses)
+        self.drawn = drawn
+        self.checkers = tuple(checkers)
         self.misread: list[str] = []
         """What arrived and is not what anybody published so, one line each."""
         self._early: list[tuple[int, Event]] | None = []
-        self.casts = dict(story.casts)
+        self.casts = dict(drawn.casts)
         """Cast of each node's present boot epoch."""
-        self._rng = random.Random(f"{story.seed}/telling")
+        self._rng = random.Random(f"{drawn.seed}/telling")
         self._tickets: dict[int, Publication] = {}
         self._next = itertools.count(1)
         self._calls: dict[tuple[int, int, int], tuple[Publication, Lane]] = {}
         self.network = VirtualNetwork(
-            story.scenario,
-            {address: cast.table for address, cast in story.casts.items()},
-            modem=story.modem,
+            drawn.scenario,
+            {address: cast.table for address, cast in drawn.casts.items()},
+            modem=drawn.modem,
             deliver=self._take,
             lives=self._live,
             trace=trace,
@@ -109,32 +109,32 @@ class Telling:
         try:
             self._run()
         except Exception as error:  # raised again
-            error.add_note(f"again: zacoustic sim --story {self.story.seed}")
+            error.add_note(f"again: zacoustic sim --random {self.drawn.seed}")
             raise
 
     def _run(self) -> None:
-        for witness in self.witnesses:
-            witness.begins(self)
+        for checker in self.checkers:
+            checker.begins(self)
         early, self._early = self._early or [], None
         for address, event in early:
             self._take(address, event)
         streams = sorted(
             {
                 stream_id
-                for cast in (*self.story.casts.values(), *self.story.pool)
+                for cast in (*self.drawn.casts.values(), *self.drawn.pool)
                 for stream_id in cast.lanes
             }
         )
         for address in self.casts:
             for stream_id in streams:
                 self._go_on(address, stream_id, 0.0)
-        self.network.run(until_s=self.story.until_s)
-        for witness in self.witnesses:
-            witness.ends(self)
+        self.network.run(until_s=self.drawn.until_s)
+        for checker in self.checkers:
+            checker.ends(self)
 
     def violations(self) -> list[str]:
         """Return the complaints of all checkers."""
-        return self.misread + [line for each in self.witnesses for line in each.violations]
+        return self.misread + [line for each in self.checkers for line in each.violations]
 
     @property
     def settling_ns(self) -> int:
@@ -145,15 +145,15 @@ class Telling:
 
     def _go_on(self, address: int, stream_id: int, now_s: float) -> None:
         """Act on a stream at a random instant or on the beat, and again."""
-        story = self.story
-        longest_s = story.pause_s if now_s < story.busy_s else story.calm_pause_s
+        drawn = self.drawn
+        longest_s = drawn.pause_s if now_s < drawn.busy_s else drawn.calm_pause_s
         if longest_s is None:
             return
         at_s = now_s + self._rng.uniform(longest_s / 30, longest_s)
-        beat_s = story.beat_s if 0 < now_s < story.busy_s else None
+        beat_s = drawn.beat_s if 0 < now_s < drawn.busy_s else None
         if beat_s is not None and self._rng.random() >= _OFF_BEAT:
             at_s = now_s + beat_s
-        if at_s >= story.busy_s and story.calm_pause_s is None:
+        if at_s >= drawn.busy_s and drawn.calm_pause_s is None:
             return
 
         def act() -> None:
@@ -204,43 +204,43 @@ class Telling:
         try:
             self.network.apply(address, command)
         except LocalError:
-            for witness in self.witnesses:
-                witness.refused(address, stream)
+            for checker in self.checkers:
+                checker.refused(address, stream)
 
     def _note(self, lane: Lane, publication: Publication) -> None:
         self._tickets[publication.number % lane.shape.tickets] = publication
         if isinstance(lane.spec, ServiceSpec):
             self._calls[publication.node, publication.life, publication.result] = publication, lane
-            for witness in self.witnesses:
-                witness.called(publication)
+            for checker in self.checkers:
+                checker.called(publication)
         else:
-            for witness in self.witnesses:
-                witness.published(publication)
+            for checker in self.checkers:
+                checker.published(publication)
 
     # Events of the engines
 
     def _live(self, address: int, is_alive: bool) -> None:
         if not is_alive:
-            for witness in self.witnesses:
-                witness.crashed(address, self.network.now)
-        elif self.story.pool:
-            self.casts[address] = self._rng.choice(self.story.pool)
+            for checker in self.checkers:
+                checker.crashed(address, self.network.now)
+        elif self.drawn.pool:
+            self.casts[address] = self._rng.choice(self.drawn.pool)
             self.network.set_table(address, self.casts[address].table)
 
     def _take(self, node: int, event: Event) -> None:
         if self._early is not None:  # the network is being made
             self._early.append((node, event))
             return
-        for witness in self.witnesses:
-            witness.happened(node, event, self.network.now)
+        for checker in self.checkers:
+            checker.happened(node, event, self.network.now)
         cast = self.casts[node]
         if isinstance(event, SampleReceived):
             stream = cast.table.by_id(event.stream_id)
             shape = cast.lanes[event.stream_id].shape
             found = self._find(node, stream, shape, event.source, event.instance, event)
             if found is not None:
-                for witness in self.witnesses:
-                    witness.received(found)
+                for checker in self.checkers:
+                    checker.received(found)
         elif isinstance(event, RequestReceived):
             self._serve(node, cast, event)
         elif isinstance(event, ResponseReceived):
@@ -250,8 +250,8 @@ class Telling:
             if event.failure in _MISUNDERSTOOD:
                 self._complain(node, f"a call was misunderstood: {event}")
             if call is not None:
-                for witness in self.witnesses:
-                    witness.failed(self._arrived(call[0], node))
+                for checker in self.checkers:
+                    checker.failed(self._arrived(call[0], node))
 
     def _find(
         self,
@@ -295,8 +295,8 @@ class Telling:
         found = self._find(node, stream, lane.shape, event.call.client, (), event)
         if found is None:
             return
-        for witness in self.witnesses:
-            witness.served(found)
+        for checker in self.checkers:
+            checker.served(found)
         response = lane.response
         assert response is not None
         value = response.write(found.publication.number % response.tickets)
@@ -322,8 +322,8 @@ class Telling:
         if lane.response.read(event.value) != publication.number % lane.response.tickets:
             self._complain(node, f"{event} answers {publication}")
             return
-        for witness in self.witnesses:
-            witness.answered(self._arrived(publication, node))
+        for checker in self.checkers:
+            checker.answered(self._arrived(publication, node))
 
     def _complain(self, node: int, what: str) -> None:
         self.misread.append(f"{self.network.now / NS_PER_S:.3f} s: node {node}: {what}")
