@@ -1,7 +1,7 @@
 """Two Zenoh networks joined by sound: gateways from one file, plain Zenoh clients on both sides.
 
 Run it: python examples/04_two_gateways.py
-Without Python: zacoustic medium examples/04_channel.json5 --listen HOST:PORT, and on each computer
+Without Python: zacoustic medium examples/04_water.json5 --listen HOST:PORT, and on each computer
 zacoustic gateway examples/04_fleet.json5 --address N --link sim/HOST:PORT
 """
 
@@ -26,9 +26,7 @@ TIME_SCALE = 4.0  # times faster than real, so that nobody waits
 
 
 async def main() -> None:
-    scenario = scenario_from_mapping(
-        read_json5(HERE / "04_channel.json5"), source="04_channel.json5"
-    )
+    scenario = scenario_from_mapping(read_json5(HERE / "04_water.json5"), source="04_water.json5")
     channel = SimMedium(scenario, time_scale=TIME_SCALE)
     shore, auv1 = free_port(), free_port()
     async with gateway(1, shore, channel), gateway(2, auv1, channel):

@@ -29,9 +29,7 @@ TIME_SCALE = 4.0  # times faster than real, so that nobody waits
 
 
 async def main() -> None:
-    scenario = scenario_from_mapping(
-        read_json5(HERE / "04_channel.json5"), source="04_channel.json5"
-    )
+    scenario = scenario_from_mapping(read_json5(HERE / "04_water.json5"), source="04_water.json5")
     channel = SimMedium(scenario, time_scale=TIME_SCALE)
     shore, auv1 = free_port(), free_port()
     async with gateway(1, shore, channel), gateway(2, auv1, channel):

@@ -24,7 +24,7 @@ _TAKES_INTERRUPTS = _leave_interrupts_to_the_system()
 import sys  # noqa: E402 (from here on an interrupt is harmless)
 
 from zacoustic.app.cli import main  # noqa: E402
-from zacoustic.app.cli.streams import prepare_streams  # noqa: E402
+from zacoustic.app.cli.support.streams import prepare_streams  # noqa: E402
 from zacoustic.link.command import EXIT_INTERRUPTED  # noqa: E402
 
 

@@ -1,7 +1,7 @@
 """The shore gateway's health of link and channel, kept for a while to see changes.
 
 The documents are those under ``@acoustic/1/``: JSON, put when they have changed. Their instants are
-those of the gateway's clock of people, which stands on the same island.
+those of the gateway's clock of people, which is in the same local network.
 """
 
 import contextlib

@@ -13,7 +13,7 @@ SERVICES: Final = (ARM, HOLD, TAKE_PHOTO)
 """Orders that are answered at once."""
 
 
-def obey(craft: Craft, topic: str, said: dict[str, Any]) -> None:
+def execute(craft: Craft, topic: str, said: dict[str, Any]) -> None:
     """Execute a sample of one of `TOPICS`."""
     if topic == STOP:
         craft.stop()

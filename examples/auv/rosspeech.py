@@ -2,7 +2,7 @@
 
 ROS is not needed for it. What the topics and services are, `fleet_ros.json5` says to gateway and
 vehicle alike (`Config.ros`). `ros2 node list`, `topic echo`, `service call` and `action send_goal`
-on the island of the vehicle find it as they find any node.
+on the network of the vehicle find it as they find any node.
 """
 
 import time

@@ -22,7 +22,7 @@ import zenoh
 
 from examples.auv.craft import Craft
 from examples.auv.messages import GOTO, NAV, PHOTO, STATUS, STOP, Waypoint
-from examples.auv.orders import SERVICES, TOPICS, obey, serve
+from examples.auv.orders import SERVICES, TOPICS, execute, serve
 from examples.auv.session import open_session
 from examples.auv.speech import Act, Later, Question, Said, Speech, ZenohSpeech, said_of
 from examples.auv.start import NAV_PERIOD_S, PLACE_PERIOD_S, START, STATUS_PERIOD_S, VEHICLE
@@ -113,7 +113,7 @@ class Vehicle:
         self._acts.put(act)
 
     def _hear(self, topic: str, said: Said) -> None:
-        obey(self._craft, topic, said)
+        execute(self._craft, topic, said)
         if topic == STOP:
             tell("stopped")
         else:

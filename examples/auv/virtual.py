@@ -24,7 +24,7 @@ from examples.auv.messages import (
     Reached,
     Waypoint,
 )
-from examples.auv.orders import obey, serve
+from examples.auv.orders import execute, serve
 from examples.auv.shore import Answer, Carrier, Shore
 from examples.auv.start import (
     NAV_PERIOD_S,
@@ -245,7 +245,7 @@ class VirtualDive(Carrier):
             case SampleReceived():
                 topic = self._names[event.stream_id]
                 self._arrived(topic)
-                obey(craft, topic, event.value)
+                execute(craft, topic, event.value)
                 if topic == STOP:
                     self.stopped_at_s = self.now_s
             case RequestReceived():

@@ -14,7 +14,7 @@ from zacoustic.link.serving import parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
 
 if TYPE_CHECKING:
-    from zacoustic_desert.channel import Channel
+    from zacoustic.channel.driver import Channel
     from zacoustic_desert.server import StandInServer
     from zacoustic_desert.standin import Observation, StandIn
 
@@ -108,7 +108,7 @@ def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":
 
 def _channel(arguments: argparse.Namespace) -> "tuple[int, Channel]":
     """The seed, and the channel: a scenario's, or that of DESERT's sample."""
-    from zacoustic_desert.channel import SampleChannel, ScenarioChannel
+    from zacoustic_desert.channel import SampleChannel, medium_of
 
     if arguments.scenario is None:
         seed = 1 if arguments.seed is None else arguments.seed
@@ -130,7 +130,7 @@ def _channel(arguments: argparse.Namespace) -> "tuple[int, Channel]":
         )
     if arguments.seed is not None:
         scenario = msgspec.structs.replace(scenario, seed=arguments.seed)
-    return scenario.seed, ScenarioChannel(scenario, arguments.max_read_length)
+    return scenario.seed, medium_of(scenario, arguments.max_read_length)
 
 
 class _Reporter:

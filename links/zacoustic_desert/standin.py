@@ -3,7 +3,7 @@
 Each node has an application module (a socket, here `handle_write` and `poll_delivery`), a queue, a
 medium access, a modem::
 
-    write ─► unread bytes ─wake─► packet ─► queue ─period─► medium access ─listen─► water
+    write ─► unread bytes ─wake─► packet ─► queue ─period─► medium access ─listen─► channel
                                                                                       │
     poll_delivery ◄────────────── is a client there? ◄────────────────────────────────┘
 
@@ -24,18 +24,18 @@ events due before an instant happen at their own instants. Same seed, same calls
 same result.
 """
 
-import heapq
-import itertools
 import random
 from collections import Counter, deque
 from collections.abc import Callable
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import msgspec
 
+from zacoustic.channel.agenda import Agenda
+from zacoustic.channel.arrival import Reception
+from zacoustic.channel.driver import Channel, Driver
 from zacoustic.core.clock import DURATIONS, is_duration, seconds_to_ns
 from zacoustic.errors import ConfigError
-from zacoustic_desert.channel import Channel, Landing
 from zacoustic_desert.config import READ_LIMIT_BYTES
 
 QUEUE_LIMIT_PACKETS: Final = 100_000
@@ -112,11 +112,11 @@ Observer: TypeAlias = Callable[[Observation], None]
 """Told of all that happens."""
 
 
-class StandIn:
+class StandIn(Driver[bytes]):
     """DESERT from its application modules down.
 
     Args:
-        channel: The channel; its nodes are numbered from 0.
+        channel: Between the nodes, which are numbered from 0 here, in its order.
         config: What the script sets.
         rng: Source of all randomness here; the channel has its own.
         observer: Told of all that happens.
@@ -134,19 +134,19 @@ class StandIn:
         observer: Observer | None = None,
     ) -> None:
         self.config = config or StandInConfig()
-        if self.config.paired and channel.nodes % 2:
-            raise ConfigError(f"{channel.nodes} nodes cannot be paired; allowed: an even number")
+        self._addresses = channel.addresses
+        if self.config.paired and len(self._addresses) % 2:
+            raise ConfigError(
+                f"{len(self._addresses)} nodes cannot be paired; allowed: an even number"
+            )
+        super().__init__(channel, Agenda())
         self.counts: Counter[str] = Counter()
         """How often each event of `Observation` has happened."""
-        self._channel = channel
         self._rng = rng
         self._observer = observer
         self._period_ns = seconds_to_ns(self.config.period_s)
-        self._nodes = [_Node(rng.randrange(self._period_ns)) for _ in range(channel.nodes)]
+        self._nodes = [_Node(rng.randrange(self._period_ns)) for _ in self._addresses]
         self._deliveries: deque[Delivery] = deque()
-        self._latest_at = 0
-        self._order = itertools.count()
-        self._agenda: list[tuple[int, int, Callable[..., None], tuple[Any, ...]]] = []
 
     @property
     def nodes(self) -> int:
@@ -180,7 +180,7 @@ class StandIn:
     def handle_crash(self, now: int) -> None:
         """The process has ended: nothing of what it had is left."""
         self.handle_timeout(now)
-        self._agenda.clear()
+        self.agenda.clear()
         self._deliveries.clear()
         for node, place in enumerate(self._nodes):
             self._nodes[node] = _Node(place.phase_ns)
@@ -188,11 +188,7 @@ class StandIn:
 
     def handle_timeout(self, now: int) -> None:
         """Let due events happen, in order of time."""
-        while self._agenda and self._agenda[0][0] <= now:
-            at, _, step, arguments = heapq.heappop(self._agenda)
-            self._latest_at = max(self._latest_at, at)
-            step(*arguments)
-        self._latest_at = max(self._latest_at, now)
+        self.agenda.run(now)
 
     def poll_delivery(self) -> Delivery | None:
         """Return the next write to a client."""
@@ -200,13 +196,13 @@ class StandIn:
 
     def poll_timeout(self) -> int | None:
         """Return the instant at which something happens next, ns; None: it depends on an input."""
-        return self._agenda[0][0] if self._agenda else None
+        return self.agenda.next_at()
 
     def _wake(self, node: int) -> None:
         """The reading thread wakes soon."""
         self._nodes[node].is_waking = True
         delay_ns = seconds_to_ns(self._rng.random() * self.config.wake_s)
-        self._push(self._latest_at + delay_ns, self._read, node)
+        self.agenda.push(self.agenda.now + delay_ns, self._read, node)
 
     def _read(self, node: int) -> None:
         """One read, one packet."""
@@ -220,13 +216,13 @@ class StandIn:
             self._note("read", node, payload)
             place.queue.append(payload)
             if len(place.queue) == 1:
-                self._push(self._next_period(place), self._hand_out, node)
+                self.agenda.push(self._next_period(place), self._hand_out, node)
         if place.unread:
             self._wake(node)
 
     def _next_period(self, place: "_Node") -> int:
         """First period of a node that begins after now."""
-        periods = (self._latest_at - place.phase_ns) // self._period_ns + 1
+        periods = (self.agenda.now - place.phase_ns) // self._period_ns + 1
         return place.phase_ns + periods * self._period_ns
 
     def _hand_out(self, node: int) -> None:
@@ -234,7 +230,7 @@ class StandIn:
         place = self._nodes[node]
         place.access.append(place.queue.popleft())
         if place.queue:
-            self._push(self._next_period(place), self._hand_out, node)
+            self.agenda.push(self._next_period(place), self._hand_out, node)
         if not place.is_sending:
             self._listen(node)
 
@@ -244,26 +240,30 @@ class StandIn:
         place.is_sending = bool(place.access)
         if place.is_sending:
             listening_s = self.config.wait_s + self._rng.random() * self.config.listen_s
-            self._push(self._latest_at + seconds_to_ns(listening_s), self._send, node)
+            self.agenda.push(self.agenda.now + seconds_to_ns(listening_s), self._send, node)
 
     def _send(self, node: int) -> None:
         payload = self._nodes[node].access.popleft()
-        flight = self._channel.transmit(node, len(payload), self._latest_at)
+        emission = self.channel.transmit(self._addresses[node], len(payload), self.agenda.now)
         self._note("sent", node, payload)
-        for landing in flight.landings:
-            self._push(landing.ends_at, self._land, landing, node, payload)
-        self._push(flight.ready_at, self._listen, node)
+        self.spread(emission, payload)
+        self.agenda.push(emission.ready_at, self._listen, node)
 
-    def _land(self, landing: Landing, source: int, payload: bytes) -> None:
-        landed = self._channel.finish(landing, payload)
-        if self.config.paired and landing.node != source ^ 1:
+    def end(self, reception: Reception, sent: bytes, is_noticed: bool) -> None:
+        """A packet has arrived at a node, or is lost."""
+        node = self._addresses.index(reception.arrival.node)
+        if self.config.paired and reception.arrival.source != self._addresses[node ^ 1]:
             return
-        if landed.lost:
-            self._note("lost", landing.node, payload, landed.lost)
+        if not reception.is_received:
+            self._note("lost", node, sent, reception.outcome.value)
             return
-        self._deliver(landing.node, landed.payload)
-        for after_ns in landed.repeats_after_ns:
-            self._push(self._latest_at + after_ns, self._deliver, landing.node, landed.payload)
+        payload = reception.damage(sent)
+        for after_s in reception.delays_s:
+            if after_s:
+                at = self.agenda.now + seconds_to_ns(after_s)
+                self.agenda.push(at, self._deliver, node, payload)
+            else:
+                self._deliver(node, payload)
 
     def _deliver(self, node: int, payload: bytes) -> None:
         if not self._nodes[node].has_client:
@@ -272,15 +272,12 @@ class StandIn:
         self._note("delivered", node, payload)
         self._deliveries.append(Delivery(node, payload))
 
-    def _push(self, at: int, step: Callable[..., None], *arguments: object) -> None:
-        heapq.heappush(self._agenda, (at, next(self._order), step, arguments))
-
     def _note(self, event: EventName, node: int, payload: bytes = b"", detail: str = "") -> None:
         self.counts[event] += 1
         if self._observer is not None:
             self._observer(
                 Observation(
-                    at=self._latest_at,
+                    at=self.agenda.now,
                     event=event,
                     node=node,
                     size_bytes=len(payload),

@@ -27,7 +27,7 @@ from zacoustic_evologics.at.replies import (
 )
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
 from zacoustic_evologics.driver.channel import FENCE, CommandChannel
-from zacoustic_evologics.driver.startup_probe import Probe
+from zacoustic_evologics.driver.startup.probe import Probe
 
 BAUDRATES: Final = (19_200, 115_200, 9_600, 38_400, 57_600, 4_800, 2_400)
 """What a serial port is tried at, the usual one first."""

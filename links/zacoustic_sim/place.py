@@ -1,8 +1,9 @@
-"""One place on the channel, and what its modem is busy with; `medium` moves it."""
+"""One place on the channel, and the modem that has it; `medium` moves it."""
 
 from collections.abc import Callable
 from typing import TypeAlias
 
+from zacoustic.channel.modems import Station
 from zacoustic.channel.profiles import ModemProfile
 from zacoustic.core.linktypes import TransmitOutcome
 from zacoustic_sim.messages import Carrier, Finished, ServerMessage, Transmit
@@ -11,7 +12,7 @@ Tell: TypeAlias = Callable[[ServerMessage], None]
 """How the medium talks to one modem."""
 
 
-class Place:
+class Place(Station[Transmit]):
     """One place on the channel.
 
     Args:
@@ -19,20 +20,22 @@ class Place:
         profile: Of its modem.
     """
 
+    __slots__ = ("_is_carrier_told", "tell")
+
     def __init__(self, address: int, profile: ModemProfile) -> None:
-        self.address = address
-        self.profile = profile
+        super().__init__(address, profile)
         self.tell: Tell | None = None
-        # Its modem has a frame that is not out of it yet.
-        self.is_busy = False
-        # End of the gap behind the last frame, ns.
-        self.ready_at = 0
-        # End of the last sound of its own, ns.
-        self.silent_at = 0
-        # The frame whose acknowledgement it waits for, and when that began, ns.
-        self.waits_for: tuple[Transmit, int] | None = None
-        # How many transmissions of others it hears at this moment.
-        self.audible = 0
+        self.unplug()
+
+    def plug(self, tell: Tell) -> None:
+        """Let a modem have it."""
+        self.tell, self.is_up = tell, True
+
+    def unplug(self) -> None:
+        """Let its modem go."""
+        self.tell, self.is_up = None, False
+        self.pending = []
+        self._is_carrier_told = False
 
     def say(self, message: ServerMessage) -> None:
         """Tell the modem, if there is one."""
@@ -44,14 +47,8 @@ class Place:
         outcome = TransmitOutcome.REJECTED
         self.say(Finished(request.transmission_id, outcome, detail=reason))
 
-    def hear_begin(self) -> None:
-        """Somebody becomes audible."""
-        self.audible += 1
-        if self.audible == 1:
-            self.say(Carrier(True))
-
-    def hear_end(self) -> None:
-        """Somebody falls silent."""
-        self.audible -= 1
-        if self.audible == 0:
-            self.say(Carrier(False))
+    def tell_carrier(self) -> None:
+        """Tell it whether it hears others, unless it knows that."""
+        if self.tell is not None and self._is_carrier_told != bool(self.carriers):
+            self._is_carrier_told = bool(self.carriers)
+            self.say(Carrier(self._is_carrier_told))

@@ -109,7 +109,7 @@ class WatchedCraft(Craft):
 
 
 class Dive:
-    """Two islands, the vehicle in a thread, and the console's carrier."""
+    """Two networks, the vehicle in a thread, and the console's carrier."""
 
     def __init__(self, craft: WatchedCraft, near: zenoh.Session, port: int, it: Changes) -> None:
         self.craft = craft
@@ -232,7 +232,7 @@ def test_nodes_of_its_local_network_find_it_as_a_node() -> None:
                 }
                 await here.until(lambda: seen >= expected)
                 assert seen == expected
-                # A node of the island steers it too, without the water.
+                # A node of the local network steers it too, without the channel.
                 await here.answered(here.carrier.call(ARM, Arm(True)))
                 other.publisher(f"/{name_in_ros(THRUST)}", FLOAT)({"data": -31.0})
                 await here.until(lambda: here.craft.controls.thrust_n == -31.0)

@@ -42,7 +42,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
-from zacoustic_evologics.driver.session import GAP_S
+from zacoustic_evologics.driver.session.session import GAP_S
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
 from zacoustic_evologics.emulator.airtime import GAP_NS, im_airtime_ns
 from zacoustic_evologics.emulator.running import RunningFleet

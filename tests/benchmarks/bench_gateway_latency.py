@@ -3,7 +3,7 @@
 Five processes: a publisher and a gateway on one local network, a gateway and a subscriber on the
 other, and the water, which is ideal and 1 cm wide, so that nothing but software delays. Each put
 carries the instant at which it was made, on the clock that all processes of a computer share. A
-direct put, through the router of the first island to the same subscriber, is measured in the same
+direct put, through the router of the first network to the same subscriber, is measured in the same
 run, turn by turn. Must hold on a quiet computer: added p50 below 3 ms, added p99 below 10 ms.
 
     python tests/benchmarks/bench_gateway_latency.py [--samples N] [--rate HZ] [--strict]

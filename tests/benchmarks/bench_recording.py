@@ -16,9 +16,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.recording.test_exact import run_survey, survey
 from tests.virtual.fleet import line
 from zacoustic.app.tools.design.sim.recorder import recorded_to
-from zacoustic.app.tools.inspect.recordings.checking import check_recording
-from zacoustic.app.tools.inspect.recordings.figures import figures_of
-from zacoustic.app.tools.inspect.recordings.gathering import gather
+from zacoustic.app.tools.inspect.recordings.facts.gathering import gather
+from zacoustic.app.tools.inspect.recordings.replaying.checking import check_recording
+from zacoustic.app.tools.inspect.recordings.report.figures import figures_of
 from zacoustic.testing.virtual import VirtualNetwork
 
 HOURS = 1.0

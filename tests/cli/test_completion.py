@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("shtab")
 
 from zacoustic.app.cli import BUILT_IN, complete_parser, main
-from zacoustic.app.cli.completion import SHELLS
+from zacoustic.app.cli.host.completion import SHELLS
 
 # Calls the function of the script as bash does, and prints what it offers.
 COMPLETE = """

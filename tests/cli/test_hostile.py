@@ -19,7 +19,7 @@ import pytest
 
 from tests.gateway.networks import zenoh_router
 from zacoustic.app.cli import complete_parser, main
-from zacoustic.app.cli.newfile import new_file
+from zacoustic.app.cli.support.newfile import new_file
 from zacoustic.core.base.journal import JournalWrite
 from zacoustic.run.journal import journal_in
 

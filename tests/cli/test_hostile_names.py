@@ -12,7 +12,7 @@ import cbor2
 import pytest
 import zenoh
 
-from tests.cli.watched import verb
+from tests.gateway.networkpair import verb
 from tests.gateway.networks import free_port, matched, run, zenoh_config, zenoh_router
 from tests.hostilenames import HOSTILE, HOSTILE_NAME, assert_harmless, strictly
 from tests.tools.boards import DOCUMENTS, NOW_S

@@ -10,7 +10,8 @@ from asyncio.subprocess import PIPE
 
 import pytest
 
-from tests.cli.watched import lines_of, pair, verb
+from tests.cli.watched import lines_of, pair
+from tests.gateway.networkpair import verb
 from tests.gateway.networks import LIMIT_S, cbor, hear, run, zenoh_router
 from zacoustic.app.cli import main
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.watched import WATCHED, lines_of, pair, verb
+from tests.cli.watched import WATCHED, lines_of, pair
+from tests.gateway.networkpair import verb
 from tests.gateway.networks import SECTION, get, run
 from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main
@@ -90,7 +91,7 @@ def test_ping_of_nobody_is_exit_code_3_and_of_the_own_local_network_1(
             assert await verb("ping", "3", *found.where, *quick) == 3
             assert "no answer in time" in capsys.readouterr().out
             assert await verb("ping", "1", *found.where, *quick) == 1
-            assert "node 1 is on this island" in capsys.readouterr().err
+            assert "node 1 is on this local network" in capsys.readouterr().err
             assert await verb("ping", "99", *found.where, *quick) == 1
             assert "no gateway that knows node 99" in capsys.readouterr().err
             for parameters in ("within_s=x", "within_s=0", "within_s=601", "until=3"):

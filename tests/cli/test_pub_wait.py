@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.watched import lines_of, pair, verb
+from tests.cli.watched import lines_of, pair
+from tests.gateway.networkpair import verb
 from tests.gateway.networks import LIMIT_S, hear, run
 from tests.node.fleet import SECTION, ChannelServer
 from zacoustic import Node
 from zacoustic.app.cli import main
-from zacoustic.app.cli.progress import ProgressLine
+from zacoustic.app.cli.support.progress import ProgressLine
 from zacoustic.app.tools.field.following import Step
 
 S2C = "evologics_s2c_18_34"

@@ -223,7 +223,7 @@ def test_a_scenario_is_told_again_by_its_seed(capsys: pytest.CaptureFixture[str]
         told.append(result(capsys))
     assert told[0] == told[1] != told[2]
     assert told[0]["simulation"]["seed"] == 2
-    assert main(["sim", "--random", "2"]) == (1 if told[0]["complaints"] else 0)
+    assert main(["sim", "--random", "2"]) == (1 if told[0]["violations"] else 0)
     assert "of calm" in capsys.readouterr().out
 
 

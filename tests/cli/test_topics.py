@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from tests.cli.watched import WATCHED, lines_of, pair, verb
+from tests.cli.watched import WATCHED, lines_of, pair
+from tests.gateway.networkpair import verb
 from tests.gateway.networks import cbor, get, hear, run
 from zacoustic.app.cli import main
 from zacoustic.core.base.trace import TraceRecord

@@ -1,14 +1,13 @@
 """What the tests of the watching verbs share: two gateways, verbs in threads of their own."""
 
-import asyncio
 import json
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Any
 
 import pytest
-import zenoh
 
+from tests.gateway.networkpair import Pair
 from tests.gateway.networks import (
     SECTION,
     STREAMS,
@@ -19,7 +18,6 @@ from tests.gateway.networks import (
     matched,
     zenoh_config,
 )
-from zacoustic.app.cli import main
 from zacoustic.gateway import Gateway
 from zacoustic_sim.link import SimConfig
 
@@ -31,21 +29,6 @@ WATCHED: dict[str, Any] = SECTION | {
     ]
 }  # fmt: skip
 """The section of the tests of gateways, with a topic for large samples."""
-
-
-class Pair:
-    """A gateway on the shore, one on the vehicle, a client at each."""
-
-    channel: Channel
-    shore_network: LocalNetwork
-    auv_network: LocalNetwork
-    shore: zenoh.Session
-    auv: zenoh.Session
-
-    @property
-    def where(self) -> list[str]:
-        """The arguments of a verb on the shore."""
-        return ["--connect", f"tcp/127.0.0.1:{self.shore_network.port}"]
 
 
 @asynccontextmanager
@@ -70,11 +53,6 @@ async def pair(
         found.auv = stack.enter_context(found.auv_network.client())
         await matched(found.auv, "chat")
         yield found
-
-
-async def verb(*arguments: str) -> int:
-    """Run the command line in a thread of its own."""
-    return await asyncio.to_thread(main, list(arguments))
 
 
 def lines_of(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:

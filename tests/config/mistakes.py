@@ -22,7 +22,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "links.0.locater",
         2,
-        ".links[0].locater: unknown key; allowed: locator, wire, allowed_topics, access (did ",
+        ".links[0].locater: unknown key; allowed: locator, name, wire, allowed_topics, ",
     ),
     ("types.0.feilds", 2, ".types[0].feilds: unknown key; allowed: name, fields, python (did you"),
     (
@@ -71,7 +71,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("nodes", {"1": "shore"}, '.nodes: {"1": "shore"}; allowed: a list of { address, name }'),
     ("nodes.0", "shore", '.nodes[0]: "shore"; allowed: a list of { address, name }'),
     ("nodes.0.name", 4, ".nodes[0].name: 4; allowed: a text"),
-    ("links.0", None, ".links[0]: null; allowed: a list with one { locator }"),
+    ("links.0", None, ".links[0]: null; allowed: a list of { locator, … }"),
     (
         "types.0.fields.0.range",
         [1, 2, 3],
@@ -315,8 +315,12 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "links.1",
         {"locator": "a/b"},
-        ".links: 2 links; more than one is not available yet; allowed: ",
+        '.links[0].name: is missing; allowed: a name of its own, such as "acoustic" or "radio"',
     ),
+    ("links.0.name", "a/b", '.links[0].name: "a/b"; allowed: one chunk of a key, without / @'),
+    ("links.0.max_airtime", 2, ".links[0].max_airtime: 2; allowed: a share, above 0, at most 1"),
+    ("streams.0.link", "radio", '.link: "radio"; allowed: none, no link has a name'),
+    ("streams.0.link", 3, ".link: 3; allowed: the name of a link"),
     (
         "streams.0.durability",
         "for_ever",

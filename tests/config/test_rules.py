@@ -273,3 +273,9 @@ def test_limits_that_are_wrong_say_what_and_why(
         _limits(objects, **photo)
     assert f"test: plugins.acoustic.{problem}" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_former_key_is_refused_with_its_new_name() -> None:
+    with pytest.raises(ConfigError, match=r"\.orders_from: unknown key") as refused:
+        config_from_mapping({"address": 1, "orders_from": [2]}, source="test")
+    assert refused.value.hint == 'did you mean "commands_from"?'

@@ -46,7 +46,9 @@ def test_least_section_is_an_address() -> None:
 
 
 def test_address_and_locator_beside_the_file_win() -> None:
-    section = changed("links.1", {"locator": "sim/other:7000"})
+    section = changed(
+        "links", [{"name": name, "locator": "sim/other:7000"} for name in ("sound", "radio")]
+    )
     config = config_from_mapping(section, source="-", address=1, locator="desert/host:4000")
     assert config.address == 1
     assert [link.locator for link in config.links] == ["desert/host:4000"]
@@ -82,7 +84,7 @@ def test_reliable_topic_is_one_for_both_ends_with_its_depth() -> None:
 
 
 @pytest.mark.parametrize(
-    ("audience", "expected"),
+    ("ends", "expected"),
     [
         ({"subscribers": None}, "subscribers: is missing, and so is nodes: nobody is known to ack"),
         ({"subscribers": [2]}, "subscribers: nobody but the publisher; allowed: at least one node"),
@@ -91,10 +93,10 @@ def test_reliable_topic_is_one_for_both_ends_with_its_depth() -> None:
     ],
 )
 def test_reliable_topic_needs_somebody_who_acknowledges(
-    audience: dict[str, object], expected: str
+    ends: dict[str, object], expected: str
 ) -> None:
     entry = {"id": 1, "topic": "a", "publishers": [2], "reliability": "reliable"}
-    entry |= {key: value for key, value in audience.items() if value is not None}
+    entry |= {key: value for key, value in ends.items() if value is not None}
     section = {"address": 2, "streams": [entry]}
     if not expected:
         assert config_from_mapping(section, source="-").table.by_id(1)
@@ -109,10 +111,10 @@ def test_what_a_node_keeps_in_its_journal_is_its_own_affair() -> None:
     section = changed("streams.0.reliability", "reliable")
     section["streams"][0]["journal"] = True
     section["streams"][2]["journal"] = False
-    tuned = config_from_mapping(section, source="-")
+    other = config_from_mapping(section, source="-")
     assert [stream.spec.journal for stream in usual.table] == [False, False, True]
-    assert [stream.spec.journal for stream in tuned.table] == [True, False, False]
-    assert tuned.table.digest == usual.table.digest
+    assert [stream.spec.journal for stream in other.table] == [True, False, False]
+    assert other.table.digest == usual.table.digest
 
 
 def test_folder_of_the_journal_is_relative_to_that_of_the_file(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def test_nothing_runs_and_nothing_is_confirmed_before_it_is_written_down() -> No
     call(rig)
     rig.run(0.1)
     assert len(sent_by(rig, 1)) > 2
-    assert sent_by(rig, 2) == []
+    assert not any(b"\x14\xc0" in sent for sent in sent_by(rig, 2))
     assert requests(rig) == []
     rig[2].commits = True
     rig[2].settle()

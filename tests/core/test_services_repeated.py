@@ -31,7 +31,7 @@ def test_request_is_repeated_until_the_server_has_confirmed_it() -> None:
     rig.run(0.1, to_nobody)
     assert len(sent_by(rig, 1)) > 2
     rig.run(0.5)
-    assert sent_by(rig, 2) == [b"\x14\xc0"]
+    assert len(sent_by(rig, 2)) == 1
     rig.frames.clear()
     rig.run(5)
     assert rig.frames == []
@@ -48,8 +48,8 @@ def test_answer_is_repeated_until_the_client_has_confirmed_it() -> None:
     rig.run(0.1, lambda source, node, transmission: source == 2)
     repeated = [sent for sent in sent_by(rig, 2) if sent != b"\x14\xc0"]
     assert len(repeated) > 3
-    assert set(repeated) == {b"\x14\x40done"}
-    assert set(sent_by(rig, 1)[1:]) == {b"\x14\xc0"}
+    assert all(sent.endswith(b"\x14\x40done") for sent in repeated)
+    assert all(sent.endswith(b"\x14\xc0") for sent in sent_by(rig, 1)[1:])
     assert responses(rig) == [(call_id, b"done")]
     rig.run(0.5)
     rig.frames.clear()

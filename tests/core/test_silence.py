@@ -364,7 +364,7 @@ def test_quiet_windows_are_longer_by_what_the_clock_may_be_wrong() -> None:
     assert life.says(19 * HOUR + 60 * S)
 
 
-def test_time_that_was_sure_outlives_a_restart_under_water() -> None:
+def test_time_that_was_sure_outlives_a_restart_at_sea() -> None:
     first = Life(rules=NIGHT, boot=b"a", now=HOUR)
     assert first.says(2 * HOUR)
     # Nothing has kept the clock right since; but it is the same clock.

@@ -1,6 +1,5 @@
 """Commands from the shore to a vehicle across the channel: on Zenoh keys, and by the verbs."""
 
-import asyncio
 import json
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -10,10 +9,10 @@ from typing import Any
 import pytest
 import zenoh
 
+from tests.gateway.networkpair import Pair, verb
 from tests.gateway.networks import (
     SECTION,
     Channel,
-    LocalNetwork,
     get,
     hear,
     local_network,
@@ -29,21 +28,6 @@ NOT_OF_SHORE = SECTION | {"commands_from": [3]}
 SILENCE, STREAM = "@acoustic/2/silence", "@acoustic/2/stream/12"
 
 
-class Pair:
-    """A gateway on the shore, one on the vehicle, a client at each."""
-
-    channel: Channel
-    shore_network: LocalNetwork
-    auv_network: LocalNetwork
-    shore: zenoh.Session
-    auv: zenoh.Session
-
-    @property
-    def where(self) -> list[str]:
-        """The arguments of a verb on the shore."""
-        return ["--connect", f"tcp/127.0.0.1:{self.shore_network.port}"]
-
-
 @asynccontextmanager
 async def pair(section: dict[str, Any] | None = None) -> AsyncIterator[Pair]:
     async with AsyncExitStack() as stack:
@@ -57,11 +41,6 @@ async def pair(section: dict[str, Any] | None = None) -> AsyncIterator[Pair]:
         found.auv = stack.enter_context(found.auv_network.client())
         await matched(found.auv, "chat")
         yield found
-
-
-async def verb(*arguments: str) -> int:
-    """Run the command line in a thread of its own."""
-    return await asyncio.to_thread(main, list(arguments))
 
 
 async def answer(client: zenoh.Session, key: str, parameters: str = "") -> dict[str, Any]:
@@ -260,7 +239,7 @@ def test_verbs_command_and_tell_how_it_ended(
         "on": True, "min_interval_s": 0.0, "priority": "data",
     }  # fmt: skip
     assert "zacoustic stream: refused by node 2: stream 20 is no topic" in captured.err
-    assert "no gateway that knows node 9 is on this island" in captured.err
+    assert "no gateway that knows node 9 is on this local network" in captured.err
 
 
 def test_node_that_takes_no_commands_says_so(capsys: pytest.CaptureFixture[str]) -> None:

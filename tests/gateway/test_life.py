@@ -21,7 +21,7 @@ from tests.gateway.networks import (
     until,
     zenoh_config,
 )
-from zacoustic.errors import ConfigError, LinkOpenError, SessionError
+from zacoustic.errors import ConfigError, LinkOpenError, LocalError, SessionError
 from zacoustic.gateway import Gateway, Notice
 from zacoustic.zenoh.gateway.notices import RouterChanged, Started, Stopped
 from zacoustic.zenoh.session.session import endpoints_of, mode_of
@@ -208,3 +208,14 @@ def test_threads_of_a_closed_gateway_are_gone() -> None:
     for thread in left:
         thread.join(LIMIT_S)
     assert not [thread for thread in left if thread.is_alive()]
+
+
+def test_gateway_that_was_not_started_has_no_end_to_wait_for() -> None:
+    async def main() -> None:
+        config = config_of(1, zenoh_config("router", listen=free_port()))
+        never = Gateway(config, link=Channel().medium.link(1))
+        with pytest.raises(LocalError, match="has not been started"):
+            await never.wait_failed()
+        await never.close()
+
+    run(main())

@@ -65,7 +65,7 @@ def test_router_and_the_nodes_of_its_file_meet_on_the_loopback() -> None:
 
 
 @pytest.mark.parametrize("mode", ["router", "peer"])
-def test_a_file_that_says_where_is_obeyed(mode: str) -> None:
+def test_a_file_that_says_where_is_followed(mode: str) -> None:
     place = f"tcp/0.0.0.0:{free_port()}"
     text = (SILENT % mode)[:-1] + f", listen: {{ endpoints: ['{place}'] }} }}"
     settings = zenoh.Config.from_json5(text)

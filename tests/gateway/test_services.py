@@ -167,7 +167,7 @@ def test_bad_request_and_wildcard_are_refused_on_the_spot() -> None:
             ]  # fmt: skip
             assert all(text.count("auv1/") == 1 for text in texts[:5])
             assert "arm is missing" in texts[2]
-            assert "came off the water" in texts[4]
+            assert "came off the channel" in texts[4]
             assert "wildcard" in texts[5]
 
     run(main())

@@ -103,7 +103,7 @@ def test_verb_commands_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> N
     assert json.loads(as_json)["silent"] is True
     assert resumed == "node 1: transmits"
     assert endless == "node 1: silent, commanded, until it is resumed"
-    assert "no gateway that knows node 9 is on this island" in captured.err
+    assert "no gateway that knows node 9 is on this local network" in captured.err
 
 
 @pytest.mark.parametrize(

@@ -224,12 +224,20 @@ class _Pair:
         if record.what == "transmit":
             self.frames[record.node].append(record.frame)
 
-    def frame(self, node: int, *commands: Callable[[Engine, int], object]) -> bytes:
-        """Give commands to a node in one instant; return the frame that it sends."""
+    def frame(
+        self, node: int, *commands: Callable[[Engine, int], object], for_s: float = 1e-4
+    ) -> bytes:
+        """Give commands to a node in one instant; return the frame that it sends.
+
+        Args:
+            node: Its address.
+            commands: What it is to do.
+            for_s: How long it then has, s.
+        """
         self.frames[node].clear()
         self.network.apply(node, lambda engine, now: [command(engine, now) for command in commands])
         # Longer, and ends that answer at once would ask each other a million times.
-        self.network.run(until_s=self.network.now / NS_PER_S + 1e-4)
+        self.network.run(until_s=self.network.now / NS_PER_S + for_s)
         return bytes.fromhex(self.frames[node][0])
 
 
@@ -391,7 +399,10 @@ def _goals() -> Iterator[Vector]:
     yield _vector("goal_accepted", accepted, "from the server: goal 0 is ACCEPTED")
     near = pair.frame(2, lambda engine, now: engine.actions.publish_feedback(key, b"near", now))
     yield _vector("goal_feedback", near, "FEEDBACK of goal 0: near")
-    cancel = pair.frame(1, lambda engine, now: engine.actions.cancel_goal(key, now))
+    # Answered before it is repeated: a repetition begins with HELLO, and answers to that name.
+    cancel = pair.frame(
+        1, lambda engine, now: engine.actions.cancel_goal(key, now), for_s=_STEP_S / 10
+    )
     yield _vector("goal_cancel", cancel, "CANCEL goal 0")
     ends = pair.frame(2, lambda engine, now: engine.actions.answer_cancel(key, now, accepted=True))
     yield _vector("goal_cancel_accepted", ends, "from the server: goal 0 will end")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.cli.watched import verb
+from tests.gateway.networkpair import verb
 from tests.node.fleet import SECTION, ChannelServer, channel
 from tests.runtime.loop_checks import run
 from zacoustic import CommandKind, Config, DeliveryOutcome, Node, RemoteCommand

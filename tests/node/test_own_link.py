@@ -1,7 +1,10 @@
 """The link of the example is one: it passes the battery that all links pass."""
 
 import importlib.util
+import os
 import socket
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any, Final
 
@@ -53,3 +56,47 @@ class UdpHarness:
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 def test_the_link_of_the_example_keeps_the_contract(check: Check) -> None:
     run(check(UdpHarness()))
+
+
+PLUG_IN: Final = """[zacoustic.links]
+bench = your_package:BenchLink
+"""
+BY_LOCATOR: Final = """
+import asyncio, sys
+from zacoustic import Node
+
+async def main():
+    near, far = (Node(each, link=f"bench/127.0.0.1:{sys.argv[1]}") for each in (1, 2))
+    async with near as talker, far as listener:
+        subscription = listener.subscribe(bytes, "hello", stream_id=1)
+        talker.create_publisher(bytes, "hello", stream_id=1).publish(b"by locator")
+        sample = await subscription.receive()
+        print(sample.source, sample.value.decode())
+
+asyncio.run(main())
+"""
+
+
+def test_installed_in_a_package_of_its_own_it_is_known_by_its_locator(tmp_path: Path) -> None:
+    (tmp_path / "your_package.py").write_bytes(EXAMPLE.read_bytes())
+    metadata = tmp_path / "your_package-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: your-package\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(PLUG_IN)
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+
+    def out(*words: str) -> str:
+        command = [sys.executable, *words]
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=60, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    listed = out("-m", "zacoustic", "links")
+    assert "bench" in listed
+    assert "your-package 1.0" in listed
+    with socket.socket(type=socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        base = probe.getsockname()[1] - 1
+    assert out("-c", BY_LOCATOR, str(base)) == "1 by locator\n"

@@ -127,7 +127,7 @@ def test_on_zenoh_a_topic_of_ros_is_for_ros_clients() -> None:
     async def main(port: int) -> None:
         node = Node("shore", config=config(), connect=f"tcp/127.0.0.1:{port}")
         async with node:
-            with pytest.raises(LocalError, match="odom is a topic of ROS 2 on this island"):
+            with pytest.raises(LocalError, match="odom is a topic of ROS 2 on this local network"):
                 node.subscribe("nav_msgs/msg/Odometry", "odom")
 
     with networks.zenoh_router() as port:

@@ -9,9 +9,15 @@ from typing import Final
 from tests.pages.blocks import ROOT
 
 GONE: Final = frozenset(
-    {"vouch", "hall", "errand", "onlooker", "sibling", "sounding", "chronicle", "doorbell"}
+    {
+        *("vouch", "hall", "errand", "onlooker", "sibling", "sounding", "chronicle", "doorbell"),
+        *("complaint", "tuning", "obey", "audience", "island", "telling", "tally", "witness"),
+        *("storie", "water"),
+    }
 )
 """Words of the glossary's appendix that no identifier has any more, in the singular."""
+WET: Final = ("zacoustic/channel/", "tests/channel/", "examples/auv/", "tests/auv/", "bench_dive")
+"""Where water is water: what sound and vehicles go through."""
 ROOMS: Final = ("zacoustic", "links", "examples", "tests")
 
 _PART: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
@@ -42,7 +48,7 @@ def test_no_identifier_has_a_retired_word() -> None:
         for room in ROOMS
         for path in sorted((ROOT / room).rglob("*.py"))
         for line, name in [(1, path.stem), *identifiers(path)]
-        if retired_in(name)
+        if retired_in(name) - ({"water"} if any(wet in str(path) for wet in WET) else set())
     ]
     assert found == []
 

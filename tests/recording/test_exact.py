@@ -16,8 +16,9 @@ from tests.virtual.callscenario import CallScenario
 from tests.virtual.commandscenario import CommandScenario
 from tests.virtual.fleet import line
 from tests.virtual.goalscenario import GoalScenario
+from tests.virtual.twolinks import ARM, BESIDE, PLAN, RADIO, SOUND, TwoLinks
 from zacoustic.app.tools.design.sim.recorder import recorded_to
-from zacoustic.app.tools.inspect.recordings.checking import Verdict, check_messages
+from zacoustic.app.tools.inspect.recordings.replaying.checking import Verdict, check_messages
 from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.tap import CALLS
@@ -60,6 +61,25 @@ def test_scenarios_with_loss_delay_repetition_and_restarts(count: Callable[[int]
         deliveries += sum(life.deliveries for life in verdict.epochs)
     assert frames > 100
     assert deliveries > 100
+
+
+def test_two_links_are_recorded_and_replayed() -> None:
+    recorder, sink = recorded()
+    fleet = TwoLinks(loss=(0.2, 0.2), build=recorder.make)
+    fleet.acquaint()
+    for first in (0, BESIDE):
+        fleet.network.publish(2, first + PLAN, bytes(2000))
+        fleet.call(2, first + ARM, b"arm")
+    fleet.network.set_link(1, up=False, link=RADIO)
+    fleet.network.run(until_s=200.0)
+    fleet.network.set_link(1, up=True, link=RADIO)
+    fleet.network.restart(2)
+    fleet.network.run(until_s=400.0)
+    verdict = checked(recorder, sink)
+    assert len(verdict.epochs) == 3
+    for kind in ("/frames", "/reports", "/links"):
+        links = {msgspec.json.decode(message.data)["link"] for message in sink.of(kind)}
+        assert links == {SOUND, RADIO}, kind
 
 
 @pytest.mark.parametrize("drawn", [GoalScenario, CallScenario])
@@ -199,7 +219,7 @@ def test_another_process_finds_the_same(tmp_path: Path) -> None:
     assert found.returncode == 0, found.stderr
     said = msgspec.json.decode(found.stdout)
     assert said["is_same"] is True
-    assert len(said["lives"]) == 5
+    assert len(said["epochs"]) == 5
 
 
 def altered(messages: list[ReadMessage], change: Callable[[bytes], bytes]) -> list[ReadMessage]:

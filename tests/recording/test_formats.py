@@ -26,38 +26,6 @@ from zacoustic.testing.virtual import VirtualNetwork
 
 Row = tuple[Schema | None, Channel, Message]
 
-CHANNEL = """{
-  nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [800, 0, 10] } ],
-  config: "fleet.json5", loss: { frame: 0.1 },
-  traffic: [
-    { node: 2, topic: "auv1/nav", every_s: 20, value: { depth: 4.2, mode: "survey" } },
-    { node: 1, service: "auv1/arm", every_s: 100, value: { arm: true }, answer: { ok: true } },
-    { node: 2, topic: "auv1/raw", every_s: 30, size_bytes: 10 } ] }"""
-FLEET = """{ plugins: { acoustic: {
-  address: 1, nodes: [ { address: 1, name: "shore" }, { address: 2, name: "auv1" } ],
-  types: [
-    { name: "Nav", fields: [
-      { name: "depth", type: "float32", range: [0, 1000], step: 0.1, unit: "m" },
-      { name: "mode", type: "enum", values: ["idle", "survey"] } ] },
-    { name: "Arm", fields: [ { name: "arm", type: "bool" } ] },
-    { name: "Armed", fields: [ { name: "ok", type: "bool" } ] } ],
-  streams: [ { id: 10, topic: "auv1/nav", type: "Nav", stamp: "age", lifespan_s: 60 },
-             { id: 11, topic: "auv1/raw" },
-             { id: 20, service: "auv1/arm", request: "Arm", response: "Armed", server: 2 } ],
-} } }"""
-
-
-@pytest.fixture
-def trial(tmp_path: Path) -> Path:
-    """A recording that the command line has made."""
-    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
-    (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
-    path = tmp_path / "trial.mcap"
-    assert (
-        main(["sim", str(tmp_path / "water.json5"), "--until", "600", "--record", str(path)]) == 0
-    )
-    return path
-
 
 def rows_of(path: Path) -> list[Row]:
     with path.open("rb") as file:
@@ -195,7 +163,7 @@ def test_frames_of_a_recording_are_said_in_words(
 
 
 def test_dense_strings_and_objects_are_said_in_words(tmp_path: Path) -> None:
-    from zacoustic.app.tools.inspect.recordings.frames import FrameReader
+    from zacoustic.app.tools.inspect.recordings.replaying.frames import FrameReader
 
     recorder, sink = recorded()
     network = VirtualNetwork(line(0, 800, 1500), survey(), build=recorder.make)
@@ -213,7 +181,7 @@ def test_dense_strings_and_objects_are_said_in_words(tmp_path: Path) -> None:
 
 
 def test_modems_without_addresses_and_check_are_opened(tmp_path: Path) -> None:
-    from zacoustic.app.tools.inspect.recordings.frames import FrameReader
+    from zacoustic.app.tools.inspect.recordings.replaying.frames import FrameReader
     from zacoustic.testing.virtual import Modem
 
     table = StreamTable([TopicSpec(stream_id=1, name="a", qos=Qos(depth=9))])

@@ -26,7 +26,7 @@ from tests.gateway.networks import run as run_networks
 from tests.node.fleet import channel
 from tests.runtime.loop_checks import run
 from zacoustic import ConfigError, Node
-from zacoustic.app.tools.inspect.recordings.checking import check_recording
+from zacoustic.app.tools.inspect.recordings.replaying.checking import check_recording
 from zacoustic.gateway import Gateway
 from zacoustic.run.recording.channels import events_channel
 from zacoustic.run.recording.reading import RecordingReader

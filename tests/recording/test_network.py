@@ -25,8 +25,8 @@ from tests.gateway.networks import (
     zenoh_config,
     zenoh_router,
 )
-from zacoustic.app.tools.inspect.recordings.frames import decode_recording
-from zacoustic.app.tools.inspect.recordings.playing import Played, play
+from zacoustic.app.tools.inspect.recordings.replaying.frames import decode_recording
+from zacoustic.app.tools.inspect.recordings.replaying.playing import Played, play
 from zacoustic.app.tools.inspect.recordings.zenohrecord import RecordedKeys, record_network
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.errors import ConfigError
@@ -281,7 +281,7 @@ def test_topics_of_ros_are_recorded_and_put_under_their_own_keys(tmp_path: Path)
 
 @pytest.fixture
 def trial(tmp_path: Path) -> Path:
-    from tests.recording.test_formats import CHANNEL, FLEET
+    from tests.recording.smalltrial import CHANNEL, FLEET
     from zacoustic.app.cli import main
 
     (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")

@@ -9,19 +9,19 @@ import msgspec
 import pytest
 
 from tests.recording.memory import recorded
+from tests.recording.smalltrial import CHANNEL, FLEET
 from tests.recording.test_exact import measure, run_survey, survey
-from tests.recording.test_formats import CHANNEL, FLEET
 from tests.virtual.fleet import line
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import recorded_to
 from zacoustic.app.tools.design.sim.simulation import simulate
-from zacoustic.app.tools.inspect.recordings.facts import Facts
-from zacoustic.app.tools.inspect.recordings.figures import Figures, figures_of
-from zacoustic.app.tools.inspect.recordings.gathering import add_messages, gather
-from zacoustic.app.tools.inspect.recordings.measuredchannel import measure_channel
-from zacoustic.app.tools.inspect.recordings.plots import plots_of
-from zacoustic.app.tools.inspect.recordings.reporttext import as_text
-from zacoustic.app.tools.inspect.recordings.spread import spread_of
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
+from zacoustic.app.tools.inspect.recordings.facts.gathering import add_messages, gather
+from zacoustic.app.tools.inspect.recordings.report.figures import Figures, figures_of
+from zacoustic.app.tools.inspect.recordings.report.plots import plots_of
+from zacoustic.app.tools.inspect.recordings.report.reporttext import as_text
+from zacoustic.app.tools.inspect.recordings.report.spread import spread_of
+from zacoustic.app.tools.inspect.recordings.whatif.measuredchannel import measure_channel
 from zacoustic.core.linktypes import LinkMetrics
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
@@ -224,7 +224,7 @@ def test_the_page_needs_nothing_from_elsewhere(
 
 
 def test_names_from_a_recording_are_text_on_the_page(tmp_path: Path) -> None:
-    from zacoustic.app.tools.inspect.recordings.page import as_page
+    from zacoustic.app.tools.inspect.recordings.report.page import as_page
 
     figures = Figures(
         files=[], began_utc_ns=0, duration_s=1, utilisation=0, streams=[], nodes=[], links=[],

@@ -5,22 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.recording.test_formats import CHANNEL, FLEET
+from tests.recording.smalltrial import FLEET
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import recorded_to
-from zacoustic.app.tools.inspect.recordings.otherwise import replay_through
+from zacoustic.app.tools.inspect.recordings.replaying.otherwise import replay_through
 from zacoustic.testing.scenarios import draw_scenario, run_scenario
-
-
-@pytest.fixture
-def trial(tmp_path: Path) -> Path:
-    (tmp_path / "water.json5").write_text(CHANNEL, encoding="utf-8")
-    (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
-    path = tmp_path / "trial.mcap"
-    assert (
-        main(["sim", str(tmp_path / "water.json5"), "--until", "600", "--record", str(path)]) == 0
-    )
-    return path
 
 
 def through(

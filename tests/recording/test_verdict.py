@@ -12,9 +12,9 @@ from tests.recording.memory import recorded
 from tests.virtual.fleet import line
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import recorded_to
-from zacoustic.app.tools.inspect.recordings.facts import Facts
-from zacoustic.app.tools.inspect.recordings.figures import Figures, figures_of
-from zacoustic.app.tools.inspect.recordings.gathering import add_messages
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
+from zacoustic.app.tools.inspect.recordings.facts.gathering import add_messages
+from zacoustic.app.tools.inspect.recordings.report.figures import Figures, figures_of
 from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -127,7 +127,7 @@ def test_hostile_recording_steers_nothing_and_leaves_no_folder(
 
 def test_plots_take_the_colours_of_the_page() -> None:
     pytest.importorskip("matplotlib")
-    from zacoustic.app.tools.inspect.recordings.plots import plots_of
+    from zacoustic.app.tools.inspect.recordings.report.plots import plots_of
 
     recorder, sink = recorded()
     network = VirtualNetwork(

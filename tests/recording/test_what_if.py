@@ -10,18 +10,18 @@ import msgspec
 import pytest
 
 from tests.recording.memory import MemorySink, recorded
+from tests.recording.smalltrial import CHANNEL, FLEET
 from tests.recording.test_exact import run_survey, survey
-from tests.recording.test_formats import CHANNEL, FLEET
 from tests.virtual.fleet import line
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.sim.recorder import SimulationRecorder, recorded_to
 from zacoustic.app.tools.design.sim.simulation import simulate
-from zacoustic.app.tools.inspect.recordings.changes import Wanted, what_if
-from zacoustic.app.tools.inspect.recordings.facts import Facts
-from zacoustic.app.tools.inspect.recordings.figures import Figures, StreamFigures
-from zacoustic.app.tools.inspect.recordings.gathering import add_messages
-from zacoustic.app.tools.inspect.recordings.measuredchannel import measure_channel, with_loss
-from zacoustic.app.tools.inspect.recordings.whatif import Change, Trial, configured
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
+from zacoustic.app.tools.inspect.recordings.facts.gathering import add_messages
+from zacoustic.app.tools.inspect.recordings.report.figures import Figures, StreamFigures
+from zacoustic.app.tools.inspect.recordings.whatif.changes import Wanted, what_if
+from zacoustic.app.tools.inspect.recordings.whatif.measuredchannel import measure_channel, with_loss
+from zacoustic.app.tools.inspect.recordings.whatif.whatif import Change, Trial, configured
 from zacoustic.core.engine.events import Event, GoalStatus
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import StreamTable

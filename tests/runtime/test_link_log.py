@@ -19,14 +19,16 @@ def test_warnings_are_one_for_each_thing_that_is_waited_for(
         runner = LinkRunner(fake, ScriptedLink())
         await runner.start()
         caplog.clear()
-        runner.link_detail = ""
-        runner.state_changed(LinkState.OPENING, "connecting")
+        runner.sides[0].detail = ""
+        runner.sides[0].state_changed(LinkState.OPENING, "connecting")
         for _ in range(9):
-            runner.state_changed(LinkState.OPENING, "/dev/modem: in use by another program")
+            runner.sides[0].state_changed(
+                LinkState.OPENING, "/dev/modem: in use by another program"
+            )
         for _ in range(9):
-            runner.state_changed(LinkState.DOWN, "/dev/modem: No such file or directory")
-        runner.state_changed(LinkState.UP, "S2C")
-        runner.state_changed(LinkState.DOWN, "/dev/modem: No such file or directory")
+            runner.sides[0].state_changed(LinkState.DOWN, "/dev/modem: No such file or directory")
+        runner.sides[0].state_changed(LinkState.UP, "S2C")
+        runner.sides[0].state_changed(LinkState.DOWN, "/dev/modem: No such file or directory")
         assert (runner.link_state, runner.link_detail[:10]) == (LinkState.DOWN, "/dev/modem")
         await runner.close()
 

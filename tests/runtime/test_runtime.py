@@ -147,9 +147,9 @@ def test_all_that_the_link_says_reaches_the_engine_in_order() -> None:
         engine, link = ScriptedEngine(), ScriptedLink()
         runner = scripted(engine, link)
         await runner.start()
-        runner.frame_received(ReceivedFrame(frame_bytes=b"f", received_at=0))
-        runner.carrier_changed(True)
-        runner.state_changed(LinkState.DOWN, "pulled out")
+        runner.sides[0].frame_received(ReceivedFrame(frame_bytes=b"f", received_at=0))
+        runner.sides[0].carrier_changed(True)
+        runner.sides[0].state_changed(LinkState.DOWN, "pulled out")
         assert (runner.link_state, runner.link_detail) == (LinkState.DOWN, "pulled out")
         await runner.close()
         await runner.close()
@@ -216,7 +216,7 @@ def test_timer_that_fires_early_passes_the_due_instant() -> None:
         await until(lambda: ("timeout",) in engine.heard, engine.changed)
         at = engine.heard.index(("timeout",))
         assert due_at in engine.instants[at:]
-        runner.carrier_changed(True)
+        runner.sides[0].carrier_changed(True)
         assert engine.instants[-1] >= due_at, "now has decreased"
         await runner.close()
 
@@ -335,7 +335,7 @@ def test_unexpected_exception_is_logged_with_traceback_and_surfaces(
         await runner.start(fail)
         if place == "frame":
             engine.handle_frame = fail  # type: ignore[assignment,method-assign]
-            runner.frame_received(ReceivedFrame(frame_bytes=b"f", received_at=0))
+            runner.sides[0].frame_received(ReceivedFrame(frame_bytes=b"f", received_at=0))
         elif place == "deliver":
             runner.apply(act(lambda engine: engine.events.append("event")))
         elif place == "submit":

@@ -123,7 +123,7 @@ def test_frames_are_told_the_newest_first_below_what_is_being_sent() -> None:
         ("→ all: auv1/nav, auv1/photo", "not delivered", "10 s"),
         ("← 1: acknowledgements and the like", "", "60 s"),
     ]
-    assert frame_rows(full_view(medium={})) == []
+    assert frame_rows(full_view(channel={})) == []
 
 
 def test_texts_of_the_network_are_no_html() -> None:

@@ -154,7 +154,7 @@ def test_a_best_effort_sample_whose_frame_was_lost_is_told_and_no_failure(
 ) -> None:
     everything(logbook)
     logbook.take("vehicle", put(1, 108.0))
-    for source in (1, 2):  # what the other island lost explains nothing
+    for source in (1, 2):  # what the other network lost explains nothing
         assert not summary_of(logbook).ok
         frame = {"source": source, "sequence": 1, "frame_bytes": 12}
         logbook.take("medium", {"event": "emission", **frame, "airtime_s": 0.2})

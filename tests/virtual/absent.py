@@ -20,11 +20,14 @@ from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, RequestReceived, SampleReceived
+from zacoustic.core.linktypes import ReceivedFrame
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.events import GoalReceived
-from zacoustic.testing.virtual import VirtualNetwork
+from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 NEVER: Final = math.inf
 RANGE_M: Final = 1500.0
@@ -62,18 +65,30 @@ class Outcome(msgspec.Struct, frozen=True):
     since it is given up after ten minutes."""
 
 
-def run(seed: int, kinds: Iterable[Kind], *, loss: float = 0.0) -> Outcome:
+def run(
+    seed: int,
+    kinds: Iterable[Kind],
+    *,
+    loss: float = 0.0,
+    forged_s: Iterable[float] = (),
+    modem: Modem | None = None,
+    access: AccessSpec | None = None,
+) -> Outcome:
     """Let one node be absent.
 
     Args:
         seed: Everything follows from it.
         kinds: What the other one has for it.
         loss: Share of the frames that is lost.
+        forged_s: Instants after the crash at which somebody repeats a frame of the absent node, s.
+        modem: What the modems do by themselves; None: what S2C modems do.
+        access: How they share the channel; None: they sense each other's carriers.
     """
     kinds = tuple(kinds)
     awaited = [kind for kind in kinds if kind is not Kind.COMMAND]
     arrived: dict[Kind, float] = {}
     sent: list[TraceRecord] = []
+    said: list[bytes] = []
 
     def deliver(address: int, event: Event) -> None:
         kind = _kind_of(event) if address == _ABSENT else None
@@ -83,6 +98,14 @@ def run(seed: int, kinds: Iterable[Kind], *, loss: float = 0.0) -> Outcome:
     def trace(record: TraceRecord) -> None:
         if record.what == "transmit" and record.node == _GIVER:
             sent.append(record)
+        elif record.what == "transmit":
+            said.append(bytes.fromhex(record.frame))
+
+    def forge() -> None:
+        frame = ReceivedFrame(
+            frame_bytes=said[-1], received_at=network.now, source=_ABSENT, destination=_GIVER
+        )
+        network.apply(_GIVER, lambda engine, now: engine.handle_frame(frame, now))
 
     scenario = scenario_from_mapping(
         {
@@ -96,7 +119,15 @@ def run(seed: int, kinds: Iterable[Kind], *, loss: float = 0.0) -> Outcome:
         },
         source="test",
     )
-    network = VirtualNetwork(scenario, _table(), digest=False, deliver=deliver, trace=trace)
+    network = VirtualNetwork(
+        scenario,
+        _table(),
+        modem=modem,
+        rules=TransmitRules(access=access),
+        digest=False,
+        deliver=deliver,
+        trace=trace,
+    )
     for turn in range(3):  # they get to know each other
         for node in (_GIVER, _ABSENT):
             at_s = turn * 30 + 10 * node
@@ -105,6 +136,8 @@ def run(seed: int, kinds: Iterable[Kind], *, loss: float = 0.0) -> Outcome:
     rng = random.Random(seed)
     for kind in kinds:
         network.at(CRASHES_AT_S + rng.uniform(0, 1), partial(_give, network, kind))
+    for forged_at_s in forged_s:
+        network.at(CRASHES_AT_S + forged_at_s, forge)
     network.run(until_s=_BACK_AT_S)
     away = [each for each in sent if each.at > CRASHES_AT_S * NS_PER_S]
     capabilities = network.engine(_GIVER).capabilities

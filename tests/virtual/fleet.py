@@ -1,7 +1,7 @@
 """A fleet whose tables differ, and random scenarios of it.
 
 Each stream of a fleet exists in *variants*: another type under the same id, another name, other
-bounds, another stamp, no such stream. A table takes one variant of each. The stories are those of
+bounds, another stamp, no such stream. A table takes one variant of each. The scenarios are those of
 `zacoustic.testing.scenarios`: every value that is published carries a ticket, so one that was
 decoded by another variant shows another ticket, another name, or another value.
 """

@@ -47,7 +47,7 @@ def test_a_thousand_calls_at_30_percent_loss_and_2_s_delay(count: Callable[[int]
         assert len(load.answered) + len(load.failed) == 1000
 
 
-# What the stories are there to find: they do when it is left out.
+# What the scenarios are there to find: they do when it is left out.
 
 
 def _answers_of_any_life(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,7 +36,7 @@ def test_scenarios_tell_of_every_outcome() -> None:
     raise AssertionError(f"no story tells of {expected}")
 
 
-# What the stories are there to find: they do when it is left out.
+# What the scenarios are there to find: they do when it is left out.
 
 
 def _everything_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,7 +48,7 @@ def _ages_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _nobody_is_introduced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Handshake, "introduce", lambda self, address, stream_id: None)
+    monkeypatch.setattr(Handshake, "introduce", lambda self, *arguments: None)
 
 
 def _many_last_words(monkeypatch: pytest.MonkeyPatch) -> None:

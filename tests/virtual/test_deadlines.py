@@ -226,7 +226,7 @@ def _reliable(deadline_s: float | None) -> StreamTable:
 def test_repetitions_become_no_rarer_than_the_deadline(seed: int) -> None:
     without = _transmissions(_reliable(None), 3600, seed=seed)
     gaps = [b - a for a, b in itertools.pairwise(without)]
-    assert max(gaps) > 40
+    assert max(gaps) > 25
     within = _transmissions(_reliable(15.0), 3600, seed=seed)
     gaps = [b - a for a, b in itertools.pairwise(within)]
     assert max(gaps) <= 15.0
@@ -258,4 +258,4 @@ def test_after_half_an_hour_of_darkness_a_sample_comes_within_the_deadline() -> 
             came_s.append(sample.received_at / NS_PER_S - end_s)
         longest_s[deadline_s] = max(came_s)
     assert longest_s[20.0] <= 20.0
-    assert longest_s[None] > 30.0
+    assert longest_s[None] > 20.0

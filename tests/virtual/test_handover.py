@@ -89,7 +89,7 @@ def test_killed_at_any_instant_of_the_hand_over_of_a_large_sample(
     count: Callable[[int], int], untold: float
 ) -> None:
     marked = 0
-    for seed in range(count(600)):
+    for seed in range(2, 2 + count(600)):
         rng = random.Random(seed)
         journal = {"commit_s": rng.choice((0.02, 0.5, 3.0)), "untold": untold}
         medium = VirtualNetwork(

@@ -7,7 +7,7 @@ import pytest
 
 from tests.virtual.fleet import line
 from tests.virtual.test_ranging import MODEM, table
-from zacoustic.app.cli.ping import MOST_BYTES, MOST_FRAMES
+from zacoustic.app.cli.use.ping import MOST_BYTES, MOST_FRAMES
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, ResponseReceived

@@ -317,6 +317,11 @@ def test_any_weather_on_both_links(count: Callable[[int], int]) -> None:
         _scenario(seed)
 
 
+def test_an_answer_to_a_former_life_is_no_round_trip() -> None:
+    """It comes just behind a request of this life, on a fast link with a long way."""
+    _scenario(14)
+
+
 def _scenario(seed: int) -> None:
     """Losses, unplugged modems and crashes on both links; all that is kept arrives once."""
     rng = random.Random(seed)

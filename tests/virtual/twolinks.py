@@ -31,6 +31,8 @@ FIX, PLAN, KEPT, ARM, MOVE, VIEW = 1, 2, 3, 4, 5, 6
 BESIDE: Final = 10
 """Stream ids of the radio are those of sound and this."""
 ROUTES: Final = {each + BESIDE: RADIO for each in (FIX, PLAN, KEPT, ARM, MOVE, VIEW)}
+MOST_FRAMES: Final = 20_000
+"""Whoever sends more does not wait for answers."""
 RADIO_MODEM: Final = Modem(addressed=False, checked=False, senses_carrier=False)
 
 
@@ -147,6 +149,7 @@ class TwoLinks:
         if record.what == "transmit":
             frame = bytes.fromhex(record.frame)
             self.frames.append((record.link, record.node, record.at, frame))
+            assert len(self.frames) < MOST_FRAMES, f"{record.link} repeats without end"
 
     def _happened(self, node: int, event: Event) -> None:
         self.events.append((node, event))

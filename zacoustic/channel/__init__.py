@@ -5,6 +5,9 @@ Read in this order::
     scenario     nodes, positions, modems, faults                    what a user writes
       position     places, tracks, paths of sound
       complaint, limits                                              its error messages
+    modems       one frame at a time, carrier, acknowledgement       what simple modems do
+    driver       puts emissions and receptions on an agenda          for all modems
+    agenda       what is to come, in virtual time or by a clock
     medium       transmit → arrivals → receptions                    what a driver calls
       hop          one direction: geometry, level, draws             makes an Arrival
       receiver     one node: overlap, half-duplex, noise             makes a Reception

@@ -7,8 +7,11 @@ since the start of the scenario.
 """
 
 import enum
+import random
 
 import msgspec
+
+from zacoustic.channel.faults import corrupt
 
 
 class Outcome(enum.Enum):
@@ -96,9 +99,9 @@ class Reception(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     sinr_db: float
     """Level over ambient noise and everything that overlapped, averaged over the frame, dB."""
     corrupt_seed: int | None = None
-    """If set, the frame is damaged: give it to `faults.corrupt` with a generator of this seed."""
+    """If set, the frame is damaged, see `damage`."""
     delay_s: float = 0.0
-    """Deliver the frame so much later, s."""
+    """Deliver the frame so much later, s, see `delays_s`."""
     duplicates_after_s: tuple[float, ...] = ()
     """Deliver the frame again after each of these times, s, counted from the first delivery."""
 
@@ -106,3 +109,21 @@ class Reception(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     def is_received(self) -> bool:
         """Whether the receiver has the frame, damaged or not."""
         return self.outcome is Outcome.RECEIVED
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether the receiver has the frame as it was sent."""
+        return self.outcome is Outcome.RECEIVED and self.corrupt_seed is None
+
+    @property
+    def delays_s(self) -> tuple[float, ...]:
+        """How late the modem delivers the frame, each time that it does, s."""
+        if not self.duplicates_after_s:  # nearly always
+            return (self.delay_s,)
+        return (self.delay_s, *(self.delay_s + after_s for after_s in self.duplicates_after_s))
+
+    def damage(self, frame_bytes: bytes) -> bytes:
+        """Return what the receiver has of these bytes; the same each time."""
+        if self.corrupt_seed is None:
+            return frame_bytes
+        return corrupt(frame_bytes, random.Random(self.corrupt_seed))

@@ -95,7 +95,9 @@ class Hop:
         darkness = self._darkness
         return darkness is not None and darkness.covers(arrival.starts_at, arrival.ends_at)
 
-    def arrival(self, sequence: int, frame_bytes: int, now: int, airtime_ns: int) -> Arrival:
+    def arrival(
+        self, sequence: int, frame_bytes: int, now: int, airtime_ns: int, level_db: float = 0.0
+    ) -> Arrival:
         """Return the arrival that a frame causes, and draw everything about it.
 
         Args:
@@ -103,13 +105,14 @@ class Hop:
             frame_bytes: Length, bytes.
             now: Instant of its start, ns, not before that of the previous emission.
             airtime_ns: How long it leaves, ns.
+            level_db: Source level over that of the channel model, dB.
         """
         if not self._is_fixed:
             self._measure(now)
             # A receding node hears the frame stretched.
             airtime_ns += round(airtime_ns * self._path.range_rate_m_s / self._sound_speed_m_s)
         path = self._path
-        gain_db = 0.0 if self._fading is None else self._fading.next_gain_db(now)
+        gain_db = level_db if self._fading is None else level_db + self._fading.next_gain_db(now)
         corrupt_seed: int | None = None
         delay_s = 0.0
         duplicates_after_s: tuple[float, ...] = ()

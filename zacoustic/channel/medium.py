@@ -97,13 +97,24 @@ class Medium:
                 return hop.path(now)
         raise ValueError(f"no sound goes from {source} to {node}; nodes: {list(self._sites)}")
 
-    def transmit(self, source: int, frame_bytes: int, now: int) -> Emission:
+    def transmit(
+        self,
+        source: int,
+        frame_bytes: int,
+        now: int,
+        *,
+        airtime_ns: int | None = None,
+        level_db: float = 0.0,
+    ) -> Emission:
         """Let a node transmit a frame.
 
         Args:
             source: Address of the sender.
             frame_bytes: Length of the frame, bytes, 1…MTU of its modem.
             now: Instant of the first sound, ns, not before that of any earlier call.
+            airtime_ns: How long it leaves, ns, if the modem has signals of several kinds; then any
+                `frame_bytes` will do, and decide how vulnerable it is. None: as the profile says.
+            level_db: Source level over that of the profile, dB.
 
         Returns:
             The emission, with one arrival for each node with a modem of the same kind that no
@@ -115,15 +126,17 @@ class Medium:
         """
         site = self._site(source)
         profile = site.profile
-        if not 1 <= frame_bytes <= profile.mtu_bytes:
-            raise ValueError(
-                f"frame has {frame_bytes} bytes; allowed by {profile.name}: 1..{profile.mtu_bytes}"
-            )
+        if airtime_ns is None:
+            if not 1 <= frame_bytes <= profile.mtu_bytes:
+                raise ValueError(
+                    f"frame has {frame_bytes} bytes; "
+                    f"allowed by {profile.name}: 1..{profile.mtu_bytes}"
+                )
+            airtime_ns = profile.airtime_ns(frame_bytes)
         if now < site.transmits_until and profile.half_duplex:
             raise ValueError(
                 f"node {source} transmits until {site.transmits_until} ns; it is {now} ns"
             )
-        airtime_ns = profile.airtime_ns(frame_bytes)
         ends_at = now + airtime_ns
         sequence = site.sequence
         site.sequence += 1
@@ -132,7 +145,7 @@ class Medium:
         arrivals = []
         unheard: tuple[int, ...] = ()
         for hop in self._hops_of(site):
-            arrival = hop.arrival(sequence, frame_bytes, now, airtime_ns)
+            arrival = hop.arrival(sequence, frame_bytes, now, airtime_ns, level_db)
             if hop.is_dark(arrival):
                 unheard += (hop.node,)
                 continue
@@ -158,7 +171,8 @@ class Medium:
         Raises:
             ValueError: Unknown node, or an arrival that was finished before.
         """
-        return self._site(arrival.node).receiver.judge(arrival)
+        site = self._sites.get(arrival.node) or self._site(arrival.node)
+        return site.receiver.judge(arrival)
 
     def _site(self, address: int) -> "_Site":
         try:

@@ -101,13 +101,17 @@ def shown(value: object) -> str:
     return _printable(text)
 
 
+RENAMED: Final = {"orders_from": "commands_from"}
+"""Former keys, with those of today."""
+
+
 def unknown_key(place: Place, key: str, keys: tuple[str, ...]) -> NoReturn:
     """Complain about a key that the table at `place` does not have.
 
     Raises:
         ConfigError: Always.
     """
-    close = get_close_matches(key, keys, 1)
+    close = [RENAMED[key]] if RENAMED.get(key) in keys else get_close_matches(key, keys, 1)
     place.at(_printable(key)).refuse(
         "unknown key",
         allowed=", ".join(keys),

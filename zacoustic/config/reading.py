@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
-from zacoustic.config.access import read_access
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
 from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
-from zacoustic.config.later import check_word
+from zacoustic.config.links import read_link_rules, read_links, read_routes
 from zacoustic.config.metrics import read_metrics
 from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
-from zacoustic.config.onrmwdesert import check_access as check_access_on_desert
 from zacoustic.config.onrmwdesert import check_section
 from zacoustic.config.problems import Place, unknown_key
 from zacoustic.config.quiet import read_quiet
@@ -69,7 +67,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     nodes: dict[int, str]
     """Name of each node by address; empty when the fleet is not listed."""
     links: tuple[LinkEntry, ...]
-    """The modem, at most one in this version; empty when none is given."""
+    """The modems, the first one for streams that name none; empty when none is given."""
     types: TypeTable
     """The types by name."""
     python_types: dict[str, type[msgspec.Struct]]
@@ -190,7 +188,7 @@ def config_from_mapping(
     written = place.convert(Section)
     nodes = _read_nodes(place.at("nodes"), written.nodes)
     own = _own_address(place.at("address"), written.address, address, nodes)
-    links = _read_links(place.at("links"), written.links, locator)
+    links = read_links(place.at("links"), written.links, locator)
     ros = RosReader(place, written, folder or Path())
     ros_types = ros.types(place.at("streams"))
     types, python_types = _read_types(place.at("types"), written.types, ros_types)
@@ -220,7 +218,7 @@ def config_from_mapping(
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
         ros=ros.config() if ros.streams else None,
-        rules=_read_rules(place, written, fleet, own, objects, topics),
+        rules=_read_rules(place, written, links, fleet, own, objects, topics),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
         metrics=read_metrics(place.at("metrics"), written.metrics),
     )
@@ -307,26 +305,6 @@ def _own_address(
     return own
 
 
-def _read_links(
-    place: Place, entries: tuple[LinkEntry, ...], locator: str | None
-) -> tuple[LinkEntry, ...]:
-    for index, entry in enumerate(entries):
-        here = place.at(index)
-        check_word(here.at("wire"), entry.wire, tuple(each.value for each in WireProfile))
-        if "/" not in entry.locator.partition("#")[0].lstrip("/"):
-            here.at("locator").refuse(allowed='NAME/ADDRESS, such as "sim/127.0.0.1:7000"')
-    if locator is not None:
-        wire = entries[0].wire if entries else WireProfile.NATIVE.value
-        return (LinkEntry(locator=locator, wire=wire),)
-    if len(entries) > 1:
-        place.refuse(
-            f"{len(entries)} links; more than one is not available yet",
-            allowed="one",
-            hint="a later version will have it",
-        )
-    return entries
-
-
 def _read_journal(place: Place, written: str | None) -> Path | None:
     if written is None:
         return None
@@ -341,31 +319,27 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
 def _read_rules(
     place: Place,
     written: Section,
+    links: tuple[LinkEntry, ...],
     fleet: Fleet,
     own: int,
     objects: ObjectLimits,
     topics: AllowedTopics | None,
 ) -> TransmitRules:
-    """Read the settings of transmission; the first link's access counts, also with `--link`."""
-    if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
-        place.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
-    accesses = [
-        read_access(place.at("links").at(index).at("access"), entry.access, fleet.nodes)
-        for index, entry in enumerate(written.links)
-    ]
-    if fleet.wire is WireProfile.RMW_DESERT and accesses:
-        check_access_on_desert(place.at("links").at(0).at("access"), accesses[0])
+    """Read the settings of transmission."""
+    own_links = read_link_rules(place, written, links, fleet)
     for index, address in enumerate(written.commands_from or ()):
         check_address(place.at("commands_from").at(index), address, fleet)
     commands_from = None if written.commands_from is None else frozenset(written.commands_from)
     return TransmitRules(
-        access=accesses[0] if accesses else None,
+        access=own_links[0].access if own_links else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
-        max_airtime=written.max_airtime,
+        max_airtime=own_links[0].max_airtime if own_links else written.max_airtime,
         commands_from=commands_from,
         contact=read_contact(place, written, own),
         objects=objects,
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
+        links=own_links if any(each.name for each in links) else (),
+        routes=read_routes(place.at("streams"), written.links, links),
     )
 
 

@@ -39,7 +39,8 @@ ALLOWED: Final = {
     "turn_s": "seconds, above 0, at most 5.1",
     "idle_s": "seconds, 0 or more",
     "nodes": "a list of { address, name }",
-    "links": "a list with one { locator }",
+    "link": "the name of a link",
+    "links": "a list of { locator, … }, with a name each where there are several",
     "types": "a list of { name, fields } or { name, python }",
     "fields": "a list of { name, type, … }",
     "streams": "a list of { id, topic, … }, { id, service, … } or { id, action, … }",
@@ -145,12 +146,16 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
 
     locator: str
     """Link, address and settings: ``NAME/ADDRESS#key=value``."""
+    name: str | None = None
+    """Name of the link, for streams and reports; default: a link alone needs none."""
     wire: str = WireProfile.NATIVE.value
     """Wire profile."""
     allowed_topics: str | None = None
     """rmw_desert's file of topics and ids, relative to this file; default: the streams have ids."""
     access: dict[str, Any] | None = None
     """Medium access, read by `zacoustic.config.access`; default: the link's."""
+    max_airtime: float | None = None
+    """Share of the time that this node may be on the air there; default: the section's."""
 
 
 class TypeEntry(Entry, frozen=True, kw_only=True):
@@ -228,6 +233,8 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """Codec on the channel."""
     max_airtime: float | None = None
     """Share of the time that the stream may be on the air; default: no cap."""
+    link: str | None = None
+    """Name of the link that it goes by; default: the first one."""
     ros: StreamRosEntry | None = None
     """A ROS 2 stream on rmw_zenoh; default: a Zenoh stream."""
 
@@ -332,7 +339,7 @@ class Section(Entry, frozen=True, kw_only=True):
     nodes: tuple[NodeEntry, ...] = ()
     """The fleet."""
     links: tuple[LinkEntry, ...] = ()
-    """The modem; `--link` overrides it."""
+    """The modems, the first one for streams that name none; `--link` overrides them."""
     types: tuple[TypeEntry, ...] = ()
     """Types for streams and for other types."""
     journal: str | None = None
@@ -352,7 +359,7 @@ class Section(Entry, frozen=True, kw_only=True):
     objects: ObjectsEntry | None = None
     """Bounds of the memory for samples that are larger than a frame."""
     max_airtime: float | None = None
-    """Share of the time that this node may be on the air; default: no cap."""
+    """Share of the time that this node may be on the air, on each link; default: no cap."""
     commands_from: tuple[int, ...] | None = None
     """Nodes whose remote commands this node executes; default: those of `nodes`."""
     heartbeat_s: float | None = None

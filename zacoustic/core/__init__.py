@@ -19,8 +19,9 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 somebody else
 `schedule`      `context` is what a node has once, and on each link; `queue` to `composer` and
                 `filling` to `port` to `transmitter`; `access`, `airtime`, `silence` and `hosttime`
-                say when; `timing` and `copies` how often; `hearing` is what frames say of the
-                medium; `sources` and `savings` are what a frame is composed from beside the queue
+                say when; `timing`, `pacers` and `copies` how often; `hearing` is what frames say of
+                the medium; `sources` and `savings` are what a frame is composed from beside the
+                queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
                 tables; `handshake`, `introducing`, `contact`, `heartbeats`, `bootepoch`, `ranging`,
                 `measurements`; `doubt` is what this one does not know of itself; `statements` are

@@ -40,14 +40,16 @@ _logger = logging.getLogger(__name__)
 
 
 class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
-    """One node on one link, not running yet."""
+    """One node on its links, not running yet."""
 
     address: int
     """Its acoustic address."""
     table: StreamTable
     """Its streams."""
     link: Link
-    """Its link, not open yet."""
+    """Its first link, not open yet."""
+    beside: Mapping[str, Link] = {}
+    """Its other links, by name."""
     rules: TransmitRules = TransmitRules()
     """When, and how much, it may transmit."""
     ranges: Mapping[int, float] = {}
@@ -119,6 +121,7 @@ class PreparedNode:
         runner = LinkRunner(
             Intact(renew, self._state.boot_epoch, self._state.entries),
             parts.link,
+            beside=parts.beside,
             clocks=NodeClocks(parts.clock, parts.host, stated_error_s=parts.rules.clock_error_s),
             journal=parts.journal,
             permit_log=self._permit_log,

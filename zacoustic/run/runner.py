@@ -1,4 +1,4 @@
-"""The asyncio shell around one engine: its link, one timer, the journal's thread.
+"""The asyncio shell around one engine: its links, one timer, the journal's thread.
 
 `LinkRunner` does what the contract at the top of `core/engine.py` asks of a driver and nothing
 else. Every input and every command ends in `_service`: poll until dry, arm one timer. There is no
@@ -20,8 +20,9 @@ make that one raise as well (`zacoustic.run.replacement`).
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import Final, TypeAlias, TypeVar
 
 from zacoustic.core.base.journal import JournalWrite
@@ -41,6 +42,7 @@ from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.inbox import Inbox
 from zacoustic.run.journal import Journal
 from zacoustic.run.journal.thread import NO_WRITE, JournalThread
+from zacoustic.run.linkside import LinkSide
 from zacoustic.run.permitlog import PermitLog
 from zacoustic.run.replacement.intact import Intact
 from zacoustic.run.replacement.replacement import Replacement
@@ -59,14 +61,15 @@ Command: TypeAlias = Callable[[Engine, int], object]
 
 
 class LinkRunner:
-    """Runs one engine on one link.
+    """Runs one engine on its links.
 
     All methods but `submit` are for the thread of the loop.
 
     Args:
         engine: The engine; no other caller may touch it from now on. An `Intact` one is replaced by
             the next of its kind when it has raised; any other stops the runner then.
-        link: Its link, not open yet.
+        link: Its first link, not open yet.
+        beside: Its other links, by the names that the engine has for them.
         clocks: Where instants and UTC come from.
         journal: Where writes go, recovered; None: they count as committed at once. Closed with the
             runner.
@@ -78,15 +81,18 @@ class LinkRunner:
         engine: Engine | Intact,
         link: Link,
         *,
+        beside: Mapping[str, Link] = MappingProxyType({}),
         clocks: NodeClocks | None = None,
         journal: Journal | None = None,
         permit_log: PermitLog | None = None,
     ) -> None:
         self._first = engine if isinstance(engine, Intact) else None
         self.engine: Engine = engine.engine if isinstance(engine, Intact) else engine
-        self.link = link
-        self.link_state = LinkState.OPENING
-        self.link_detail = ""
+        self._first_side = LinkSide(link, None, self)
+        self.sides = (
+            self._first_side, *(LinkSide(each, name, self) for name, each in beside.items()),
+        )  # fmt: skip
+        """The links, the first one first; to be read only."""
         self.failure: Exception | None = None
         self.watch: LinkWatch | None = None
         """Whoever sets this sees what crosses between engine and link."""
@@ -94,8 +100,6 @@ class LinkRunner:
         self._deliver: Callable[[Event], None] = _ignore
         self._settled: Callable[[], None] = _nothing
         self._replacement = None if self._first is None else Replacement(self._first)
-        self._is_foreign_on_air = False
-        self._is_busy = False
         self._is_beginning = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._alarm = Alarm(self._clocks.clock, self._expire)
@@ -105,7 +109,6 @@ class LinkRunner:
         self._ended, self._closed = asyncio.Event(), asyncio.Event()
         self._inbox: Inbox[Command] = Inbox(self._take_submitted)
         self._permit_log = permit_log
-        self._on_air: Transmission | None = None
         self._journal: JournalThread | None = None
         if journal is not None:
             self._journal = JournalThread(
@@ -115,12 +118,27 @@ class LinkRunner:
                 fail=self._fail,
             )
 
+    @property
+    def link(self) -> Link:
+        """The first link."""
+        return self._first_side.link
+
+    @property
+    def link_state(self) -> LinkState:
+        """What the first link last said of itself."""
+        return self._first_side.state
+
+    @property
+    def link_detail(self) -> str:
+        """What the first link said it waits for."""
+        return self._first_side.detail
+
     async def start(
         self,
         deliver: Callable[[Event], None] | None = None,
         settled: Callable[[], None] | None = None,
     ) -> None:
-        """Open the link and run.
+        """Open the links and run.
 
         Args:
             deliver: Takes each event, on the loop; may call `apply`.
@@ -139,7 +157,8 @@ class LinkRunner:
             self._keep_intact(self._first)
         self._guarded(self._tell_clock)
         try:
-            await self.link.open(self)
+            for side in self.sides:
+                await side.link.open(side)
             self._guarded(self._service)
             if isinstance(self.failure, ZacousticError):
                 raise self.failure
@@ -162,7 +181,7 @@ class LinkRunner:
             try:
                 if self._replacement is not None:
                     await self._replacement.stop()
-                await self.link.close()
+                await asyncio.gather(*(side.link.close() for side in self.sides))
             finally:
                 if self._journal is not None:
                     await self._journal.close()
@@ -221,7 +240,7 @@ class LinkRunner:
 
     # What the link calls
 
-    def frame_received(self, frame: ReceivedFrame) -> None:
+    def take_frame(self, side: LinkSide, frame: ReceivedFrame) -> None:
         """Give a frame to the engine."""
         if self.watch is not None:
             self.watch(frame, self._instant())
@@ -231,41 +250,48 @@ class LinkRunner:
             return
         if replacement is not None and replacement.faults.refuses(frame.frame_bytes, now):
             return
-        self._guarded(lambda: self.engine.handle_frame(frame, now), frame=frame.frame_bytes)
+        self._guarded(
+            lambda: self.engine.handle_frame(frame, now, *side.by), frame=frame.frame_bytes
+        )
         self._guarded(self._service)
 
-    def transmit_finished(self, report: TransmitReport) -> None:
+    def take_report(self, side: LinkSide, report: TransmitReport) -> None:
         """Give a report to the engine, and to the permit log."""
         if self.watch is not None:
             self.watch(report, self._instant())
-        sent, self._on_air = self._on_air, None
+        sent, side.on_air = side.on_air, None
         self._strictly(lambda: self._log_emission(sent, report))
-        if self._is_foreign_on_air:  # a former engine's: the modem is free now
-            self._is_foreign_on_air = False
-            self._guarded(self._connect, self._service)
+        if side.is_foreign_on_air:  # a former engine's: the modem is free now
+            side.is_foreign_on_air = False
+            self._guarded(partial(self._connect_side, side), self._service)
             return
         self._guarded(
-            lambda: self.engine.handle_transmit_report(report, self._instant()), self._service
+            lambda: self.engine.handle_transmit_report(report, self._instant(), *side.by),
+            self._service,
         )
 
-    def state_changed(self, state: LinkState, detail: str = "") -> None:
+    def take_state(self, side: LinkSide, state: LinkState, detail: str) -> None:
         """Tell the engine, and people."""
-        is_first = state is LinkState.OPENING and not self.link_detail  # what it waits for follows
-        is_known = is_first or (state, detail) == (self.link_state, self.link_detail)
+        is_first = state is LinkState.OPENING and not side.detail  # what it waits for follows
+        is_known = is_first or (state, detail) == (side.state, side.detail)
         level = logging.INFO if state is LinkState.UP or is_known else logging.WARNING
-        _logger.log(level, "node %d: link %s: %s", self.engine.address, state.value, detail)
-        self.link_state, self.link_detail, self._is_busy = state, detail, False
-        self._guarded(self._connect, self._service)
+        link = "link" if len(self.sides) == 1 else side.name or self.engine.links[0]
+        _logger.log(level, "node %d: %s %s: %s", self.engine.address, link, state.value, detail)
+        side.state, side.detail, side.is_busy = state, detail, False
+        self._guarded(partial(self._connect_side, side), self._service)
 
-    def carrier_changed(self, busy: bool) -> None:
+    def take_carrier(self, side: LinkSide, busy: bool) -> None:
         """Tell the engine whether another node is audible."""
-        self._is_busy = busy
-        self._guarded(lambda: self.engine.handle_carrier(busy, self._instant()), self._service)
+        side.is_busy = busy
+        self._guarded(
+            lambda: self.engine.handle_carrier(busy, self._instant(), *side.by), self._service
+        )
 
-    def measured(self, measurement: Measurement) -> None:
+    def take_measurement(self, side: LinkSide, measurement: Measurement) -> None:
         """Give a measurement to the engine."""
         self._guarded(
-            lambda: self.engine.handle_measurement(measurement, self._instant()), self._service
+            lambda: self.engine.handle_measurement(measurement, self._instant(), *side.by),
+            self._service,
         )
 
     # The driver of the engine
@@ -293,10 +319,11 @@ class LinkRunner:
             self._keep(write)
         transmission = None if self._is_closing else self.engine.poll_transmit(self._clocks.now)
         if transmission is not None:
-            self._on_air = transmission
+            side = self.side(transmission.link)
+            side.on_air = transmission
             if self.watch is not None:
                 self.watch(transmission, self._clocks.now)
-            self._strictly(lambda: self.link.transmit(transmission))
+            self._strictly(lambda: side.link.transmit(transmission))
         event = self.engine.poll_event()
         if event is not None:
             self._deliver(event)
@@ -393,7 +420,8 @@ class LinkRunner:
     def _lose_engine(self, next_one: Replacement, error: Exception, frame: bytes | None) -> None:
         """Give the engine up, and have the next one made."""
         self._alarm.stop()
-        self._is_foreign_on_air = self._on_air is not None
+        for side in self.sides:
+            side.is_foreign_on_air = side.on_air is not None
         pause_s = next_one.faults.note(error, self._instant(), frame=frame)
         trial = self._try if self._is_beginning else None
 
@@ -420,8 +448,10 @@ class LinkRunner:
         Raises:
             Exception: This one does, too.
         """
-        now, is_up = self._instant(), self.link_state is LinkState.UP
-        engine.handle_link_state(self.link_state, now, self.link.capabilities if is_up else None)
+        now = self._instant()
+        for side in self.sides:
+            told = side.link.capabilities if side.state is LinkState.UP else None
+            engine.handle_link_state(side.state, now, told, *side.by)
         while engine.poll_event() is not None:
             pass
         engine.poll_transmit(now)
@@ -433,14 +463,22 @@ class LinkRunner:
             self.keep(write.key, write.value)
 
     def _connect(self) -> None:
-        """Tell the engine how the link is, unless it transmits a frame of a former engine."""
-        state = self.link_state
-        if self._is_foreign_on_air and state is LinkState.UP:
+        """Tell the engine how the links are."""
+        for side in self.sides:
+            self._connect_side(side)
+
+    def _connect_side(self, side: LinkSide) -> None:
+        """Tell the engine how a link is, unless it transmits a frame of a former engine."""
+        if side.is_foreign_on_air and side.state is LinkState.UP:
             return
-        capabilities = self.link.capabilities if state is LinkState.UP else None
-        self.engine.handle_link_state(state, self._instant(), capabilities)
-        if self._is_busy:
-            self.engine.handle_carrier(True, self._instant())
+        capabilities = side.link.capabilities if side.state is LinkState.UP else None
+        self.engine.handle_link_state(side.state, self._instant(), capabilities, *side.by)
+        if side.is_busy:
+            self.engine.handle_carrier(True, self._instant(), *side.by)
+
+    def side(self, link: str) -> LinkSide:
+        """Return the link of a name."""
+        return next((each for each in self.sides if each.name == link), self._first_side)
 
     @property
     def _is_replacing(self) -> bool:

@@ -14,7 +14,7 @@ gives one trace: `digest` identifies a run in 32 bytes.
 
 What goes wrong is in the scenario (`faults`, `loss`, `links`), or done by hand: `crash`, `start`,
 `set_link`. A node that crashes loses its engine and keeps its journal (`virtualjournal`), its
-clocks (`virtualclock`) and its modem (`virtualwater`). Its next engine gets what the journal has,
+clocks (`virtualclock`) and its modem (`virtualmedium`). Its next engine gets what the journal has,
 and the boot epoch after the last one that was committed.
 
 The modem of a node is what the scenario's profile says. `Modem` takes from it what the tests want
@@ -112,7 +112,7 @@ class VirtualNetwork:
         medium = Medium(scenario)
         self._nodes: dict[int, VirtualNode] = {}
         self._medium = VirtualMedium(
-            self._agenda, medium, modem or Modem(), self._nodes, None, disturb, self._service
+            self._agenda, medium, modem or Modem(), None, disturb, self._service
         )
         self._media = [self._medium]
         self._beside: dict[str, VirtualMedium] = {}
@@ -134,6 +134,7 @@ class VirtualNetwork:
                 clock=NodeClock(clocks.get(address)),
                 rng=random.Random(f"{scenario.seed}/crash/{address}"),
             )
+            self._medium.add(self._nodes[address])
         for address in self._nodes:
             self.start(address)
         schedule_faults(self, scenario)
@@ -262,12 +263,12 @@ class VirtualNetwork:
             disturb: Loses, delays and repeats frames in addition to the scenario.
         """
         medium = VirtualMedium(
-            self._agenda, Medium(scenario), modem or Modem(), self._nodes, link, disturb,
-            self._service,
-        )  # fmt: skip
+            self._agenda, Medium(scenario), modem or Modem(), link, disturb, self._service
+        )
         self._beside[link] = medium
         self._media.append(medium)
         for node in self._nodes.values():
+            medium.add(node)
             if node.engine is not None:
                 self._connect(medium, node, node.engine)
 
@@ -285,6 +286,8 @@ class VirtualNetwork:
             return
         node.past.append(node.engine.stats)
         node.engine, node.armed_at = None, None
+        for medium in self._media:
+            medium.stations[address].pending.clear()
         node.journal.crash(node.rng.random())
         if reboots:
             node.clock.reboot(self.now)
@@ -330,7 +333,7 @@ class VirtualNetwork:
     def set_link(self, address: int, *, up: bool, link: str | None = None) -> None:
         """Unplug or plug in the modem of a node, that of its first link if none is named."""
         node, medium = self._nodes[address], self._on(link)
-        medium.devices[address].is_up = up
+        medium.stations[address].is_up = up
         if node.engine is None:
             return
         if up:
@@ -341,7 +344,7 @@ class VirtualNetwork:
 
     def move(self, address: int, position: Position) -> None:
         """Tell where a node is from now on: x east, y north, z down, m."""
-        self._medium.move(address, position)
+        self._medium.medium.move(address, position, self.now)
 
     def tell_clock(self, address: int) -> None:
         """Tell an engine what its node believes of the wall clock; no effect if it is down."""
@@ -369,11 +372,11 @@ class VirtualNetwork:
 
     def _connect(self, medium: VirtualMedium, node: VirtualNode, engine: Engine) -> None:
         """Tell an engine that its modem is there, once that is free."""
-        device = medium.devices[node.address]
+        device = medium.stations[node.address]
         if node.engine is not engine or not device.is_up:
             return
-        if device.transmits_until > self.now:
-            self._agenda.push(device.transmits_until, self._connect, medium, node, engine)
+        if device.silent_at > self.now:
+            self._agenda.push(device.silent_at, self._connect, medium, node, engine)
             return
         if node.clock.is_told:
             self._tell_clock(node, engine)
@@ -400,7 +403,7 @@ class VirtualNetwork:
             if node.journal.is_idle:
                 self._commit(node, engine)
         while (transmission := engine.poll_transmit(now)) is not None:
-            self._on(transmission.link).transmit(node, engine, transmission)
+            self._on(transmission.link).send(node.address, transmission)
         while (event := engine.poll_event()) is not None:
             self._deliver(node.address, event)
             if node.engine is not engine:  # a handler of the events may crash the node

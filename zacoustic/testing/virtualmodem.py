@@ -4,31 +4,30 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.channel.modems import Station
 from zacoustic.channel.profiles import ModemProfile
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, Transmission
+from zacoustic.testing.virtualnode import VirtualNode
 
 MEASURED: Final = frozenset({"snr_db", "propagation_s", "range_m"})
 """Fields of `LinkMetrics` that an acknowledgement fills."""
 
 
-class Device:
+class Device(Station[Transmission]):
     """The modem of one node.
 
     Args:
+        node: The computer that it belongs to.
         profile: What modem it is.
     """
 
-    __slots__ = ("carriers", "exchange", "is_up", "profile", "transmits_until")
+    __slots__ = ("is_unserved", "node")
 
-    def __init__(self, profile: ModemProfile) -> None:
-        self.profile = profile
-        self.is_up = True
-        """It is plugged in."""
-        self.transmits_until = 0
-        self.exchange: tuple[Transmission, int] | None = None
-        """Transmission whose acknowledgement it waits for, and when that began, ns."""
-        self.carriers = 0
-        """How many others are heard now."""
+    def __init__(self, node: VirtualNode, profile: ModemProfile) -> None:
+        super().__init__(node.address, profile)
+        self.node = node
+        self.is_unserved = False
+        """The engine has got an input, and was not polled since."""
 
 
 class Modem(msgspec.Struct, frozen=True, kw_only=True):

@@ -34,16 +34,16 @@ from zacoustic_evologics.driver.events import (
     Event,
     OpeningHopeless,
 )
-from zacoustic_evologics.driver.inquiries import Inquiries
-from zacoustic_evologics.driver.outbox import Outbox
-from zacoustic_evologics.driver.sending import Sending
-from zacoustic_evologics.driver.sending_service import choose_carriage
-from zacoustic_evologics.driver.sending_states import HAS_FRAME
-from zacoustic_evologics.driver.session import ModemSession
-from zacoustic_evologics.driver.session_reception import Received, Reception
-from zacoustic_evologics.driver.startup import StartupError
-from zacoustic_evologics.driver.startup_probe import Probe
-from zacoustic_evologics.driver.startup_run import StartupRun
+from zacoustic_evologics.driver.sending.sending import Sending
+from zacoustic_evologics.driver.sending.service import choose_carriage
+from zacoustic_evologics.driver.sending.states import HAS_FRAME
+from zacoustic_evologics.driver.session.inquiries import Inquiries
+from zacoustic_evologics.driver.session.outbox import Outbox
+from zacoustic_evologics.driver.session.reception import Received, Reception
+from zacoustic_evologics.driver.session.session import ModemSession
+from zacoustic_evologics.driver.startup.probe import Probe
+from zacoustic_evologics.driver.startup.run import StartupRun
+from zacoustic_evologics.driver.startup.startup import StartupError
 from zacoustic_evologics.driver.states import CONNECTED, TRANSITIONS, UP, Input, State
 
 SETTLING_S: Final = 0.5

@@ -33,9 +33,10 @@ from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS
 from zacoustic_evologics.emulator.chassis import Behaviour
 from zacoustic_evologics.emulator.faults import NO_FAULTS, FaultPlan
-from zacoustic_evologics.emulator.medium import EmulatedMedium, Sound, sound_id
+from zacoustic_evologics.emulator.medium import EmulatedMedium
 from zacoustic_evologics.emulator.modem import EmulatedModem
 from zacoustic_evologics.emulator.observation import Observer, ignore
+from zacoustic_evologics.emulator.signals import Hearing
 from zacoustic_evologics.emulator.station import FleetOutput, PortClosed, Station
 from zacoustic_evologics.emulator.store import PORT_OPTIONS
 
@@ -94,8 +95,15 @@ class EmulatedFleet:
     ) -> None:
         self.scenario = scenario
         self.interpreter = interpreter
-        self._medium = EmulatedMedium(scenario, observer)
         self._agenda = Agenda()
+        self._driver = EmulatedMedium(
+            scenario,
+            self._agenda,
+            begun=self._handle_sound,
+            heard=self._handle_hearing,
+            observer=observer,
+        )
+        self._medium = self._driver.medium
         self._outputs: deque[FleetOutput] = deque()
         self._stations: dict[int, Station] = {}
         self._station_of_port: dict[int, Station] = {}
@@ -104,7 +112,7 @@ class EmulatedFleet:
         settings = settings or {}
         _check_settings(settings)
         behaviour = behaviour or Behaviour()
-        reach_s = max(behaviour.reach_s, 1.1 * self._medium.reach_s(0))
+        reach_s = max(behaviour.reach_s, 1.1 * scenario.farthest_s)
         behaviour = msgspec.structs.replace(behaviour, reach_s=reach_s)
         highest = next(each for each in HIGHEST_ADDRESSES if each >= max(self._medium.addresses))
         common = {"AM": max(highest, SETTINGS["AM"].default)} | dict(settings)
@@ -177,7 +185,7 @@ class EmulatedFleet:
         self._next_port_id += 1
         self._station_of_port[port_id] = station
         station.open_port(port_id, interpreter or self.interpreter, is_serial=is_serial, now=now)
-        self._settle(station, now)
+        self._settle(station)
         return port_id
 
     def close_port(self, port_id: int, *, now: int) -> None:
@@ -193,7 +201,7 @@ class EmulatedFleet:
         station = self._station_of_port.get(port_id)
         if station is not None and port_id in station.ports:
             station.handle_bytes(port_id, content, now)
-            self._settle(station, now)
+            self._settle(station)
 
     def handle_timeout(self, now: int) -> None:
         """Do the due actions."""
@@ -217,7 +225,7 @@ class EmulatedFleet:
         assert now >= self.now, "time runs backwards"
         self._agenda.run(now)
 
-    def _settle(self, station: Station, now: int) -> None:
+    def _settle(self, station: Station) -> None:
         """Take the output of a station, and transmit its signals."""
         while station.outputs:
             output = station.outputs.popleft()
@@ -225,25 +233,18 @@ class EmulatedFleet:
                 del self._station_of_port[output.port_id]
             self._outputs.append(output)
         while (signal := station.modem.poll_signal()) is not None:
-            for sound in self._medium.emit(station.node, signal, now):
-                self._expect(sound)
+            self._driver.emit(station.node, signal)
         self._arm(station)
 
-    def _expect(self, sound: Sound) -> None:
-        arrival = sound.arrival
-        station = self._stations[arrival.node]
+    def _handle_sound(self, node: int, sound: int) -> None:
+        station = self._stations[node]
+        station.handle_sound(sound, self.now)
+        self._settle(station)
 
-        def begin() -> None:
-            station.handle_sound(sound_id(arrival), arrival.starts_at)
-            self._settle(station, arrival.starts_at)
-
-        def end() -> None:
-            station.handle_hearing(self._medium.hear(sound), arrival.ends_at)
-            self._settle(station, arrival.ends_at)
-
-        if sound.is_noticed:
-            self._agenda.push(arrival.starts_at, begin)
-        self._agenda.push(arrival.ends_at, end)
+    def _handle_hearing(self, node: int, hearing: Hearing) -> None:
+        station = self._stations[node]
+        station.handle_hearing(hearing, self.now)
+        self._settle(station)
 
     def _arm(self, station: Station) -> None:
         """See that a station is asked when something is due there, and at no other time."""
@@ -262,7 +263,7 @@ class EmulatedFleet:
     def _expire(self, station: Station, at: int) -> None:
         del self._armed[station.node]
         station.handle_timeout(at)
-        self._settle(station, at)
+        self._settle(station)
 
 
 def _check_settings(settings: Mapping[str, int]) -> None:

@@ -1,9 +1,7 @@
 """What a modem does with a signal that it has received: report it, answer it, or only note it."""
 
-import random
 from typing import Any
 
-from zacoustic.channel.faults import corrupt
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic_evologics.at.notifications import (
     ImFlag,
@@ -90,18 +88,18 @@ class Listener:
 
     def _report(self, hearing: Hearing) -> None:
         record = self._record(hearing)
-        self._chassis.say(record)
-        for after_s in hearing.duplicates_after_s:
-            again_at = hearing.ends_at + seconds_to_ns(after_s)
-            self._chassis.agenda.push(again_at, self._chassis.say, record)
+        for after_s in hearing.reception.delays_s:
+            if after_s:
+                at = hearing.ends_at + seconds_to_ns(after_s)
+                self._chassis.agenda.push(at, self._chassis.say, record)
+            else:
+                self._chassis.say(record)
         self._head.measure_angles(hearing)
 
     def _record(self, hearing: Hearing) -> Notification:
         signal = hearing.signal
         started_us = self._chassis.clock_us(hearing.starts_at)
-        payload = signal.payload
-        if hearing.corrupt_seed is not None:
-            payload = corrupt(payload, random.Random(hearing.corrupt_seed))
+        payload = hearing.reception.damage(signal.payload)
         if signal.kind is SignalKind.PROBE:
             return RecvProbe(
                 bit=signal.bit,

@@ -5,6 +5,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.channel.arrival import Reception
 from zacoustic_evologics.at.notifications import ImFlag
 
 
@@ -104,32 +105,50 @@ class Hearing(msgspec.Struct, frozen=True, kw_only=True):
     """Which sound: as it was announced when it began."""
     signal: Signal
     """What was sent."""
-    is_received: bool
-    """Whether the modem could read it."""
-    starts_at: int
-    """Instant of its first sound here, ns."""
-    duration_ns: int
-    """How long it sounded here."""
+    reception: Reception
+    """How it came, and what became of it."""
     rssi_db: int
     """Level, dB re 1 V."""
     integrity: int
     """Signal integrity."""
-    snr_db: float
-    """Level over noise, dB."""
-    velocity_m_s: float
-    """Relative velocity, positive when the distance grows."""
-    propagation_us: int
-    """Propagation delay, one way."""
     offset_m: tuple[float, float, float]
     """Where the sender is from here: east, north, up, m."""
     sound_speed_m_s: float
     """True speed of sound."""
-    corrupt_seed: int | None = None
-    """If set, the payload is damaged, and the modem does not notice."""
-    duplicates_after_s: tuple[float, ...] = ()
-    """When the modem reports it again."""
+    is_unheard: bool = False
+    """The modem has missed it, whatever the channel says."""
+
+    @property
+    def is_received(self) -> bool:
+        """Whether the modem could read it."""
+        return self.reception.is_received and not self.is_unheard
+
+    @property
+    def starts_at(self) -> int:
+        """Instant of its first sound here, ns."""
+        return self.reception.arrival.starts_at
 
     @property
     def ends_at(self) -> int:
         """Instant of its last sound here, ns."""
-        return self.starts_at + self.duration_ns
+        return self.reception.arrival.ends_at
+
+    @property
+    def duration_ns(self) -> int:
+        """How long it sounded here."""
+        return self.ends_at - self.starts_at
+
+    @property
+    def snr_db(self) -> float:
+        """Level over noise, dB."""
+        return self.reception.arrival.snr_db
+
+    @property
+    def propagation_us(self) -> int:
+        """Propagation delay, one way."""
+        return round(self.reception.arrival.propagation_s * 1e6)
+
+    @property
+    def velocity_m_s(self) -> float:
+        """Relative velocity, positive when the distance grows."""
+        return self.reception.arrival.range_rate_m_s

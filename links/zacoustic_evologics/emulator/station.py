@@ -136,7 +136,7 @@ class Station:
         is_ack = hearing.signal.kind is SignalKind.ACK and hearing.is_received
         is_ours = hearing.signal.destination == self.modem.address
         if is_ack and is_ours and self._misfortune.strikes(FaultKind.LOST_ACK, now):
-            hearing = msgspec.structs.replace(hearing, is_received=False)
+            hearing = msgspec.structs.replace(hearing, is_unheard=True)
         self.modem.handle_hearing(hearing, now)
         self._collect(now)
 

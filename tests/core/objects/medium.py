@@ -20,7 +20,10 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access.listening import Listening
+from zacoustic.core.schedule.pacers import Pacers
+from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.transport.objects.admission import Admission, ObjectReceived
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest
@@ -70,11 +73,14 @@ class Node:
         self.alive = True
         self.armed: int | None = None
         self.journal = JournalPort()
+        pacers = Pacers(Peers())
+        self.pacers = pacers
         self.timers = Timers()
         self.listening = Listening(medium.capabilities)
         self.objects = Objects(
             epoch=epoch,
             limits=medium.limits,
+            pacers=pacers,
             timers=self.timers,
             generators=Generators(random.Random(f"{medium.seed}/{address}/{epoch}")),
             admission=self,
@@ -86,6 +92,7 @@ class Node:
         self.use_link(medium.capabilities)
 
     def use_link(self, capabilities: LinkCapabilities) -> None:
+        self.pacers.times = LinkTimes(capabilities)
         self.objects.use_link(
             capabilities, capabilities.mtu_bytes, self.listening.pause_ns, self.medium.now
         )
@@ -342,6 +349,7 @@ class Medium:
             feedback = decode_feedback(record, 0)
             if feedback is not None:
                 node.objects.feedback(source, feedback[0], self.now)
+        node.pacers.heard(source, self.now)
         self.service(node)
 
     def _announce(self, node: Node, source: int, fragment: Fragment) -> None:

@@ -11,7 +11,7 @@ from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
 from zacoustic.errors import ConfigError
 from zacoustic_desert import standin as module
-from zacoustic_desert.channel import SampleChannel, ScenarioChannel
+from zacoustic_desert.channel import SampleChannel, medium_of
 from zacoustic_desert.standin import StandIn, StandInConfig
 
 MS = NS_PER_S // 1000
@@ -160,7 +160,7 @@ def test_scenario_decides_about_packets() -> None:
         loss=LossSpec(frame=0.3),
         faults=FaultSpec(corrupt=0.2, duplicate=0.2),
     )
-    behind = StandIn(ScenarioChannel(scenario, 64), rng=random.Random(1))
+    behind = StandIn(medium_of(scenario, 64), rng=random.Random(1))
     for node in (0, 1):
         behind.handle_client(node, 0)
     behind.handle_write(0, bytes(64 * 300), 0)
@@ -170,7 +170,7 @@ def test_scenario_decides_about_packets() -> None:
     assert len(payloads) > 300 - behind.counts["lost"]
     assert any(any(payload) for payload in payloads), "nothing was damaged"
     with pytest.raises(ConfigError, match="of node 7 takes 64 bytes; max_read_length is 65"):
-        ScenarioChannel(scenario, 65)
+        medium_of(scenario, 65)
 
 
 def test_crash_forgets_everything() -> None:

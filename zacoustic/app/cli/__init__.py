@@ -7,10 +7,11 @@ on standard error and an exit code (`zacoustic.link.command`)::
     1  it tried and failed             3  no answer in the time that the user gave
     130  interrupted
 
-Our own verbs are modules of this package that define `<Verb>Command`; those of link packages come
-from the entry-point group `zacoustic.commands`, where `emulate.desert` is the sub-verb `desert` of
-`emulate`, a verb that several packages may share. A verb is imported when it is called or listed,
-and imports what is heavy when it runs, so that `zacoustic --help` starts no Zenoh.
+Our own verbs are modules of the rooms of this package that define `<Verb>Command`; those of link
+packages come from the entry-point group `zacoustic.commands`, where `emulate.desert` is the
+sub-verb `desert` of `emulate`, a verb that several packages may share. A verb is imported when it
+is called or listed, and imports what is heavy when it runs, so that `zacoustic --help` starts no
+Zenoh.
 
 What a verb does is in `zacoustic.app.tools`, `zacoustic.zenoh.gateway` or `zacoustic.zenoh.node`;
 the files here read arguments and print results.
@@ -25,9 +26,9 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, NoReturn
 
-from zacoustic.app.cli.atwork import AT_WORK
-from zacoustic.app.cli.printing import print_note, print_text
-from zacoustic.app.cli.streams import UNREAD, flush_output
+from zacoustic.app.cli.support.atwork import AT_WORK
+from zacoustic.app.cli.support.printing import print_note, print_text
+from zacoustic.app.cli.support.streams import UNREAD, flush_output
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.link.command import (
     EXIT_FAILED,
@@ -41,6 +42,16 @@ from zacoustic.link.command import (
 )
 from zacoustic.text.safetext import one_line, some_lines, without_secrets
 
+_ROOMS: Final = {
+    "use": ("gateway", "pub", "sub", "call", "action", "ping"),
+    "watch": ("topics", "monitor", "dashboard"),
+    "remote": ("silence", "resume", "stream"),
+    "recordings": ("journal", "decode", "record", "replay", "report"),
+    "design": ("demo", "check", "plan", "sim", "init", "schema", "fit", "bench"),
+    "host": ("doctor", "links", "completion"),
+}
+"""The verbs of each room."""
+_ROOM_OF: Final = {verb: room for room, verbs in _ROOMS.items() for verb in verbs}
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
     "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal", "decode", "sim",
@@ -243,7 +254,7 @@ def _must_be_one_of(known: Sequence[str], called: str) -> None:
 
 
 def _built_in(name: str) -> Command:
-    module = importlib.import_module(f"{__name__}.{name}")
+    module = importlib.import_module(f"{__name__}.{_ROOM_OF[name]}.{name}")
     command_type: type[Command] = getattr(module, f"{name.capitalize()}Command")
     return command_type()
 

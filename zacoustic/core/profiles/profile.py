@@ -7,7 +7,6 @@ not there, and what is asked of it does nothing.
 # ruff: noqa: B027
 
 from abc import ABC, abstractmethod
-from functools import partial
 from types import MappingProxyType
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
@@ -57,9 +56,9 @@ class Profile(ABC):
         self.repeater = Repeater(
             context.queue,
             context.peers,
+            context.pacers,
             context.timers,
             context.generators.of("repeater"),
-            partial(context.handshake.introduce, context.link),
         )
         """Repeats what has no answer yet."""
         self.subscriptions = Subscriptions(context, self.repeater)

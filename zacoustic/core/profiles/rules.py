@@ -49,6 +49,10 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     routes: dict[int, str] = {}
     """Stream id → name of the link that it goes by; others go by the first link."""
 
+    def on_one_link(self) -> "TransmitRules":
+        """Return these rules for a node that has one link, by which all streams go."""
+        return msgspec.structs.replace(self, links=(), routes={})
+
     @property
     def of_links(self) -> tuple[LinkRules, ...]:
         """The rules of each link, at least one.

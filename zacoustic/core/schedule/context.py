@@ -7,6 +7,7 @@ queue, repetitions and their pauses, windows of numbers, runs of objects, counte
 
 import random
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from zacoustic.core.base.generators import Generators
@@ -23,6 +24,7 @@ from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Reception
 from zacoustic.core.peers.statements import Statements
 from zacoustic.core.schedule.hearing import hear_medium
+from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.queue import TransmitQueue
 from zacoustic.core.streams.table import StreamTable
 
@@ -118,6 +120,8 @@ class Context:
         """Gives out what arrives to those that have registered."""
         self.queue = TransmitQueue()
         """Records that wait for a frame."""
+        self.pacers = Pacers(node.peers, partial(node.handshake.introduce, link))
+        """When something may be repeated to the others."""
         Statements(self.handshake, self.peers, self.reception)
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)

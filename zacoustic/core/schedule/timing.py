@@ -14,10 +14,10 @@ not end that, since it may answer the first (RFC 6298, and Karn's rule). Answers
 it: one that comes sooner behind a repetition than any ever did was for what went before that, and
 so was the first of two that say the same. Then that is measured.
 
-Repetitions to a node of which nothing is heard come
-less and less often: it may be out of range for half an hour. The first frame heard of it ends that.
-So do those to a node that is heard and does not answer, since the channel may be crowded; those of
-an emergency not rarer than every four round trips, since the node is in range.
+Repetitions to a node of which nothing is heard come less and less often: it may be out of range for
+half an hour. The first frame heard of it releases a turn, its answer ends that. So do those to a
+node that is heard and does not answer, since the channel may be crowded. Those of an emergency do
+not become rare.
 """
 
 import random
@@ -40,17 +40,41 @@ _FACTORS: Final = (
     *(1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0),
     *(6.0, 8.0, 12.0, 16.0, 24.0, 32.0),
 )
-"""Round trips between two repetitions, by how many in a row have been without any sign of the
-node."""
+"""Round trips between two repetitions, by how many in a row were not answered. The last ones only
+count as long as nobody knows how long a round trip takes."""
+_SILENT_FACTORS: Final = (1.0, 1.0, 1.0, 1.0, 1.0, 3.0, 9.0, 17.5)
+"""The same at least, by how many in a row were without any sign of the node: the first few may have
+been lost, the others go to somebody who is not there. A minute, where a round trip takes three
+seconds: so long does a node wait that comes back and says nothing of itself."""
+
+_PATIENCE: Final = 2
+"""So many times as many as usually go unheard before an answer comes are no sign of absence: they
+come on top of the first few. Where six frames in ten are lost, every sixth exchange succeeds."""
+_MOST_USUAL: Final = 6.0
+_USUAL_PARTS: Final = 8
+"""What is usual becomes less by such a part with each answer to what went once; more by half."""
 
 _LAST_EQUAL: Final = 4
 """Place of the last of the first factors, which are equal."""
 _DOUBLING: Final = 2
 """So many places further a factor is twice as large."""
+_HEARD_PLACES: Final = 2
+"""So many places the first frame of a silent node is worth: one turn at once. Its answer to that
+is worth all; a frame that only pretends to be of the node does not begin everything anew."""
 
+_IMPLAUSIBLE_PARTS: Final = 64
+"""A round trip shorter than such a part of what the link allows for is not believed: sound to the
+farthest node takes seconds, and the shortest frame a tenth of one at least."""
 _LEAST_FACTOR: Final = 4.0
 """So many round trips a node that does not answer is left in peace, in whatever haste: answers may
 take longer than they did, and whoever transmits all the time hears none."""
+_URGENT_FACTOR: Final = 2.0
+_URGENT_S: Final = 8.0
+"""An emergency does not become rarer than that, nor than its factor: the node may be back."""
+_LONGEST_DRAW: Final = 1.25
+"""The longest pause that is drawn, in parts of the mean one."""
+_LONGEST_QUIET: Final = 2
+"""What is sent for the first time puts repetitions off for as many of its pauses at most."""
 _SENSED_TRIES: Final = 2
 """So many repetitions go soon, after a short frame more or less, where carriers are sensed: whoever
 hears the other end begin waits, so what was lost was hardly lost to that."""
@@ -127,8 +151,8 @@ class LinkTimes:
         return least_ns if receivers < 2 else max(least_ns, 2 * receivers * self.ack_slot_ns)
 
 
-class PeerTiming:
-    """How long one node takes to answer."""
+class Pacer:
+    """How long one node takes to answer, and so when something may be repeated to it."""
 
     def __init__(self) -> None:
         self.shortest_ns: int | None = None
@@ -144,6 +168,21 @@ class PeerTiming:
         """Repetitions were in vain before anything was measured: a round trip may take longer."""
         self._unanswered = 0
         self._unheard = 0
+        self._usually_unheard = 0.0
+        """Repetitions in a row without a sign of it, before it answers."""
+        self._quiet_from = 0
+        self._turn_at = -1
+        self._room_bytes = 0
+
+    @property
+    def is_silent(self) -> bool:
+        """Nothing was heard of it for so long that it may not be there."""
+        return self._silent_factor > 1
+
+    @property
+    def _silent_factor(self) -> float:
+        place = self._unheard - round(_PATIENCE * self._usually_unheard)
+        return _SILENT_FACTORS[max(0, min(place, len(_SILENT_FACTORS) - 1))]
 
     @property
     def smooth_ns(self) -> int:
@@ -157,7 +196,14 @@ class PeerTiming:
         return times.first_round_trip_ns
 
     def measured(self, round_trip_ns: int, times: LinkTimes) -> None:
-        """Take a round trip, from the end of a frame to the ACK for it."""
+        """Take a round trip, from the end of a frame to the ACK for it.
+
+        One far shorter than the link allows for answers something else, such as a request of a
+        former life of this node. Believed, it would let this one repeat without a pause.
+        """
+        if round_trip_ns < times.first_round_trip_ns // _IMPLAUSIBLE_PARTS:
+            return
+        self._usually_unheard -= self._usually_unheard / _USUAL_PARTS
         if self._smooth_ns is None or self.shortest_ns is None:
             parts = _FIRST_DEVIATION_DELEGATED if times.is_delegated else _FIRST_DEVIATION
             self._smooth_ns, self._deviation_ns = round_trip_ns, round_trip_ns // parts
@@ -179,24 +225,35 @@ class PeerTiming:
             if self._doubts_guess:
                 more = max(0, _LAST_EQUAL - self._unanswered) + _DOUBLING
             self._unanswered = min(self._unanswered + more, len(_FACTORS) - 1)
-            self._unheard = min(self._unheard + 1, len(_FACTORS) - 1)
+            if self._silent_factor < _SILENT_FACTORS[-1]:
+                self._unheard += 1
 
     def heard(self) -> bool:
         """Anything was heard of the node; True when it had been silent, and repetitions rare."""
-        was_silent = _FACTORS[self._unheard] > 1
-        self._unheard = 0
+        was_silent = self.is_silent
         if was_silent:
+            self._unheard -= _HEARD_PLACES
             self._unanswered //= 2
+        else:
+            self._unheard = 0
         return was_silent
 
-    def begin_anew(self) -> None:
-        """Repeat as often as to a node that was just heard."""
-        self._unheard = 0
-        if not self._doubts_guess:
-            self._unanswered = 0
+    def begin(self, now: int) -> None:
+        """Something new waits for the node; if nothing has, repeat as if it was just heard.
+
+        Repetitions may have become rare long ago, and the node be back since.
+        """
+        if self.quiet_until < now:
+            self._unheard = 0
+            if not self._doubts_guess:
+                self._unanswered = 0
 
     def answered(self, *, in_crowd: bool = True) -> None:
         """The node has told that it has something of what it lacked; others may speak as well."""
+        if self._silent_factor < _SILENT_FACTORS[-1]:  # else it was not there
+            unheard = min(float(self._unheard), _MOST_USUAL)
+            self._usually_unheard += max(0.0, unheard - self._usually_unheard) / 2
+        self._unheard = 0
         if self._doubts_guess:
             self._unanswered = max(0, self._unanswered - _DOUBLING)
         else:
@@ -208,7 +265,7 @@ class PeerTiming:
         So it would be where an answer may just take longer than was guessed.
         """
         is_guess = self._smooth_ns is None and times.is_delegated
-        return is_guess or _FACTORS[self._unanswered] > 1
+        return is_guess or self.is_silent or _FACTORS[self._unanswered] > 1
 
     def pause_ns(
         self,
@@ -237,14 +294,14 @@ class PeerTiming:
                 than `least_pause_ns`; None: it may be.
         """
         round_trip_ns = self.round_trip_ns(times, rank)
-        factor = self._factor(priority)
+        factor = self._factor(times, priority)
         # A round trip that took long once is no reason to be silent for hours.
-        rarest_ns = round(_FACTORS[-1] * times.first_round_trip_ns)
+        rarest_ns = round(self._rarest * times.first_round_trip_ns)
         pause_ns = round(round_trip_ns * min(factor, _LEAST_FACTOR))
         pause_ns = max(pause_ns, min(round(round_trip_ns * factor), rarest_ns))
         range_ns = least_range_ns = self._least_range_ns(times, frames)
         if factor > 1:
-            range_ns = max(range_ns, pause_ns // 2)
+            range_ns = max(range_ns, round(2 * (_LONGEST_DRAW - 1) * pause_ns))
         earliest_ns = max(round_trip_ns, pause_ns - range_ns // 2)
         drawn_ns = spread_ns + earliest_ns + rng.randrange(range_ns + 1)
         if at_most_ns is None or drawn_ns <= at_most_ns:
@@ -261,13 +318,48 @@ class PeerTiming:
             rank: How many receivers acknowledge before this one; what was measured has it in it.
             priority: Of what is repeated.
         """
-        factor = min(self._factor(priority), _LEAST_FACTOR)
+        factor = min(self._factor(times, priority), _LEAST_FACTOR)
         return round(self.round_trip_ns(times, rank) * factor)
 
-    def await_answer(self, since: int, until: int) -> None:
-        """An answer is awaited from an instant on, and until another one, ns."""
+    def await_answer(self, since: int, until: int, *, is_repeated: bool = True) -> None:
+        """An answer is awaited from an instant on, and until another one, ns.
+
+        Args:
+            since: The end of what was sent, ns.
+            until: When it is due again, ns.
+            is_repeated: It was sent before. What goes for the first time, again and again, must
+                not hold back for ever what waits to be repeated.
+        """
+        if is_repeated or since >= self.quiet_until:
+            self._quiet_from = since
+        longest_at = self._quiet_from + _LONGEST_QUIET * (until - since)
         self.quiet_since = max(self.quiet_since, since)
-        self.quiet_until = max(self.quiet_until, until)
+        self.quiet_until = max(self.quiet_until, min(until, longest_at))
+
+    def may_repeat(
+        self, now: int, times: LinkTimes, priority: Priority, *, in_haste: bool = False
+    ) -> bool:
+        """Tell whether something may be repeated to it now, with what already is."""
+        return now == self._turn_at or self.ready_at(times, priority, in_haste=in_haste) <= now
+
+    def takes(self, size_bytes: int, now: int, times: LinkTimes) -> bool:
+        """Take a record into the present turn; False: it has no room.
+
+        A turn is what is repeated before an answer is awaited: a few frames, or one to a node that
+        may not be there.
+
+        Args:
+            size_bytes: Its size.
+            now: The instant.
+            times: Of the link.
+        """
+        if now != self._turn_at:
+            self._turn_at = now
+            self._room_bytes = times.mtu_bytes if self.is_doubtful(times) else times.batch_bytes
+        elif size_bytes > self._room_bytes:
+            return False
+        self._room_bytes -= size_bytes
+        return True
 
     def ready_at(self, times: LinkTimes, priority: Priority, *, in_haste: bool = False) -> int:
         """Return from when on something may be repeated to it, ns.
@@ -285,11 +377,19 @@ class PeerTiming:
             return times.doubt_ns
         return frames * times.longest_ns
 
-    def _factor(self, priority: Priority) -> float:
-        factor = _FACTORS[self._unanswered]
+    @property
+    def _rarest(self) -> float:
+        return _FACTORS[-1] if self._doubts_guess else _SILENT_FACTORS[-1]
+
+    def _factor(self, times: LinkTimes, priority: Priority) -> float:
+        silent_factor = self._silent_factor
+        factor = min(max(_FACTORS[self._unanswered], silent_factor), self._rarest)
         if priority is not Priority.REAL_TIME:
             return factor
-        return min(factor, max(_FACTORS[self._unheard], _LEAST_FACTOR))
+        if self._doubts_guess:
+            return min(factor, max(silent_factor, _LEAST_FACTOR))
+        urgent_ns = seconds_to_ns(_URGENT_S / _LONGEST_DRAW)
+        return min(factor, max(_URGENT_FACTOR, urgent_ns / self.round_trip_ns(times)))
 
     def round_trip_ns(self, times: LinkTimes, rank: int = 0) -> int:
         """Return within what time an answer is here, as far as is known, ns.

@@ -11,8 +11,8 @@ commands cannot be replayed.
 
 ============================  ======================================================================
 `Context.reception`           ``on_extension(code, take)``: ``take(heard, body)`` returns why
-                              something is dropped, one word, or None; `Heard.refusal` tells what is
-                              agreed with the sender
+                              something is dropped, one word, or None, and raises for no bytes;
+                              `Heard.refusal` tells what is agreed with the sender
 `Context.timers`              ``at((Due.TRANSPORT, name, ...), instant, callback)``
 `Context.peers`               ``restarted``, ``asked``, ``forgotten`` … ``.connect(told)``
 `Context.journal`             ``write(f"{name}/…", entry, then)``; `Context.stored` has it back

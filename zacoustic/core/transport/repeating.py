@@ -2,8 +2,8 @@
 
 Requests and answers of calls are such records: each has one node that it is for, and somebody who
 stops it. They wait in the transmit queue like everything else; what is kept here is when a record
-is due again. While an answer of a node is awaited nothing else is repeated to it, and what is due
-together goes together, a few frames at most: whoever transmits without end hears nothing.
+is due again. When something may be repeated to a node, its pacer decides
+(`zacoustic.core.schedule.pacers`).
 
 A record may have a *reminder*: a short one that asks whether the node has it. When the record
 went twice and no answer came, answers were lost rather than the record twice, so from then on the
@@ -12,19 +12,18 @@ reminder is repeated; a node that lacks the record says so, and gets it `again`.
 
 import enum
 import random
-from collections.abc import Callable
 from functools import partial
 from typing import Final
 
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
-from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.peers.peers import Peers, PerPeer
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.copies import aimed_pause, follow
+from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
-from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
 
 _WHOLE_TRIES: Final = 2
 """So often a record goes before its reminder does. After two tries at 30 % loss a node that has not
@@ -47,6 +46,7 @@ class Repetition:
         "introduces",
         "key",
         "on_air",
+        "paced_as",
         "qos",
         "record",
         "reminder",
@@ -75,6 +75,8 @@ class Repetition:
         """The one of them that is sent, or was last."""
         self.wholes_left = _WHOLE_TRIES
         self.qos = qos
+        self.paced_as = Priority.INTERACTIVE_HIGH if introduces else qos.priority
+        """A command goes at once, but is repeated with the rest."""
         self.until = until
         self.introduces = introduces
         """Its frame has to be readable also for a node that has forgotten this one."""
@@ -102,32 +104,28 @@ class Repeater:
     Args:
         queue: Takes them.
         peers: The other nodes.
+        pacers: When something may be repeated to them.
         timers: Repeat and end them.
         rng: Draws the pauses.
-        introduce: Makes the next frame to a node readable there: address, stream id.
     """
 
     def __init__(
         self,
         queue: TransmitQueue,
         peers: Peers,
+        pacers: Pacers,
         timers: Timers,
         rng: random.Random,
-        introduce: Callable[[int, int], None] = lambda address, stream_id: None,
     ) -> None:
         self._queue = queue
         self._timers = timers
-        self._introduce = introduce
         self._rng = rng
-        self._times: LinkTimes | None = None
-        self._timings = PerPeer(peers, PeerTiming)
+        self._pacers = pacers
         self._repetitions: dict[Repetition, None] = {}
         peers.forgotten.connect(lambda address, now: self._changed())
-
-    def use_link(self, times: LinkTimes) -> None:
-        """Take the airtimes of a link."""
-        self._times = times
-        self._changed()
+        pacers.on_repeat(self._repeat)
+        pacers.changed.connect(self._changed)
+        pacers.released.connect(self._released)
 
     def start(
         self,
@@ -149,10 +147,7 @@ class Repeater:
             introduces: Each frame with it is to be readable for a node that has forgotten us.
             reminder: A short record that asks for an answer; None: there is none.
         """
-        peer = record.destination
-        if not any(each.record.destination == peer for each in self._repetitions):
-            # Repetitions may have become rare long ago, and the node be back since.
-            self._timings[peer].begin_anew()
+        self._pacers[record.destination].begin(record.queued_at)
         repetition = Repetition(key, record, qos, until, reminder, introduces=introduces)
         part = Part(
             transmitted=partial(self._transmitted, repetition),
@@ -176,15 +171,16 @@ class Repeater:
             answered: The node has just said that it has the record.
             prompt: It says so as soon as it can; otherwise it may have worked on it meanwhile.
         """
-        timing = self._timings[repetition.record.destination]
+        peer = repetition.record.destination
         if answered:
             if repetition.tries == 1 and repetition.stage is _Stage.SENT:
-                assert self._times is not None
+                times = self._pacers.times
+                assert times is not None
                 round_trip_ns = now - repetition.sent_at
-                if prompt or round_trip_ns < 2 * self._times.first_round_trip_ns:
-                    timing.measured(round_trip_ns, self._times)
-            timing.answered(in_crowd=len(self._timings) > 1)
-            timing.quiet_until = 0
+                if prompt or round_trip_ns < 2 * times.first_round_trip_ns:
+                    self._pacers[peer].measured(round_trip_ns, times)
+            self._pacers.answered(peer, now)
+            self._pacers.await_nothing(peer)
         self._repetitions.pop(repetition, None)
         self._queue.discard(repetition.key, repetition.record)
         repetition.stage = _Stage.OVER
@@ -205,53 +201,44 @@ class Repeater:
             self._repetitions[repetition] = None
             self._push_again(repetition)
 
-    def heard(self, source: int) -> None:
-        """A frame of a node arrived: if repetitions to it had become rare, they are due."""
-        timing = self._timings.get(source)
-        if timing is None or not timing.heard():
-            return
-        timing.quiet_until = 0
+    # Below the methods above
+
+    def _released(self, address: int, now: int) -> None:
+        """What waits for a node is due."""
         for repetition in self._repetitions:
-            if repetition.record.destination == source:
+            if repetition.record.destination == address:
                 repetition.due_at = 0
         self._changed()
 
-    def link_up(self) -> None:
-        """The link is up again: everything is due."""
-        for timing in self._timings.values():
-            timing.quiet_until = 0
-        for repetition in self._repetitions:
-            repetition.due_at = 0
-        self._changed()
-
-    # Below the methods above
-
     def _changed(self) -> None:
-        self._timers.changed((Due.REPETITION,), self._due_at, self._repeat)
+        self._timers.changed((Due.REPETITION,), self._due_at, self._go_on)
 
-    def _repeat(self, now: int) -> None:
-        """Repeat what is due; forget what nobody wants any more."""
+    def _go_on(self, now: int) -> None:
+        """Forget what nobody wants any more, and repeat what is due."""
         self._changed()
         for repetition in list(self._repetitions):
             if repetition.until is not None and repetition.until <= now:
                 self.stop(repetition, now)
-        if self._times is None:
+        self._pacers.repeat(now)
+
+    def _repeat(self, now: int) -> None:
+        times = self._pacers.times
+        if times is None:
             return
-        room: dict[int, int] = {}
-        due = [
-            each
-            for each in self._repetitions
-            if each.stage is _Stage.SENT and self._ready_at(each) <= now
-        ]
-        for repetition in due:
-            peer = repetition.record.destination
-            left_bytes = room.get(peer, self._times.batch_bytes)
-            if left_bytes > 0:
-                room[peer] = left_bytes - repetition.record.size_bytes
-                timing = self._timings[peer]
-                timing.unanswered(now, self._times)
-                pause_ns = timing.pause_ns(self._times, 0, self._rng, repetition.qos.priority)
-                timing.await_answer(now, now + pause_ns)
+        for repetition in list(self._repetitions):
+            pacer, priority = self._pacers[repetition.record.destination], repetition.paced_as
+            if (
+                repetition.stage is _Stage.SENT
+                and repetition.due_at <= now
+                and pacer.may_repeat(now, times, priority)
+                and (
+                    priority is Priority.REAL_TIME
+                    or pacer.takes(repetition.record.size_bytes, now, times)
+                )
+            ):
+                pacer.unanswered(now, times)
+                pause_ns = pacer.pause_ns(times, 0, self._rng, priority)
+                pacer.await_answer(now, now + pause_ns)
                 self._push_again(repetition)
 
     def _due_at(self) -> int | None:
@@ -283,23 +270,24 @@ class Repeater:
         if repetition.stage is not _Stage.ON_AIR:
             return
         repetition.stage = _Stage.SENT
-        assert self._times is not None
-        priority, times = repetition.qos.priority, self._times
+        priority, times = repetition.qos.priority, self._pacers.times
+        assert times is not None
         if follow(repetition.record, priority, repetition.tries, times, at, self._rng):
             self._push_again(repetition)
             return
-        timing = self._timings[repetition.record.destination]
-        pause_ns = timing.pause_ns(times, 0, self._rng, priority)
-        if not timing.is_doubtful(times):
+        pacer = self._pacers[repetition.record.destination]
+        pause_ns = pacer.pause_ns(times, 0, self._rng, repetition.paced_as)
+        if not pacer.is_doubtful(times):
             pause_ns = aimed_pause(pause_ns, priority, repetition.tries, times, at, self._rng)
         repetition.due_at = at + pause_ns
-        timing.await_answer(at, repetition.due_at)
+        pacer.await_answer(at, repetition.due_at, is_repeated=repetition.tries > 1)
 
     def _ready_at(self, repetition: Repetition) -> int:
-        if self._times is None:
+        times = self._pacers.times
+        if times is None:
             return repetition.due_at
-        timing = self._timings[repetition.record.destination]
-        return max(repetition.due_at, timing.ready_at(self._times, repetition.qos.priority))
+        pacer = self._pacers[repetition.record.destination]
+        return max(repetition.due_at, pacer.ready_at(times, repetition.paced_as))
 
     def _push_again(self, repetition: Repetition) -> None:
         if repetition.wholes_left <= 0 and repetition.reminder is not None:
@@ -318,6 +306,6 @@ class Repeater:
             repetition.stage = _Stage.OVER
             return
         repetition.stage = _Stage.QUEUED
-        if repetition.introduces:
-            self._introduce(repetition.record.destination, repetition.record.stream_id)
+        record = repetition.record
+        self._pacers.introduce(record.destination, record.stream_id, anyway=repetition.introduces)
         self._queue.push(repetition.key, repetition.record, repetition.qos)

@@ -5,6 +5,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.linktypes import (
+    ONE_LINK,
     LinkCapabilities,
     LinkMetrics,
     LinkState,
@@ -80,6 +81,8 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The same."""
     range_rate_m_s: float | None = None
     """The same."""
+    link: str = ONE_LINK
+    """Name of the link."""
 
 
 class ReportRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -99,6 +102,8 @@ class ReportRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Between the two, s."""
     detail: str = ""
     """The modem's words."""
+    link: str = ONE_LINK
+    """Name of the link."""
 
 
 class LinkRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -110,6 +115,8 @@ class LinkRecord(msgspec.Struct, frozen=True, kw_only=True):
     """`up`, `down` or `opening`."""
     capabilities: LinkCapabilities | None = None
     """With `up`."""
+    link: str = ONE_LINK
+    """Name of the link."""
 
 
 class LedgerRow(msgspec.Struct, frozen=True, kw_only=True):

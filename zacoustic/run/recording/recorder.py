@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import msgspec
+from msgspec.structs import replace
 
 from zacoustic.core.base.linktypes import LinkState, ReceivedFrame, Transmission, TransmitReport
 from zacoustic.core.base.trace import TraceSink
@@ -178,17 +179,20 @@ class _LifeRecorder:
         if call.error is not None:
             return
         node, arguments, result = self._node, call.arguments, call.result
+        link = arguments.get("link") or self._engine.links[0]
         match call.name, arguments:
             case "poll_transmit", _ if isinstance(result, Transmission):
-                capabilities = self._engine.capabilities
-                self._put_record(self._frames, sent_frame(node, result, self._now, capabilities))
+                link, capabilities = result.link, self._engine.capabilities_of(result.link)
+                sent = sent_frame(node, result, self._now, capabilities)
+                self._put_record(self._frames, replace(sent, link=link))
             case "handle_frame", {"frame": ReceivedFrame() as frame}:
-                self._put_record(self._frames, received_frame(node, frame))
+                self._put_record(self._frames, replace(received_frame(node, frame), link=link))
             case "handle_transmit_report", {"report": TransmitReport() as report}:
-                self._put_record(self._reports, report_record(node, report))
+                self._put_record(self._reports, replace(report_record(node, report), link=link))
             case "handle_link_state", {"state": LinkState() as state}:
                 capabilities = arguments.get("capabilities")
-                self._put_record(self._links, link_record(node, state, capabilities))
+                told = link_record(node, state, capabilities)
+                self._put_record(self._links, replace(told, link=link))
             case "poll_event", _ if result is not None:
                 self._put_record(self._events, _event(result, self._key_of(result)))
                 if isinstance(result, SampleReceived) and not result.deleted:

@@ -57,7 +57,7 @@ class Outstanding:
         self._calls: dict[int, int] = {}
         self._goals: dict[GoalKey, bool] = {}
         self._ranges: dict[int, int] = {}
-        self._wishes: dict[int, dict[str, Any]] = {}
+        self._subscriptions: dict[int, dict[str, Any]] = {}
         self._schedules: dict[int, dict[str, Any]] = {}
         self._ended_samples: dict[int, None] = {}
         self._ended_goals: dict[GoalKey, None] = {}
@@ -114,7 +114,7 @@ class Outstanding:
         recovered = {event.goal for event in events if isinstance(event, GoalRecovered)}
         lost = [*self._lost(engine, recovered, now)]
         for name, kept in (
-            ("subscriptions.want", self._wishes),
+            ("subscriptions.want", self._subscriptions),
             ("ranging.repeat", self._schedules),
         ):
             for arguments in kept.values():
@@ -181,7 +181,7 @@ class Outstanding:
             case "ranging.repeat":
                 self._schedules[arguments["address"]] = arguments
             case "subscriptions.want":
-                self._wishes[arguments["stream_id"]] = arguments
+                self._subscriptions[arguments["stream_id"]] = arguments
             case _:
                 pass
 

@@ -28,7 +28,7 @@ import zenoh
 from zacoustic.config import Config, read_config
 from zacoustic.core.base.clock import Clock
 from zacoustic.core.base.qos import Durability
-from zacoustic.errors import ConfigError
+from zacoustic.errors import ConfigError, LocalError
 from zacoustic.link import registry
 from zacoustic.link.contract import Link
 from zacoustic.run.hostclock import HostClock
@@ -100,6 +100,11 @@ class Gateway:
             address=config.address,
             table=config.table,
             link=link or registry.create(_locator(config), config.address),
+            beside={
+                each.name: registry.create(each.locator, config.address)
+                for each in config.links[1:]
+                if each.name is not None
+            },
             rules=config.rules,
             ranges=config.ranges_to(),
             journal=journal,
@@ -196,9 +201,11 @@ class Gateway:
         """Wait until the gateway ends.
 
         Raises:
+            LocalError: It has not been started.
             Exception: What has stopped it, if it was not closed.
         """
-        assert self._session is not None, "the gateway has not been started"
+        if self._session is None:
+            raise LocalError("the gateway has not been started", hint="await start() before")
         await self._session.wait_failed()
 
     async def __aenter__(self) -> Self:

@@ -84,6 +84,8 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
     """The new state."""
     detail: str = ""
     """What it waits for."""
+    link: str = ""
+    """Its name, where there are several."""
 
     @property
     def is_trouble(self) -> bool:
@@ -92,7 +94,8 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
 
     def lines(self) -> list[str]:
         """One line."""
-        return [f"link      {self.state} {self.detail}".rstrip()]
+        name = f"{self.link} " if self.link else ""
+        return [f"link      {name}{self.state} {self.detail}".rstrip()]
 
 
 class SilenceJournalled(Notice, frozen=True, kw_only=True, tag="silence"):
@@ -133,7 +136,7 @@ class TopicOverridden(Notice, frozen=True, kw_only=True, tag="overridden"):
         """One line."""
         state = "on" if self.on else "off"
         state += f", every {self.min_interval_s:g} s at most" if self.min_interval_s else ""
-        by = f"node {self.commanded_by}" if self.commanded_by else "this island"
+        by = f"node {self.commanded_by}" if self.commanded_by else "this local network"
         return [f"tuned     {self.stream_id} ({self.stream}): {state}, {self.priority}, by {by}"]
 
 

@@ -60,7 +60,7 @@ from zacoustic_evologics.driver.events import (
     OpeningHopeless,
     TransmissionEnded,
 )
-from zacoustic_evologics.driver.session import BIT_RATE_BPS, PREAMBLE_S
+from zacoustic_evologics.driver.session.session import BIT_RATE_BPS, PREAMBLE_S
 from zacoustic_evologics.driver.states import State
 
 IGNORED: Final = "ignored"
@@ -135,7 +135,7 @@ class ScriptedModem:
         if scripted == IGNORED:
             return
         refused = scripted is not None and scripted.startswith(("ERROR", "BUSY"))
-        text = scripted if refused else self._obey(command)
+        text = scripted if refused else self._execute(command)
         if scripted:
             text = scripted
         if text is None or scripted is None:
@@ -149,7 +149,7 @@ class ScriptedModem:
         raw = text.encode() + end if end else encode_message(reply, self.decoder.framing)
         self.write(raw)
 
-    def _obey(self, command: Command | InvalidCommand) -> str | None:
+    def _execute(self, command: Command | InvalidCommand) -> str | None:
         match command:
             case InvalidCommand():
                 return command.mistake.value

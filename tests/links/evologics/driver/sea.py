@@ -124,13 +124,13 @@ class Sea:
         while not condition():
             at = self._next_at()
             assert at is not None, "nothing is to happen any more"
-            assert at <= end, f"not within {limit_s} s: {self.story()}"
+            assert at <= end, f"not within {limit_s} s: {self.voyage()}"
             self._step(at)
 
     def make_ready(self) -> None:
         self.until(lambda: all(node.is_ready for node in self.nodes.values()))
 
-    def story(self) -> str:
+    def voyage(self) -> str:
         return "; ".join(
             f"{node.address} {node.dialogue.state.value}: {node.dialogue.detail}"
             for node in self.nodes.values()

@@ -10,7 +10,7 @@ from zacoustic.core.clock import NS_PER_S, ns_to_seconds, seconds_to_ns
 from zacoustic.core.linktypes import LinkState, TransmitOutcome
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.driver.session import GAP_S
+from zacoustic_evologics.driver.session.session import GAP_S
 from zacoustic_evologics.emulator import (
     Behaviour,
     EmulatedFleet,
@@ -178,7 +178,7 @@ def voyage(
     sea.run(5.0 + Behaviour().restart_s)
     for node in sea.nodes.values():
         is_up = [state for _, state, _ in node.changes if state is not LinkState.OPENING][-1:]
-        assert is_up == [LinkState.UP], f"{told}: {sea.story()}"
+        assert is_up == [LinkState.UP], f"{told}: {sea.voyage()}"
     sea.run(90.0)
     for node in sea.nodes.values():
         far = sea[3 - node.address]

@@ -6,7 +6,7 @@ from tests.links.evologics.driver.bench import Bench, ScriptedModem
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import TransmitOutcome
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.driver.sending_times import BUSY_PAUSE_S
+from zacoustic_evologics.driver.sending.times import BUSY_PAUSE_S
 from zacoustic_evologics.driver.states import State
 
 

@@ -22,7 +22,7 @@ from zacoustic_evologics.at.notifications import (
     SendEnd,
 )
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.driver.sending_states import Phase
+from zacoustic_evologics.driver.sending.states import Phase
 from zacoustic_evologics.driver.states import State
 
 SENT, DELIVERED, NOT_DELIVERED = (

@@ -8,7 +8,7 @@ from zacoustic_evologics.at.commands import Set
 from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
 from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.driver.startup_probe import FILLER
+from zacoustic_evologics.driver.startup.probe import FILLER
 from zacoustic_evologics.driver.states import State
 
 PLACES = [
@@ -73,11 +73,11 @@ def test_filler_is_used_once_for_a_modem_that_is_not_there() -> None:
 def test_filler_in_data_mode_is_cleared_from_the_buffer() -> None:
     modem = ScriptedModem(Interpreter.AT, Framing.PACKETS)
     bench = Bench(modem)
-    obey = modem.feed
+    feed = modem.feed
     modem.feed = lambda raw: None  # type: ignore[method-assign]
     bench.connect()
     bench.run(2.6)  # two questions were not heard; the filler is
-    modem.feed = obey  # type: ignore[method-assign]
+    modem.feed = feed  # type: ignore[method-assign]
     bench.until(lambda: bench.dialogue.state is State.READY)
     assert "Z" in modem.names()
 

@@ -10,8 +10,8 @@ from zacoustic.core.linktypes import LinkState, Transmission, TransmitOutcome
 from zacoustic.errors import LocalError
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
-from zacoustic_evologics.driver.sending_states import TRANSITIONS as PHASES
-from zacoustic_evologics.driver.sending_states import Phase, Word
+from zacoustic_evologics.driver.sending.states import TRANSITIONS as PHASES
+from zacoustic_evologics.driver.sending.states import Phase, Word
 from zacoustic_evologics.driver.states import CONNECTED, TRANSITIONS, UP, Input, State
 
 FROM_OUTSIDE = {Input.OPENED, Input.GONE, Input.CLOSED, Input.TRANSMIT}

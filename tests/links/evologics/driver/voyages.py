@@ -230,7 +230,7 @@ class Voyage:
         limit_s = CROSSING_S + EXCHANGE_S * (self.course.acknowledge > 0)
         limit_s += CONNECTION_S * (self.course.config.mtu > 64)
         for node in self.crew:
-            assert node.is_up, sea.story()
+            assert node.is_up, sea.voyage()
             self.crossed_s = max(self.crossed_s, self._see_crossing(node, limit_s))
 
     def _see_crossing(self, node: CrewNode, limit_s: float) -> float:
@@ -244,7 +244,7 @@ class Voyage:
             if passed_s >= 2.0 * len(contents):
                 contents.append(self._publish(node, 10 * other.address + FRESH))
             sea.run(0.1)
-        raise AssertionError(f"no sample crosses within {limit_s} s: {sea.story()}")
+        raise AssertionError(f"no sample crosses within {limit_s} s: {sea.voyage()}")
 
     def _see_traffic(self) -> None:
         assert not (twice := [key for key, times in self.samples.items() if times > 1]), twice

@@ -147,7 +147,7 @@ def chatter(seed: int, rate: float, interpreter: Interpreter) -> tuple[list[obje
 
 
 @pytest.mark.parametrize("interpreter", list(Interpreter))
-def test_one_seed_gives_one_story_and_another_seed_another(interpreter: Interpreter) -> None:
+def test_one_seed_gives_one_course_and_another_seed_another(interpreter: Interpreter) -> None:
     first, _ = chatter(1, 0.05, interpreter)
     assert first == chatter(1, 0.05, interpreter)[0]
     assert first != chatter(2, 0.05, interpreter)[0]

@@ -1,7 +1,12 @@
 """What an observer is told of the water, which no modem knows."""
 
+import msgspec
+
 from tests.links.evologics.emulator.sea import Sea
-from zacoustic_evologics.emulator import Observation, SignalArrived, SignalEmitted
+from zacoustic.channel.blackout import BlackoutSpec
+from zacoustic.channel.faults import FaultSpec
+from zacoustic_evologics.at.notifications import RecvIm
+from zacoustic_evologics.emulator import Observation, SignalArrived, SignalEmitted, scenario_of
 
 
 def test_who_speaks_into_what_is_coming_loses_it_and_the_observer_knows_why() -> None:
@@ -45,3 +50,29 @@ def test_burst_is_seen_with_what_it_takes_to_connect() -> None:
         if isinstance(each, SignalEmitted)
     ]
     assert sent == [("connect", 0), ("accept", 0), ("burst", 100), ("burst ack", 0)]
+
+
+def test_faults_of_the_scenario_happen() -> None:
+    said = b"AT*SENDIM,4,2,noack,abcd\n"
+    usual_s, heard_s = 0.0, []
+    for faults in (
+        FaultSpec(),
+        FaultSpec(blackouts=(BlackoutSpec(node=2, from_s=0.0, to_s=100.0),)),
+        FaultSpec(jitter_s=5.0),
+        FaultSpec(duplicate=1.0, duplicate_after_s=2.0),
+        FaultSpec(corrupt=1.0),
+    ):
+        sea = Sea(msgspec.structs.replace(scenario_of(2, spacing_m=1500.0), faults=faults))
+        near, far = sea.host(1), sea.host(2)
+        near.say(said)
+        sea.run()
+        at_s = [round(at, 6) for at, message in far.heard if isinstance(message, RecvIm)]
+        payloads = [message.payload for message in far.all_of(RecvIm)]
+        usual_s = usual_s or at_s[0]
+        heard_s.append(at_s)
+        assert (payloads in ([], [b"abcd"], [b"abcd"] * 2)) is not bool(faults.corrupt)
+    usual, dark, late, twice, damaged = heard_s
+    assert usual == damaged == [usual_s]
+    assert dark == []
+    assert usual_s < late[0] < usual_s + 5.0
+    assert twice == [usual_s, round(usual_s + 2.0, 6)]

@@ -73,7 +73,7 @@ class Child:
             ChildDiedError: The program cannot be started.
         """
         try:
-            self._process = await asyncio.create_subprocess_exec(
+            process = self._process = await asyncio.create_subprocess_exec(
                 *self.command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -85,8 +85,8 @@ class Child:
         except OSError as error:
             raise ChildDiedError(f"{self.name} cannot be started: {error.strerror}") from error
         self._readers = [
-            asyncio.create_task(self._read_output(), name=f"{self.name} output"),
-            asyncio.create_task(self._read_problems(), name=f"{self.name} stderr"),
+            asyncio.create_task(self._read_output(process), name=f"{self.name} output"),
+            asyncio.create_task(self._read_problems(process), name=f"{self.name} stderr"),
         ]
 
     async def watch(self) -> None:
@@ -139,19 +139,15 @@ class Child:
             reader.cancel()
         await asyncio.gather(*self._readers, return_exceptions=True)
 
-    async def _read_output(self) -> None:
-        assert self._process is not None
-        assert self._process.stdout is not None
-        async for line in self._process.stdout:
+    async def _read_output(self, process: asyncio.subprocess.Process) -> None:
+        while process.stdout is not None and (line := await process.stdout.readline()):
             with contextlib.suppress(ValueError):
                 told = json.loads(line)
                 if isinstance(told, dict):
                     self._told(self.name, told)
 
-    async def _read_problems(self) -> None:
-        assert self._process is not None
-        assert self._process.stderr is not None
-        async for line in self._process.stderr:
+    async def _read_problems(self, process: asyncio.subprocess.Process) -> None:
+        while process.stderr is not None and (line := await process.stderr.readline()):
             text = line.decode(errors="replace").strip()
             if text:
                 self._problems.append(text)

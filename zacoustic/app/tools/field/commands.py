@@ -55,7 +55,7 @@ async def give_command(
         raise _error(*question.failures[0], node)
     which = "no gateway is" if node is None else f"no gateway that knows node {node} is"
     raise DeliveryError(
-        f"{which} on this island", hint="is it running, and is --connect its router?"
+        f"{which} on this local network", hint="is it running, and is --connect its router?"
     )
 
 

@@ -96,7 +96,7 @@ class GatewayPinger(Pinger):
             return msgspec.json.decode(question.good[0], type=PingAnswer)
         if question.error is None:
             raise DeliveryError(
-                f"no gateway that knows node {node} is on this island",
+                f"no gateway that knows node {node} is on this local network",
                 hint="is it running, and is --connect its router?",
             )
         failure, text = question.error

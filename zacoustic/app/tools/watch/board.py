@@ -275,7 +275,7 @@ class _GatewayBoard:
             outcomes=_outcomes(row),
             useless=sum(counts.get(row.name, 0) for counts in useless),
             expired=dropped.expired.get(row.name, 0) if row.delivering is None else row.expired,
-            refused=row.refused + sum(dropped.zenoh_session.get(row.name, {}).values()),
+            refused=row.refused + sum(dropped.local.get(row.name, {}).values()),
             deadline_missed=row.deadline_missed,
             airtime_bytes=own,
             airtime_share=round(own / total, 4) if total else 0.0,

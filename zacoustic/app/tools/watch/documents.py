@@ -188,7 +188,7 @@ class DroppedDocument(msgspec.Struct, frozen=True, kw_only=True):
     """``dropped``."""
 
     channel: dict[str, int] = {}
-    zenoh_session: dict[str, dict[str, int]] = {}
+    local: dict[str, dict[str, int]] = {}
     expired: dict[str, int] = {}
     superseded: dict[str, int] = {}
     unsubscribed: dict[str, int] = {}

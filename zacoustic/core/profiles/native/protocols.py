@@ -86,7 +86,7 @@ class Protocols(Profile):
         self.topics = Topics(context, rules.objects, self.subscriptions, self.deadlines)
         self.objects = self.topics.large.objects
         """Samples that are larger than a frame, on the channel."""
-        context.reception.read.connect(lambda address, now: self.repeater.heard(address))
+        context.reception.read.connect(context.pacers.heard)
         self.transports = make_transports(context, transports)
         self.receiver = Receiver(context.table, context.handshake, context.reception, context.stats)
         made_of = Ingredients(
@@ -208,6 +208,7 @@ class Protocols(Profile):
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""
         self.receiver.overhear(opened, frame, port, now)
+        self._context.pacers.heard(opened.source, now)
 
     # The life of the engine
 
@@ -230,10 +231,10 @@ class Protocols(Profile):
         self.ranging.use_link(capabilities)
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
         settling_ns = SETTLING_UNITS * unit_ns(capabilities)
+        self._context.pacers.times = times
         self.topics.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)
-        self.repeater.use_link(times)
         for each in self.transports.values():
             each.use_link(capabilities, now)
         self.objects.use_link(capabilities, port.envelope.room_bytes, port.listening.pause_ns, now)
@@ -246,7 +247,7 @@ class Protocols(Profile):
         """The link is up."""
         self._context.doubt.link_up(now)
         self.topics.link_up(now)
-        self.repeater.link_up()
+        self._context.pacers.link_up(now)
         self.services.link_up(now)
         self.actions.link_up(now)
         for each in self.transports.values():

@@ -93,6 +93,7 @@ class LargeSamples:
         self.objects = Objects(
             epoch=context.handshake.epoch,
             limits=limits,
+            pacers=context.pacers,
             timers=context.timers,
             generators=context.generators,
             admission=self,

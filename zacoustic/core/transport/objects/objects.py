@@ -21,6 +21,7 @@ from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame, Trans
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
 from zacoustic.core.base.timers import Timers
+from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.sources import Taken
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.admission import AdmissionControl
@@ -54,6 +55,7 @@ class Objects:
     Args:
         epoch: Boot epoch of the node.
         limits: How much memory they may take.
+        pacers: When something may be repeated to others.
         timers: Withdraw what is too old.
         generators: One for each component that draws.
         admission: Knows the table, and when it is whose turn; takes complete objects, once each.
@@ -67,6 +69,7 @@ class Objects:
         *,
         epoch: int,
         limits: ObjectLimits,
+        pacers: Pacers,
         timers: Timers,
         generators: Generators,
         admission: AdmissionControl,
@@ -78,6 +81,7 @@ class Objects:
         self._outgoing = OutgoingObjects(
             epoch=epoch,
             most=limits.most_outgoing,
+            pacers=pacers,
             timers=timers,
             rng=generators.of("outgoing objects"),
             emit=emit,

@@ -87,7 +87,7 @@ class Topics:
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
         self.copied.use_link(times)
-        self.sending.use_link(times, settling_ns)
+        self.sending.use_link(settling_ns)
         self.receiving.use_link(times)
 
     def link_up(self, now: int) -> None:

@@ -66,7 +66,11 @@ class EventNotices:
         return None if make is None else make(self, event)
 
     def _link(self, event: LinkStateChanged) -> Notice:
-        return LinkChanged(state=event.state.value, detail=self._runner.link_detail)
+        sides = self._runner.sides
+        if len(sides) == 1:
+            return LinkChanged(state=event.state.value, detail=sides[0].detail)
+        detail = self._runner.side(event.link).detail
+        return LinkChanged(state=event.state.value, detail=detail, link=event.link)
 
     def _silence(self, event: SilenceChanged) -> Notice:
         state = self._commands.silence(event)

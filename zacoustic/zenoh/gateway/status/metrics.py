@@ -142,7 +142,9 @@ def _link(link: "Documents", ledger: "Documents") -> Iterator[Metric]:
 
 
 def _streams(rows: list["Documents"], dropped: "Documents") -> Iterator[Metric]:
-    published = _counter("stream_published", "What the island gave, and was taken.", "stream")
+    published = _counter(
+        "stream_published", "What the local network gave, and was taken.", "stream"
+    )
     transmitted = _counter("stream_transmitted_records", "Records transmitted.", "stream")
     received = _counter("stream_received_records", "Records that came.", "stream")
     waiting = _gauges("stream_waiting", "What waits for the channel.", "stream")

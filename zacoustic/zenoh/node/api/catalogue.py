@@ -205,7 +205,7 @@ class Catalogue:
         """
         found = self._find(name, None)
         if found is None:
-            self._must_declare(name, None)
+            self._new_stream_id(name, None)
         return None if found is None else found[0]
 
     # Below the methods above
@@ -218,9 +218,9 @@ class Catalogue:
             if not isinstance(found[0].spec, TopicSpec):
                 raise LocalError(f"{found[0].name} is {kind_of(found[0])}, not a topic")
             return found
-        if not self._must_declare(name, stream_id):
+        new_id = self._new_stream_id(name, stream_id)
+        if new_id is None:
             return None, None
-        assert stream_id is not None
         form = free_form(sample_type, where=name)
         if qos is not None and qos.reliability is Reliability.RELIABLE and not self._table.nodes:
             raise ConfigError(
@@ -228,7 +228,7 @@ class Catalogue:
                 hint="give config=FILE that lists the nodes",
             )
         spec = TopicSpec(
-            stream_id=stream_id, name=name, type_name=self._type_name(form), qos=qos or Qos()
+            stream_id=new_id, name=name, type_name=self._type_name(form), qos=qos or Qos()
         )
         return self._carrier.declare(spec), name
 
@@ -243,14 +243,14 @@ class Catalogue:
     ) -> ServiceRoute[Any, Any]:
         request_type, response_type = pair_of(service_type, name)
         found = self._find(name, stream_id)
-        if found is None and self._must_declare(name, stream_id):
+        new_id = None if found else self._new_stream_id(name, stream_id)
+        if new_id is not None:
             if server is None:
                 raise ConfigError(f"{name}: no server is given", hint="give server=ADDRESS")
-            assert stream_id is not None
             request = free_form(request_type, where=f"{name}: request")
             response = free_form(response_type, where=f"{name}: response")
             spec = ServiceSpec(
-                stream_id=stream_id,
+                stream_id=new_id,
                 name=name,
                 server=server,
                 request_type=self._type_name(request),
@@ -287,16 +287,16 @@ class Catalogue:
     ) -> ActionRoute[Any, Any, Any]:
         types = triple_of(action_type, name)
         found = self._find(name, stream_id)
-        if found is None and self._must_declare(name, stream_id):
+        new_id = None if found else self._new_stream_id(name, stream_id)
+        if new_id is not None:
             if server is None:
                 raise ConfigError(f"{name}: no server is given", hint="give server=ADDRESS")
-            assert stream_id is not None
             goal, feedback, result = (
                 self._type_name(free_form(each, where=f"{name}: {part}"))
                 for each, part in zip(types, PARTS, strict=True)
             )
             spec = ActionSpec(
-                stream_id=stream_id,
+                stream_id=new_id,
                 name=name,
                 server=server,
                 goal_type=goal,
@@ -351,7 +351,7 @@ class Catalogue:
         of_ros = config.ros.streams if config is not None and config.ros is not None else {}
         if stream.stream_id in of_ros and not self._carrier.can_declare:
             raise LocalError(
-                f"{stream.name} is {kind_of(stream)} of ROS 2 on this island",
+                f"{stream.name} is {kind_of(stream)} of ROS 2 on this local network",
                 hint="use a ROS 2 client there, or open the node on a link",
             )
         if stream_id not in (None, stream.stream_id):
@@ -360,14 +360,14 @@ class Catalogue:
             )
         return stream, key
 
-    def _must_declare(self, name: str, stream_id: int | None) -> bool:
-        """Whether an unknown name becomes a stream; False: a plain Zenoh key.
+    def _new_stream_id(self, name: str, stream_id: int | None) -> int | None:
+        """Return the id under which an unknown name becomes a stream; None: a plain Zenoh key.
 
         Raises:
             LocalError: It can be neither.
         """
         if stream_id is not None and self._carrier.can_declare:
-            return True
+            return stream_id
         if self._identity.config is not None:
             known = ", ".join(sorted(each.name for each in self._table)) or "none"
             raise UnknownStreamError(
@@ -377,7 +377,7 @@ class Catalogue:
             raise LocalError(
                 f"{name} has no stream id", hint="give stream_id=1..175, or config=FILE"
             )
-        return False
+        return None
 
     def _own_key(self, stream: Stream, name: str, address: int) -> tuple[str, Instance]:
         if stream.keys.is_named_by_node and address not in self._table.nodes:

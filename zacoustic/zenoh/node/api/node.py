@@ -298,7 +298,10 @@ class Node(EndpointMaker):
         if config is not None:
             journal = journal or config.journal
             parts = msgspec.structs.replace(
-                parts, ranges=config.ranges_to(), rules=config.rules, permits=config.permit_log
+                parts,
+                ranges=config.ranges_to(),
+                rules=config.rules.on_one_link(),
+                permits=config.permit_log,
             )
         if isinstance(journal, str | Path):
             journal = journal_in(journal, address)

@@ -1,16 +1,15 @@
 """Calls over a link, both ways: those of a program here, and those that it serves."""
 
-import asyncio
 import contextlib
 from collections.abc import Callable
 from typing import Any
 
-from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived, ResponseReceived
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LinkClosedError, LocalError
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import IncomingCall, call_error
+from zacoustic.zenoh.node.onlink.answers import Answers
 from zacoustic.zenoh.node.routes import ServiceRoute
 
 
@@ -26,27 +25,18 @@ class LinkCalls:
         self._runner = runner
         self._table = table
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
-        self._awaited: dict[int, asyncio.Future[object]] = {}
+        self._answers: Answers[object] = Answers(runner)
+        self.end_all = self._answers.end_all
 
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
         """Call a service and wait for the answer; cancelling gives the call up."""
         stream_id = route.known_stream.stream_id
-        answer: asyncio.Future[object] = asyncio.get_running_loop().create_future()
-
-        def begin(engine: Engine, now: int) -> int:
-            call_id = engine.call(stream_id, value, now, timeout_s=timeout_s)
-            self._awaited[call_id] = answer  # before the events of the engine are polled
-            return call_id
-
-        call_id = self._runner.apply(begin)
-        try:
-            return await answer
-        finally:
-            if self._awaited.pop(call_id, None) is not None:
-                with contextlib.suppress(LinkClosedError):
-                    self._runner.apply(lambda engine, now: engine.cancel(call_id, now))
+        return await self._answers.ask(
+            lambda engine, now: engine.call(stream_id, value, now, timeout_s=timeout_s),
+            lambda engine, call_id, now: engine.cancel(call_id, now),
+        )
 
     def serve(
         self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
@@ -79,21 +69,11 @@ class LinkCalls:
 
     def answered(self, event: ResponseReceived | CallFailed) -> None:
         """A call of this node has ended."""
-        answer = self._awaited.pop(event.call_id, None)
-        if answer is None or answer.done():
-            return
         if isinstance(event, ResponseReceived):
-            answer.set_result(event.value)
+            self._answers.take(event.call_id, event.value)
         else:
             name = self._table.by_id(event.stream_id).name
-            answer.set_exception(call_error(name, event.failure, event.text))
-
-    def end_all(self, error: Exception) -> None:
-        """Inform the waiting callers that no answer will come."""
-        for answer in self._awaited.values():
-            if not answer.done():
-                answer.set_exception(error)
-        self._awaited.clear()
+            self._answers.take(event.call_id, call_error(name, event.failure, event.text))
 
 
 class LinkCall:

@@ -4,10 +4,9 @@ Its messages are those of `zacoustic.zenoh.session.asking.goals`.
 """
 
 import asyncio
-import contextlib
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import zenoh
@@ -17,6 +16,7 @@ from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError
 from zacoustic.zenoh.node.carrier import call_error
 from zacoustic.zenoh.node.form import Form
 from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, SentGoal, TakeFeedback, goal_error
+from zacoustic.zenoh.node.onzenoh.session import zenoh_errors
 from zacoustic.zenoh.node.routes import ActionRoute
 from zacoustic.zenoh.session.asking.goalrequest import FeedbackEar, LocalGoalRequest
 from zacoustic.zenoh.session.asking.goals import (
@@ -29,7 +29,7 @@ from zacoustic.zenoh.session.asking.goals import (
 from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
 from zacoustic.zenoh.session.marker import read_marker
-from zacoustic.zenoh.session.session import ZenohSession, one_line
+from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp
 
 QUERIES_LIMIT: Final = 256
@@ -99,7 +99,7 @@ class ZenohGoals:
         """Declare the queryable of an action."""
         zenoh_session = self._zenoh_session()
         server = _Server(route, handler, zenoh_session)
-        with _errors(route.name):
+        with zenoh_errors(route.name):
             queryable = zenoh_session.session.declare_queryable(
                 zenoh.KeyExpr(*messages_of(route).served()),
                 zenoh_session.callback(server.bring),
@@ -127,7 +127,7 @@ class ZenohGoals:
             return
         zenoh_session = self._zenoh_session()
         ear = FeedbackEar(messages, self._take_feedback, hears_marked=True)
-        with _errors(route.name):
+        with zenoh_errors(route.name):
             subscriber = zenoh_session.session.declare_subscriber(
                 zenoh.KeyExpr(ActionKey.FEEDBACK.of(route.name)),
                 zenoh_session.callback(ear.take),
@@ -362,12 +362,3 @@ def _checked(form: Form[Any], value: object) -> object:
     if not isinstance(value, bytes | bytearray | memoryview):
         raise PayloadInvalidError(f"{type(value).__name__} in an opaque action; allowed: bytes")
     return bytes(value)
-
-
-@contextlib.contextmanager
-def _errors(name: str) -> Iterator[None]:
-    """Turn what Zenoh raises about a key into a `LocalError`."""
-    try:
-        yield
-    except zenoh.ZError as error:
-        raise LocalError(f"{name}: {one_line(error)}") from error

@@ -6,10 +6,9 @@ worker of the `ZenohSession`.
 """
 
 import asyncio
-import contextlib
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -39,14 +38,14 @@ from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.onzenoh.crossing import Crossing
 from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
 from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
-from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.node.onzenoh.session import session_config, zenoh_errors
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
 from zacoustic.zenoh.session.asking.commandquery import CommandQuery
 from zacoustic.zenoh.session.asking.commands import read_state
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
-from zacoustic.zenoh.session.session import WORDS, ZenohSession, one_line, zenoh_priority
+from zacoustic.zenoh.session.session import WORDS, ZenohSession, zenoh_priority
 from zacoustic.zenoh.session.values import said_encoding
 from zacoustic.zenoh.session.wake_up import tell_loop
 
@@ -110,7 +109,7 @@ class ZenohCarrier:
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Refuse: streams are the gateway's."""
-        raise LocalError(f"{spec.name}: streams are declared by the gateway of the island")
+        raise LocalError(f"{spec.name}: streams are declared by the gateway of the local network")
 
     async def open(self) -> None:
         """Open the session.
@@ -369,12 +368,3 @@ def _settle(
     else:
         text = "nobody serves it on this Zenoh network"
         answer.set_exception(call_error(route.name, CallFailure.NO_SERVER, text))
-
-
-@contextlib.contextmanager
-def zenoh_errors(name: str) -> Iterator[None]:
-    """Turn what Zenoh raises about a key into a `LocalError`."""
-    try:
-        yield
-    except zenoh.ZError as error:
-        raise LocalError(f"{name}: {one_line(error)}") from error

@@ -4,15 +4,16 @@ A node is never a router: it joins the one that is there. So of a file that conf
 takes the address at which that router listens, and everything else (TLS, namespace, …) as it is.
 """
 
+import contextlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import zenoh
 
 from zacoustic.config import Config
-from zacoustic.errors import SessionError
+from zacoustic.errors import LocalError, SessionError
 from zacoustic.zenoh.session.latching import stamp_samples
 from zacoustic.zenoh.session.session import HERE, endpoints_of, listen_here, mode_of, one_line
 
@@ -62,3 +63,12 @@ def session_config(config: Config | None, connect: str | Sequence[str] | None) -
 
 def _loopback(found: re.Match[str]) -> str:
     return "127.0.0.1" if found[0] == "0.0.0.0" else "[::1]"
+
+
+@contextlib.contextmanager
+def zenoh_errors(name: str) -> Iterator[None]:
+    """Turn what Zenoh raises about a key into a `LocalError`."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise LocalError(f"{name}: {one_line(error)}") from error

@@ -14,7 +14,7 @@ ERROR_ENCODING: Final = "text/plain"
 
 REASONS: Final = {
     CallFailure.HANDLER: "the server failed",
-    CallFailure.NO_SERVER: "nobody on the island of the server's node serves it",
+    CallFailure.NO_SERVER: "nobody on the local network of the server's node serves it",
     CallFailure.BAD_REQUEST: "the request does not decode",
     CallFailure.TABLE_MISMATCH: "the two nodes define the stream in different ways",
     CallFailure.BAD_RESPONSE: "the response does not decode",

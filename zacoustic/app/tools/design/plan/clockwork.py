@@ -6,7 +6,7 @@ from typing import Final, Protocol
 from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.app.tools.design.plan.speaker import Speaker
 from zacoustic.core.base.qos import Stamp
-from zacoustic.core.schedule.timing import PeerTiming
+from zacoustic.core.schedule.timing import Pacer
 
 _ID_BYTES: Final = 1
 
@@ -27,7 +27,7 @@ class Clockwork(Protocol):
         """Return a node."""
         ...
 
-    def timing(self, source: int, target: int) -> PeerTiming:
+    def timing(self, source: int, target: int) -> Pacer:
         """Return how long a node takes to answer another one."""
         ...
 

@@ -2,7 +2,7 @@
 
 The lane learns which of its frames have arrived, and queues the next item at a node; so what a
 loss costs, and what rides in frames that go anyway, comes of itself. When something is repeated,
-and what a rhythm spares, is decided by the engine's own parts (`PeerTiming`, `SendRhythm`,
+and what a rhythm spares, is decided by the engine's own parts (`Pacer`, `SendRhythm`,
 `Watch`), which are pure.
 """
 
@@ -15,7 +15,7 @@ from zacoustic.app.tools.design.plan.offers import Offer, Saying
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Priority, Qos
-from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
+from zacoustic.core.schedule.timing import LinkTimes, Pacer
 from zacoustic.core.transport.reliable.receiving.watch import Watch
 from zacoustic.core.transport.reliable.rhythm import SendRhythm
 from zacoustic.core.wire.frame import SYNC_BYTES
@@ -120,7 +120,7 @@ class ReliableLane:
     def _key(self, number: int) -> tuple[object, ...]:
         return ("reliable", self._offer.stream.stream_id, self._offer.instance, number)
 
-    def _timing(self, node: int) -> PeerTiming:
+    def _timing(self, node: int) -> Pacer:
         return self._walk.timing(self._offer.node, node)
 
     def _is_known(self, sample: Sample) -> bool:

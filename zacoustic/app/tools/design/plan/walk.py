@@ -38,7 +38,7 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.qos import Qos, Reliability, Stamp
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
+from zacoustic.core.schedule.timing import LinkTimes, Pacer
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, StreamTable
 from zacoustic.core.values.dense import DenseSample
@@ -100,7 +100,7 @@ class Walk:
         self._medium = Medium(scenario)
         self._rng = random.Random(f"plan/{seed}")
         self._rules = rules
-        self._timings: dict[tuple[int, int], PeerTiming] = {}
+        self._timings: dict[tuple[int, int], Pacer] = {}
         self._speakers: dict[int, Speaker] = {}
         self._transmissions = 0
         self._calls = 0
@@ -144,9 +144,9 @@ class Walk:
         """Return a node."""
         return self._speakers[address]
 
-    def timing(self, source: int, target: int) -> PeerTiming:
+    def timing(self, source: int, target: int) -> Pacer:
         """Return how long a node takes to answer another one."""
-        return self._timings.setdefault((source, target), PeerTiming())
+        return self._timings.setdefault((source, target), Pacer())
 
     def delivered(self, offer: Offer, began_at: int) -> None:
         """Something from that instant has arrived."""

@@ -1,4 +1,4 @@
-"""The results of `zacoustic.app.tools.design.sim.simulation` and `storytelling` for people."""
+"""The results of `zacoustic.app.tools.design.sim.simulation` and `randomscenario` for people."""
 
 from collections.abc import Iterator, Mapping
 

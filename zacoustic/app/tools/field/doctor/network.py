@@ -115,6 +115,6 @@ def _decoded(payload: bytes) -> object:
 def _unreachable(endpoints: Sequence[str], reason: str = "nobody listens there") -> Finding:
     return Finding(
         what=f"no Zenoh router at {', '.join(endpoints)}: {reason}",
-        why="the gateway carries nothing to or from this island",
+        why="the gateway carries nothing to or from this local network",
         cure="start the router, or correct connect.endpoints of the file",
     )

@@ -6,9 +6,10 @@ it announces that, so that a receiver answers when either has arrived. Then the 
 knows, for each receiver, how many fragments of each block it lacks; it never knows which, and need
 not.
 
-Without an answer, the next round is short and useful: repair fragments, since the likeliest reason
-is a loss. After several requests in a row without an answer the receivers may be gone: single
-fragments follow, at pauses that double.
+Until a receiver has answered it may not be there, so the first round is short. Without an answer
+the next one is short, too, and useful: repair fragments, since the likeliest reason is a loss.
+After several requests in a row without an answer single fragments follow, when the pacers of the
+receivers allow it (`zacoustic.core.schedule.pacers`).
 
 A receiver that has all of it may have to wait for samples before it. Nothing is sent to it until
 none of them will come; then the sender sends it its turn.
@@ -42,8 +43,9 @@ from zacoustic.core.wire.objects import (
 _MOST_IN_ROUND: Final = BLOCK_FRAGMENTS
 # While source fragments are left, another round costs nothing.
 _CHEAP_ROUND_FRAMES: Final = 1.0
+_MOST_UNHEARD: Final = 8
+"""So many fragments go to receivers that may not be there."""
 _PATIENT_QUESTIONS: Final = 4
-_QUESTIONS_A_PAUSE: Final = 2
 _MOST_DOUBLINGS: Final = 6
 # Two, so that a question is heard though one of them is lost.
 _SHORTEST_ROUND: Final = 2
@@ -84,11 +86,15 @@ class OutgoingObject:
         """Instant from which the next fragment may go; while it listens, of giving up."""
         self.listens_until = 0
         """Until then an answer may come, and nothing else should be transmitted."""
+        self.asked_at = 0
+        """End of the last question, ns."""
         self.is_withdrawn = False
         """It was withdrawn; the receivers learn it."""
         self._round: deque[int] = deque()
         self._patience_ns = 0
         self._asked: list[ReceiverView] = []
+        self._is_answered = False
+        """A receiver has answered, and the last question was not in vain."""
         self._rng = rng
 
     # Records to send
@@ -139,14 +145,47 @@ class OutgoingObject:
             for view in self.views.values():
                 view.lacking = dict.fromkeys(range(begun))
 
-    def take(self, timing: Timing, *, window_follows: bool) -> Fragment:
-        """Return the fragment that is next, for transmission."""
+    @property
+    def waiting(self) -> list[int]:
+        """Addresses of the receivers that need something more."""
+        return [each for each, view in self.views.items() if not view.is_finished]
+
+    @property
+    def lacking(self) -> list[int]:
+        """Addresses of those of them that do not hold all of it, as far as known."""
+        return [each for each in self.waiting if not self.views[each].holds]
+
+    @property
+    def is_unheard(self) -> bool:
+        """Its receivers have had a round, and have not answered: they may not be there."""
+        is_due = self.listens or not self._round
+        return is_due and bool(self.transmitted) and not self._is_answered and bool(self._lacking())
+
+    def release(self, address: int, now: int) -> None:
+        """A receiver is there again: what waits for it is due."""
+        view = self.views.get(address)
+        if view is not None and not view.is_finished:
+            self.due_at = min(self.due_at, max(now, self.listens_until))
+            view.turn_at = min(view.turn_at, self.due_at)
+
+    def take(
+        self, timing: Timing, *, window_follows: bool, is_present: bool, is_silent: bool
+    ) -> Fragment:
+        """Return the fragment that is next, for transmission.
+
+        Args:
+            timing: The durations.
+            window_follows: A listen window follows.
+            is_present: A receiver was heard just now.
+            is_silent: None was heard for long.
+        """
         self._asked = self._waiting() if self.is_withdrawn else self._lacking()
         if self.is_withdrawn:
             self.listens = True
             return Fragment(self.transfer, ListenHint.ANSWER, NO_FRAGMENT, WITHDRAWN)
         if not self._round:
-            self._round.extend(self._plan(timing))
+            is_known = self._is_answered or (is_present and not self.is_unheard)
+            self._round.extend(self._plan(timing, is_known=is_known, is_silent=is_silent))
         index = self._round.popleft()
         left = len(self._round)
         call = ListenHint.WINDOW if window_follows else ListenHint.NONE
@@ -173,11 +212,18 @@ class OutgoingObject:
         check = self.manifest.digest[:CHECK_BYTES]
         return Fragment(self.transfer, ListenHint.ANSWER, NO_FRAGMENT, check)
 
-    def transmitted_until(self, finished_at: int, timing: Timing) -> None:
-        """What was just taken has been on the air."""
+    def transmitted_until(self, finished_at: int, timing: Timing, silence_ns: int) -> None:
+        """What was just taken has been on the air.
+
+        Args:
+            finished_at: Until when, ns.
+            timing: The durations.
+            silence_ns: Least pause after a question, ns: its receivers do not answer.
+        """
         if not self.listens:
             self.due_at = finished_at
             return
+        self.asked_at = finished_at
         for view in self._asked:
             view.unanswered += 1
             view.asked = dict(view.sent)
@@ -188,17 +234,20 @@ class OutgoingObject:
         self.listens_until = finished_at + listen_ns
         self._patience_ns = min(self._patience_ns, listen_ns << _MOST_DOUBLINGS)
         for view in self._asked:
-            view.turn_at = finished_at + self._pause_ns(timing, listen_ns, view.turns)
+            view.turn_at = finished_at + self._pause_ns(timing, listen_ns, view.turns, silence_ns)
             if view.unanswered > _PATIENT_QUESTIONS:
                 view.forget_holding()
         waiting = self._lacking() or self._waiting()
         silent = min((view.unanswered for view in waiting), default=0)
-        self.due_at = finished_at + self._pause_ns(timing, listen_ns, silent)
+        self.due_at = finished_at + self._pause_ns(timing, listen_ns, silent, silence_ns)
 
-    def give_up_listening(self, now: int) -> None:
-        """No answer, or not all of them, came in time: go on."""
+    def give_up_listening(self, now: int) -> list[int]:
+        """No answer, or not all of them, came in time: go on; returns who has not answered."""
         self.listens = False
         self.due_at = now
+        unanswered = [each for each in self.waiting if self.views[each].unanswered]
+        self._is_answered = self._is_answered and len(unanswered) < len(self.waiting)
+        return unanswered
 
     @property
     def destination(self) -> int:
@@ -249,6 +298,7 @@ class OutgoingObject:
             self._patience_ns = max(self._patience_ns * 7 // 8, (now - view.asked_at) * 5 // 4)
         view.asked = None
         view.unanswered = 0
+        self._is_answered = True
         if not any(view.unanswered for view in self._asked if not view.is_finished):
             self.listens = False
             self.due_at = now
@@ -338,18 +388,27 @@ class OutgoingObject:
             if view.holds and not view.is_finished and is_turn(each)
         ]
 
-    def _plan(self, timing: Timing) -> Iterator[int]:
-        """Return the indices of the next round."""
+    def _plan(self, timing: Timing, *, is_known: bool, is_silent: bool) -> Iterator[int]:
+        """Return the indices of the next round.
+
+        Args:
+            timing: The durations.
+            is_known: A receiver is known to be there.
+            is_silent: None was heard for long.
+        """
         layout = self.fragments.layout
         waiting = self._lacking()
         silent = all(view.unanswered for view in waiting)
         planned: list[int] = []
         unknown = any(None in view.lacking.values() for view in waiting)
-        if self.next_source == layout.fragments and (silent or unknown):
-            return self._probe(timing, waiting)
+        if (silent and not is_known) or (self.next_source == layout.fragments and unknown):
+            return self._probe(timing, waiting, is_silent=is_silent)
         if any(view.headless for view in waiting):
             planned += self._head()
-        behind = self._behind(waiting)
+        # Of the block whose source is not all sent, the rest of that goes first.
+        behind = [
+            each for each in self._behind(waiting) if layout.first(each + 1) <= self.next_source
+        ]
         typical = max((view.loss for view in waiting), key=lambda loss: loss.received)
         more = self.next_source < layout.fragments and len(behind) < MOST_BLOCKS
         cost = self._round_frames(timing, waiting) / max(1, len(behind))
@@ -368,8 +427,11 @@ class OutgoingObject:
                 planned += self._repairs(block, number)
         if more:
             block = layout.block_of(self.next_source)
-            planned += range(self.next_source, layout.first(block + 1))
-        return iter(planned) if planned else self._probe(timing, waiting)
+            end = layout.first(block + 1)
+            if not is_known:
+                end = min(end, self.next_source + max(1, _MOST_UNHEARD - len(planned)))
+            planned += range(self.next_source, end)
+        return iter(planned or self._probe(timing, waiting, is_silent=is_silent))
 
     def _behind(self, waiting: list[ReceiverView]) -> list[int]:
         """Return the blocks with sent and missing fragments."""
@@ -377,13 +439,15 @@ class OutgoingObject:
             {block for view in waiting for block, lacking in view.lacking.items() if lacking != 0}
         )
 
-    def _probe(self, timing: Timing, waiting: list[ReceiverView]) -> Iterator[int]:
+    def _probe(
+        self, timing: Timing, waiting: list[ReceiverView], *, is_silent: bool
+    ) -> Iterator[int]:
         """Plan a short round: no receiver has answered, or their losses are unknown."""
         behind = self._behind(waiting) or [self.fragments.layout.blocks - 1]
         lacking = max(view.lacking.get(behind[-1]) or 1 for view in waiting)
         number = min(timing.run_frames, lacking)
-        if min(view.unanswered for view in waiting) >= _PATIENT_QUESTIONS:
-            number = 1
+        if is_silent or min(view.unanswered for view in waiting) >= _PATIENT_QUESTIONS:
+            return iter(self._repairs(behind[-1], 1))
         head = self._head() if any(view.headless for view in waiting) else []
         number = max(number, _SHORTEST_ROUND - len(head))
         return iter(head + self._repairs(behind[-1], number))
@@ -407,13 +471,9 @@ class OutgoingObject:
         answered = (1 - loss**2) * (1 - loss**_ANSWER_COPIES)
         return timing.exchange_ns / timing.slot_ns / max(0.1, answered)
 
-    def _pause_ns(self, timing: Timing, listen_ns: int, questions: int) -> int:
+    def _pause_ns(self, timing: Timing, listen_ns: int, questions: int, silence_ns: int) -> int:
         """Return the pause after so many questions without an answer that helps, ns."""
         # Two sources that ask in one rhythm would never be heard.
         is_step = questions > 1 or not timing.senses_carrier
         drawn_ns = self._rng.randrange(timing.slot_ns) if is_step else 0
-        doublings = max(0, questions - _PATIENT_QUESTIONS) // _QUESTIONS_A_PAUSE
-        if not doublings:
-            return max(self._patience_ns, listen_ns) + drawn_ns
-        pause_ns = listen_ns << min(doublings, _MOST_DOUBLINGS)
-        return max(self._patience_ns, round(pause_ns * self._rng.uniform(0.75, 1.5))) + drawn_ns
+        return max(max(self._patience_ns, listen_ns) + drawn_ns, silence_ns)

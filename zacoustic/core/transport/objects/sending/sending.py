@@ -12,6 +12,7 @@ from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.timers import Due, Timers
+from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.code.code import MOST_FRAGMENTS, Fragments
 from zacoustic.core.transport.objects.manifest import Manifest, encode_object
@@ -78,6 +79,7 @@ class OutgoingObjects:
     Args:
         epoch: Its boot epoch: successive epochs begin with different transfer numbers.
         most: Most objects at a time, those that wait included.
+        pacers: When something may be repeated to the receivers.
         timers: Withdraw what is too old.
         rng: Draws pauses.
         emit: Takes progress.
@@ -90,6 +92,7 @@ class OutgoingObjects:
         *,
         epoch: int,
         most: int,
+        pacers: Pacers,
         timers: Timers,
         rng: random.Random,
         emit: Callable[[ObjectProgress], None],
@@ -98,6 +101,7 @@ class OutgoingObjects:
     ) -> None:
         self._sendings: dict[int, Sending] = {}
         self._most = most
+        self._pacers = pacers
         self._timers = timers
         self._rng = rng
         self._emit = emit
@@ -109,6 +113,7 @@ class OutgoingObjects:
         """Instant before which no fragment of a stream goes, ns, by stream."""
         self._off: set[int] = set()
         self._priorities: dict[int, Priority] = {}
+        pacers.released.connect(self._released)
 
     def __len__(self) -> int:
         return len(self._sendings)
@@ -264,6 +269,7 @@ class OutgoingObjects:
                 continue
             if not sending.outgoing.listens:
                 at = max(at, quiet_until, self.held.get(sending.stream_id, 0))
+            at = max(at, self._ready_at(sending))
             place = (max(at, now), sending.rank)
             if best is None or place < best:
                 best, chosen = place, sending
@@ -284,8 +290,9 @@ class OutgoingObjects:
             return None
         outgoing = sending.outgoing
         if outgoing.listens:
-            outgoing.give_up_listening(now)
-            if outgoing.is_withdrawn and outgoing.is_past_asking:
+            self._give_up_listening(outgoing, now)
+            is_alone = all(self._pacers[each].is_silent for each in outgoing.waiting)
+            if outgoing.is_withdrawn and (is_alone or outgoing.is_past_asking):
                 self._end(sending)
                 return self.take(now, timing, frames_before_pause)
         turn = self._turn(sending, now)
@@ -295,7 +302,13 @@ class OutgoingObjects:
         elif not outgoing.has_fragments:
             return self.take(now, timing, frames_before_pause)
         else:
-            fragment = outgoing.take(timing, window_follows=window_follows)
+            lacking = outgoing.lacking
+            fragment = outgoing.take(
+                timing,
+                window_follows=window_follows,
+                is_present=any(self._pacers.is_present(each, now) for each in lacking),
+                is_silent=bool(lacking) and all(self._pacers[each].is_silent for each in lacking),
+            )
         self._keep_progress(sending)
         return sending, fragment
 
@@ -323,7 +336,10 @@ class OutgoingObjects:
         """A fragment that was taken has been on the air."""
         outgoing = sending.outgoing
         if self._sendings.get(outgoing.transfer) is sending:
-            outgoing.transmitted_until(finished_at, timing)
+            outgoing.transmitted_until(finished_at, timing, self._silence_ns(sending))
+            if outgoing.listens:
+                for each in outgoing.waiting:
+                    self._pacers[each].await_answer(finished_at, outgoing.due_at)
             if outgoing.sent_bytes > sending.told_bytes and not outgoing.is_withdrawn:
                 sending.told_bytes = outgoing.sent_bytes
                 self._report(sending, ObjectState.UNDER_WAY, "")
@@ -340,6 +356,8 @@ class OutgoingObjects:
         sending = self._sendings.get(feedback.transfer)
         if sending is None or not sending.outgoing.answered(source, feedback, now):
             return False
+        self._pacers.answered(source, now)
+        self._pacers.await_nothing(source)
         view = sending.outgoing.views[source]
         if view.complete:
             self._owner.passed(sending.object_id, source, now)
@@ -371,6 +389,39 @@ class OutgoingObjects:
                 self._report(sending, state, ", ".join(refusals))
 
     # Below the methods above
+
+    def _released(self, address: int, now: int) -> None:
+        """What waits for a receiver is due."""
+        for sending in self._sendings.values():
+            sending.outgoing.release(address, now)
+
+    def _ready_at(self, sending: Sending) -> int:
+        """Return when an object may go that no receiver has heard, as far as is known."""
+        times, outgoing = self._pacers.times, sending.outgoing
+        if times is None or outgoing.is_withdrawn or not outgoing.is_unheard:
+            return 0
+        ready_at: list[int] = []
+        for each in outgoing.lacking:
+            pacer = self._pacers[each]
+            is_back = self._pacers.heard_at(each) > outgoing.asked_at and not pacer.is_silent
+            ready_at.append(0 if is_back else pacer.ready_at(times, sending.priority))
+        return min(ready_at, default=0)
+
+    def _silence_ns(self, sending: Sending) -> int:
+        """Draw how long receivers are left in peace that do not answer; 0: they may."""
+        times = self._pacers.times
+        assert times is not None
+        pacers = [self._pacers[each] for each in sending.outgoing.waiting]
+        if not all(each.is_doubtful(times) for each in pacers):
+            return 0
+        pauses_ns = (each.pause_ns(times, 0, self._rng, sending.priority) for each in pacers)
+        return min(pauses_ns, default=0)
+
+    def _give_up_listening(self, outgoing: OutgoingObject, now: int) -> None:
+        times = self._pacers.times
+        assert times is not None
+        for each in outgoing.give_up_listening(now):
+            self._pacers[each].unanswered(now, times)
 
     def _expire_at(self, sending: Sending, instant: int | None) -> None:
         sending.expires_at = instant

@@ -12,25 +12,24 @@ from zacoustic.core.base.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.schedule.copies import aimed_pause, follow, is_doubled, is_emergency, row_frames
-from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
+from zacoustic.core.schedule.pacers import Pacers
+from zacoustic.core.schedule.timing import LinkTimes, Pacer
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.reliable.sending.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 
 _COPIED_AT_ONCE: Final = 2
 """A stream of copies would fill the channel, and no answer could be heard."""
-_CROWD_ROUND_TRIPS: Final = 20
-"""Whoever was heard within so many round trips may be speaking."""
 _ROUND_TRIPS_OF_ASKING: Final = 2
 """How long a receiver that asks for what is overdue is awaited."""
 
 
 class Pacing:
-    """What this node knows of how long others take to answer.
+    """When the reliable samples of this node go again.
 
     Args:
         table: The streams.
+        pacers: How long others take to answer.
         rng: Draws the pauses between repetitions.
         stats: Is told how long that is.
         handshake: Is told where a device decides when it transmits.
@@ -39,44 +38,29 @@ class Pacing:
     def __init__(
         self,
         table: StreamTable,
-        peers: Peers,
+        pacers: Pacers,
         rng: random.Random,
         stats: EngineStats,
         handshake: Handshake,
     ) -> None:
-        self.times: LinkTimes | None = None
-        """The airtimes of the link; None before it was up."""
         self._table = table
         self._rng = rng
         self._stats = stats
         self._handshake = handshake
-        self._timings = PerPeer(peers, PeerTiming)
-        self._heard_at = PerPeer(peers, int)
+        self._pacers = pacers
 
-    def timing(self, address: int) -> PeerTiming:
+    @property
+    def times(self) -> LinkTimes | None:
+        """The airtimes of the link; None before it was up."""
+        return self._pacers.times
+
+    def timing(self, address: int) -> Pacer:
         """Return what is known of one node."""
-        return self._timings[address]
+        return self._pacers[address]
 
     def forget(self, address: int) -> None:
         """Tell no round trip of a node any more; the rest goes with the node."""
         self._stats.round_trips_ns.pop(address, None)
-
-    def heard(self, source: int, now: int) -> bool:
-        """Anything was heard of a node; True when repetitions to it had become rare."""
-        self._heard_at[source] = now
-        timing = self._timings.get(source)
-        if timing is None or not timing.heard():
-            return False
-        timing.quiet_until = 0
-        return True
-
-    def answered(self, source: int, now: int) -> None:
-        """A node has told that it has something of what it lacked."""
-        # Where two speak, silence is loss. Where more do, it may be that all speak at once: then
-        # one answer does not mean that the channel is free.
-        lately = now - _CROWD_ROUND_TRIPS * self.times.first_round_trip_ns if self.times else now
-        others = any(at > lately for each, at in self._heard_at.items() if each != source)
-        self.timing(source).answered(in_crowd=others)
 
     def first_acknowledged(
         self, lane: SendLane, sample: Outgoing, source: int, now: int, *,
@@ -160,6 +144,31 @@ class Pacing:
         """Return when a sample is due, whatever is waited for."""
         return self._before_end(sample, self._in_time(lane, sample, self._at_most_ns(lane)))
 
+    def may_repeat(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
+        """Tell whether a sample, or what else is repeated now, opens or joins a turn."""
+        if self.ready_at(lane, sample) <= now:
+            return True
+        return (
+            self.times is not None
+            and self.due_at(lane, sample) <= now
+            and any(
+                self.timing(each).may_repeat(now, self.times, self._priority(lane))
+                for each in lane.lacking(sample)
+            )
+        )
+
+    def takes(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
+        """Take a sample into the present turn of those who lack it; False: there is no room."""
+        times, priority = self.times, self._priority(lane)
+        is_free = sample.follows or sample.asked or priority is Priority.REAL_TIME
+        if times is None or is_free or self._at_most_ns(lane) is not None:
+            return True
+        size_bytes = sample.waiting.size_bytes
+        turns = [self.timing(each) for each in lane.lacking(sample)]
+        turns = [each for each in turns if each.may_repeat(now, times, priority)]
+        taken = [each.takes(size_bytes, now, times) for each in turns]
+        return any(taken) or not taken
+
     def repeats(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """A sample is repeated: its receivers have not answered."""
         if self.times is None or sample.asked:
@@ -203,7 +212,8 @@ class Pacing:
         if report.outcome is TransmitOutcome.NOT_DELIVERED:
             pause_ns //= 2
         due_at = report.finished_at + pause_ns
-        self._await_answer(lane, sample, report.finished_at, due_at)
+        is_repeated = sample.tries > 1
+        self._await_answer(lane, sample, report.finished_at, due_at, is_repeated=is_repeated)
         return due_at
 
     def pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
@@ -270,9 +280,11 @@ class Pacing:
         last_at = max(sample.sent_at, sample.expires_at - 2 * round_trip_ns) + round_trip_ns
         return min(at, last_at) if last_at < sample.expires_at else at
 
-    def _await_answer(self, lane: SendLane, sample: Outgoing, since: int, until: int) -> None:
+    def _await_answer(
+        self, lane: SendLane, sample: Outgoing, since: int, until: int, *, is_repeated: bool = True
+    ) -> None:
         for address in lane.lacking(sample):
-            self.timing(address).await_answer(since, until)
+            self.timing(address).await_answer(since, until, is_repeated=is_repeated)
 
     def _priority(self, lane: SendLane) -> Priority:
         return self._table.by_id(lane.key[0]).qos.priority

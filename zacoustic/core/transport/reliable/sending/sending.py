@@ -14,7 +14,6 @@ from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
-from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import (
@@ -57,9 +56,10 @@ class ReliableSending:
         self._timers = context.timers
         self._handshake = context.handshake
         self._keeping = Keeping(context.journal)
+        self._pacers = context.pacers
         self._pacing = Pacing(
             context.table,
-            context.peers,
+            context.pacers,
             context.generators.of("pacing"),
             context.stats,
             context.handshake,
@@ -85,7 +85,9 @@ class ReliableSending:
         self._paced_until: int | None = None
         self._next_delivery_id = 1
         self._order = 0
-        context.reception.read.connect(self.heard)
+        context.pacers.on_repeat(self._repeat)
+        context.pacers.changed.connect(self._changed)
+        context.pacers.released.connect(self._released)
         context.peers.restarted.connect(self.peer_restarted)
         context.peers.asked.connect(self.peer_asked)
         context.peers.forgotten.connect(self.peer_forgotten)
@@ -150,9 +152,8 @@ class ReliableSending:
 
     # For the link
 
-    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
-        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
-        self._pacing.times = times
+    def use_link(self, settling_ns: int) -> None:
+        """Take from a link within what time a repetition of a frame arrives."""
         self._settling_ns = self._contradictions.settling_ns = settling_ns
         self._changed()
 
@@ -169,14 +170,6 @@ class ReliableSending:
             self._go_on(lane, now)
 
     # For the channel
-
-    def heard(self, source: int, now: int) -> None:
-        """A frame of a node arrived: if repetitions to it had become rare, they are due."""
-        if self._pacing.heard(source, now):
-            for lane in self._lanes:
-                if source in lane.receptions:
-                    lane.due_soon(source)
-            self._changed()
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
         """A node has begun a new life."""
@@ -240,7 +233,7 @@ class ReliableSending:
                 reception.in_sync = now >= reception.settled_at
         if expected >= reception.expected:
             reception.expected = expected
-            self._pacing.timing(source).quiet_until = 0
+            self._pacers.await_nothing(source)
             self._mark(lane, source, expected, ack.held, now)
             self._pacing.asked(lane, source, now)
             self.slots.acknowledged(lane, source, expected, now)
@@ -278,6 +271,13 @@ class ReliableSending:
 
     # Below the methods above
 
+    def _released(self, address: int, now: int) -> None:
+        """What waits for a node is due."""
+        for lane in self._lanes:
+            if address in lane.receptions:
+                lane.due_soon(address)
+        self._changed()
+
     def _changed(self) -> None:
         self._timers.changed((Due.SENDING,), self._due_at, self._go_on_all)
 
@@ -304,7 +304,7 @@ class ReliableSending:
                 if sample.expires_at is not None and sample.expires_at <= now:
                     self.slots.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
             self._advance(lane, now)
-        self._repeat(now)
+        self._pacers.repeat(now)
 
     def _stored(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         if sample.stage is not Stage.STORING:
@@ -350,6 +350,8 @@ class ReliableSending:
         sample.stage = Stage.QUEUED
         lane.address(sample, lacking)
         sample.waiting.cause = Cause.REPEAT if sample.tries else None
+        for address in lacking:
+            self._pacers.introduce(address, stream.stream_id)
         sample.waiting.part = Part(
             transmitted=partial(self._transmitted, lane, sample),
             reported=partial(self._reported, lane, sample),
@@ -404,7 +406,7 @@ class ReliableSending:
             order = self._pacing.first_acknowledged(
                 lane, latest, source, now, is_last=is_last, had_gap=had_gap
             )
-            self._pacing.answered(source, now)
+            self._pacers.answered(source, now)
             lane.due_soon(source, before=order)
         self._refresh(lane)
 
@@ -421,13 +423,12 @@ class ReliableSending:
         batch: list[tuple[SendLane, Outgoing]] = []
         for lane in self._lanes:
             sent = [sample for sample in lane.active() if lane.awaits(sample)]
-            if room_bytes <= 0 or all(self._pacing.ready_at(lane, each) > now for each in sent):
+            if not any(self._pacing.may_repeat(lane, each, now) for each in sent):
                 continue
             for sample in sent:
-                if self._pacing.due_at(lane, sample) <= now + slack_ns and room_bytes > 0:
+                is_due = self._pacing.due_at(lane, sample) <= now + slack_ns
+                if is_due and room_bytes > 0 and self._pacing.takes(lane, sample, now):
                     room_bytes -= sample.waiting.size_bytes
-                    if self._pacing.is_doubtful(lane, sample):
-                        room_bytes = min(room_bytes, times.mtu_bytes - sample.waiting.size_bytes)
                     batch.append((lane, sample))
         for lane, sample in batch:
             self._pacing.repeats(lane, sample, now)
@@ -435,7 +436,7 @@ class ReliableSending:
 
     def _out_of_sync(self, lane: SendLane, source: int) -> None:
         lane.lose_sync(source)
-        self._pacing.timing(source).quiet_until = 0
+        self._pacers.await_nothing(source)
         self._refresh(lane)
         lane.due_soon(source)
         self._changed()

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
-from zacoustic.core.base.stats import LedgerEntry
+from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.engine.engine import Engine
 from zacoustic.run.runner import LinkRunner
 
@@ -36,8 +36,8 @@ class LinkStatus:
         doubt = self._engine.doubt.reason
         return {
             "node": self._about | {"doubt": doubt},
-            "link": self._link(),
-            "ledger": self._ledger(),
+            **self._links(),
+            "ledger": self._ledger(self._engine.stats),
             "journal": {
                 "kept": self._has_journal,
                 "failure": self._engine.journal_failure,
@@ -49,15 +49,29 @@ class LinkStatus:
     def _engine(self) -> Engine:
         return self._runner.engine
 
-    def _link(self) -> dict[str, object]:
-        stats, why_silent = self._engine.stats, self._why_silent()
+    def _links(self) -> dict[str, object]:
+        """Return the document of the first link, and where there are several that of each.
+
+        What the former counts is of all links, like the ledger.
+        """
+        names, whole = self._engine.links, self._engine.stats
+        if len(names) == 1:
+            return {"link": self._link(names[0], whole)}
+        each = {
+            f"link/{name}": self._link(name, stats) | {"ledger": self._ledger(stats)}
+            for name, stats in whole.links.items()
+        }
+        return {"link": self._link(names[0], whole), **each}
+
+    def _link(self, name: str, stats: EngineStats) -> dict[str, object]:
+        side, why_silent = self._runner.side(name), self._why_silent()
         return {
-            "state": self._runner.link_state.value,
-            "detail": self._runner.link_detail,
+            "state": side.state.value,
+            "detail": side.detail,
             "silent": bool(why_silent),
             "why_silent": why_silent,
-            "capabilities": self._engine.capabilities,
-            "diagnostics": self._runner.link.diagnostics(),
+            "capabilities": self._engine.capabilities_of(name),
+            "diagnostics": side.link.diagnostics(),
             "frames_transmitted": stats.frames_transmitted,
             "bytes_transmitted": stats.bytes_transmitted,
             "airtime_s": ns_to_seconds(stats.airtime_ns),
@@ -74,8 +88,7 @@ class LinkStatus:
             return f"commanded; {state.doubt}" if state.doubt else "commanded"
         return engine.clock.doubt or ("a quiet window" if state.is_silent else "")
 
-    def _ledger(self) -> dict[str, object]:
-        stats = self._engine.stats
+    def _ledger(self, stats: EngineStats) -> dict[str, object]:
         airtime_s = ns_to_seconds(stats.airtime_ns)
         per_byte_s = airtime_s / stats.bytes_transmitted if stats.bytes_transmitted else 0.0
         return {

@@ -1,0 +1,1 @@
+"""One frame and its one report: `sending` is the state machine, `states` its table."""

@@ -1,0 +1,370 @@
+"""One frame, from the first question to its one report.
+
+::
+
+    CHECKING ─LISTENING─► PREPARING ─PREPARED─► GIVING ─ACCEPTED─► FLYING ─PROVEN─► OVER
+      ▲  │ OCCUPIED           ▲ DONE             │  │               │ ▲ │
+      │  ▼                    │                  │  │    RUMOUR, DUE▼ │ └EXPIRED─► DROPPING ─► OVER
+    PAUSING ◄─────────────────┼─────────NOT_NOW──┤  │UNANSWERED  POLLING
+                           MENDING ◄──MENDABLE───┘  ▼               │ IDLE
+                                                 DOUBTING ─► OVER   └► VERIFYING ─► OVER
+
+What must never happen, and what prevents it:
+
+- *A frame is sent twice.* It is given again only after the modem has refused it in words, or given
+  it back unsent. Once it may have it (an answer that got lost is enough), it is never given again.
+- *An old word is taken for a new one.* See `sending_evidence`. What is left of a frame that was
+  given up is dropped in the modem (DROPPING), and after a loss of the connection `startup` waits
+  for it.
+- *A piggyback message stays behind.* Its success is silent, and it would leave at any later time.
+  So the modem must drop it when it should have left (POLLING); its answer then shows
+  whether it had. If not, it goes as an instant message, or waits for an opportunity (RETURNED).
+- *An unsent frame is reported as sent.* When the modem's usual messages stop, it may
+  have been restarted with the frame in it. So before silence is taken for success, it is asked
+  whether it still has the extended notifications switched on (VERIFYING).
+"""
+
+from typing import Final
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
+from zacoustic_evologics.at.commands import Command, Query, Set
+from zacoustic_evologics.at.encoder import encode_command
+from zacoustic_evologics.at.framing import Framing
+from zacoustic_evologics.at.notifications import (
+    Notification,
+    RecvEnd,
+    RecvFailed,
+    SendEnd,
+    SendStart,
+    Status,
+)
+from zacoustic_evologics.at.replies import (
+    Accepted,
+    DeliveryReply,
+    DeliveryState,
+    Number,
+    Refused,
+)
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
+from zacoustic_evologics.driver.channel import FENCE, Answer, CommandChannel
+from zacoustic_evologics.driver.sending.answers import read_answer, said
+from zacoustic_evologics.driver.sending.evidence import Evidence
+from zacoustic_evologics.driver.sending.service import (
+    DROP_MESSAGES,
+    Carriage,
+    Remedy,
+    Service,
+    remedy_command,
+    remedy_for,
+)
+from zacoustic_evologics.driver.sending.states import HAS_FRAME, TRANSITIONS, Phase, Word
+from zacoustic_evologics.driver.sending.times import BUSY_PAUSE_S, Timetable
+from zacoustic_evologics.driver.session.session import ModemSession
+
+_STIRRING: Final = (RecvEnd, RecvFailed, SendEnd, Status)
+
+
+class Sending:
+    """One frame on its way.
+
+    Args:
+        transmission: The frame to send.
+        carriage: By which service.
+        channel: Where commands go.
+        session: What is known of the modem.
+        now: Instant of the call of `transmit`, ns.
+    """
+
+    def __init__(
+        self,
+        transmission: Transmission,
+        carriage: Carriage,
+        channel: CommandChannel,
+        session: ModemSession,
+        now: int,
+    ) -> None:
+        self.phase = Phase.CHECKING if carriage.service is Service.BURST else Phase.PREPARING
+        self.carriage = carriage
+        """Its service; another one, if the modem gives it back."""
+        self.ticket: int | None = None
+        """Of the command whose answer is waited for."""
+        self.due_at: int | None = None
+        """When to call `handle_timeout`, ns."""
+        self.report: TransmitReport | None = None
+        """There in the phase OVER."""
+        self.suspicion = ""
+        """Why the modem cannot be trusted any more; empty if it can."""
+        self._transmission = transmission
+        self._channel = channel
+        self._session = session
+        self._called_at = now
+        self._times = Timetable(carriage, session, now)
+        self._evidence = Evidence(carriage, session, self._times.airtime_ns)
+        self._limit_at = 0
+        self._preparations: list[Command] = []
+        self._counter: int | None = None
+        self._has_asked = False
+        self._answer = self._asked = ""
+        self._refusal = self._doubted = ""
+        self._state: DeliveryState | None = None
+        self._remedy = Remedy.NONE
+        self._mended: set[Remedy] = set()
+        self._loss = ""
+
+    @property
+    def answer(self) -> RecvEnd | None:
+        """The sound of the acknowledgement, if the modem has reported it."""
+        return self._evidence.answer
+
+    def start(self, now: int) -> None:
+        """Begin."""
+        self._enter(now)
+
+    def handle_answer(self, answer: Answer, now: int) -> None:
+        """Take the answer to the command of `ticket`."""
+        reply = answer.reply
+        self.ticket = None
+        self._answer = said(reply) if reply is not None else "no answer"
+        if answer.command == DROP_MESSAGES and isinstance(reply, Accepted):
+            self._session.has_piggyback = False
+        if isinstance(reply, Accepted) and answer.command == Set(
+            "RI", self._session.config.retries
+        ):
+            self._session.may_repeat = False
+        word = read_answer(self.phase, answer, self.carriage, self._counter)
+        is_refused = isinstance(reply, Refused) and self.phase is Phase.GIVING
+        if is_refused and word is Word.UNANSWERED:
+            self._doubted = self._answer
+        elif is_refused and self.carriage.alternative:
+            word = Word.RETURNED
+        elif isinstance(reply, Refused) and word in (Word.NOT_NOW, Word.MENDABLE):
+            self._remedy = remedy_for(reply)
+            self._refusal = self._answer
+            word = Word.NOT_NOW if self._remedy in self._mended else word
+        elif isinstance(reply, Number) and self.phase is Phase.PREPARING:
+            self._counter = reply.value
+        elif self.phase is Phase.DOUBTING and word is Word.IDLE and self._was_refused(now):
+            word, self._answer = Word.REFUSED, self._doubted
+        elif self.phase is Phase.POLLING:
+            self._has_asked = True
+            self._asked = self._answer
+            self._state = reply.state if isinstance(reply, DeliveryReply) else None
+        if word is Word.PREPARED and self._preparations:
+            self._prepare(now)
+        else:
+            self._step(word, now)
+
+    def _was_refused(self, now: int) -> bool:
+        """The modem has no frame, and cannot have sent it: the unknown words were a refusal."""
+        is_burst = self.carriage.service is Service.BURST
+        return bool(self._doubted) and (is_burst or self._evidence.is_too_soon(now))
+
+    def handle_notification(self, record: Notification, now: int) -> None:
+        """Take a message of the modem; most are about something else."""
+        if isinstance(record, _STIRRING):
+            self._step(Word.STIRRED, now)
+        if self.phase not in HAS_FRAME:
+            return
+        word = self._evidence.handle(record, self._counter, now)
+        if word is Word.PROVEN and self._can_be_given_again(now):
+            word = Word.RETURNED
+        if word is not None:
+            self._step(word, now)
+        elif isinstance(record, SendStart) and self.phase is Phase.FLYING:
+            self.due_at = self._first_poll_at(now)
+
+    def handle_timeout(self, now: int) -> None:
+        """The time of the phase is over."""
+        if self.due_at is None or now < self.due_at:
+            return
+        end_at = self._times.busy_until if self.phase is Phase.PAUSING else self._limit_at
+        self._step(Word.EXPIRED if now >= end_at else Word.DUE, now)
+
+    def handle_lost(self, reason: str, now: int) -> None:
+        """The connection, or the modem, is gone."""
+        self._loss = reason
+        self._step(Word.LOST, now)
+
+    def _step(self, word: Word, now: int) -> None:
+        """Look the next phase up, and do what it is for."""
+        before = self.phase
+        after = TRANSITIONS.get((before, word))
+        if after is None or after is before:
+            return
+        self.phase = after
+        self.due_at = None
+        if word is Word.RETURNED:
+            self._use(self.carriage.alternative or self.carriage)
+        if after is Phase.OVER:
+            self._conclude(before, word, now)
+        else:
+            self._enter(now)
+
+    def _use(self, carriage: Carriage) -> None:
+        """Begin again with this service; no earlier message counts."""
+        self.carriage = carriage
+        self._times = Timetable(carriage, self._session, self._called_at)
+        self._evidence = Evidence(carriage, self._session, self._times.airtime_ns)
+
+    def _can_be_given_again(self, now: int) -> bool:
+        """A piggyback message has certainly not left, and may go otherwise or later."""
+        is_back = self._evidence.outcome is TransmitOutcome.REJECTED
+        if not (self._is_piggyback and is_back):
+            return False
+        return self.carriage.alternative is not None or now < self._times.busy_until
+
+    def _enter(self, now: int) -> None:
+        """Do what the phase is for."""
+        match self.phase:
+            case Phase.CHECKING:
+                self._ask(Query("S"), now)
+            case Phase.PREPARING:
+                self._preparations = self._to_prepare(now)
+                self._prepare(now)
+            case Phase.GIVING:
+                self._evidence.begin(now)
+                self._doubted = ""
+                self._limit_at = 0
+                self._has_asked = False
+                self._session.has_piggyback |= self._is_piggyback
+                self._ask(self.carriage.command(), now)
+            case Phase.DOUBTING | Phase.POLLING:
+                self._ask(self.carriage.state_query(), now)
+            case Phase.PAUSING:
+                self._evidence.forget()
+                pause_ns = seconds_to_ns(self._session.rng.uniform(*BUSY_PAUSE_S))
+                self.due_at = min(now + pause_ns, self._times.busy_until)
+            case Phase.MENDING:
+                self._evidence.forget()
+                self._mended.add(self._remedy)
+                self._ask(remedy_command(self._remedy), now)
+            case Phase.FLYING:
+                self._fly(now)
+            case Phase.VERIFYING if self._is_silence_suspect():
+                is_told = self._session.has_extended_notifications
+                self._ask(Query("ZX") if is_told else FENCE, now)
+            case Phase.VERIFYING:
+                self._step(Word.DONE, now)
+            case Phase.DROPPING:
+                self._ask(self.carriage.drop_command(), now)
+            case Phase.OVER:
+                pass
+
+    def _to_prepare(self, now: int) -> list[Command]:
+        """What is asked before the frame is given."""
+        # A modem that was switched off and on since the start is as loud as it was stored, and
+        # repeats as often.
+        on_deck = self._session.config.deck
+        preparations: list[Command] = [Set("L", IN_AIR_SOURCE_LEVEL)] if on_deck else []
+        is_message = self.carriage.service is Service.IM and self.carriage.acknowledged
+        if is_message and self._session.must_set_retries(now):
+            preparations.append(Set("RI", self._session.config.retries))
+        if self._is_piggyback and self._session.has_piggyback:
+            preparations.append(DROP_MESSAGES)  # else its end would be taken for this one's
+        if self.carriage.service is Service.BURST:
+            preparations.append(Query("PC"))
+        return preparations
+
+    def _prepare(self, now: int) -> None:
+        if self._preparations:
+            self._ask(self._preparations.pop(0), now)
+        else:
+            self._step(Word.PREPARED, now)
+
+    def _ask(self, command: Command, now: int) -> None:
+        self.ticket = self._channel.ask(command, now)
+
+    def _fly(self, now: int) -> None:
+        """Wait for the end, at first for as long as it takes."""
+        self._evidence.is_accepted = True
+        if self._evidence.outcome is not None and not self._has_asked:
+            self._step(Word.PROVEN if self._evidence.is_certain else Word.RUMOUR, now)
+        elif self._limit_at:
+            self.due_at = min(now + self._times.poll_ns, self._limit_at)
+        else:
+            self._limit_at = self._evidence.given_at + self._times.limit_ns
+            self.due_at = self._first_poll_at(now)
+
+    def _first_poll_at(self, now: int) -> int:
+        given_at, ends_at = self._evidence.given_at, self._evidence.ends_at
+        return min(max(now, self._times.first_poll_at(given_at, ends_at)), self._limit_at)
+
+    def _conclude(self, before: Phase, word: Word, now: int) -> None:
+        """Make the report."""
+        outcome, detail = self._judge(before, word)
+        is_silent = outcome is TransmitOutcome.REJECTED or before not in HAS_FRAME
+        started_at = self._called_at if is_silent else self._evidence.started_at
+        self.report = TransmitReport(
+            transmission_id=self._transmission.transmission_id,
+            outcome=outcome,
+            started_at=min(now, max(self._called_at, started_at)),
+            finished_at=now,
+            detail=detail,
+        )
+
+    def _judge(self, before: Phase, word: Word) -> tuple[TransmitOutcome, str]:
+        """Return the outcome, and the modem's words."""
+        evidence = self._evidence
+        if evidence.outcome is not None and evidence.is_certain and word is not Word.REFUSED:
+            return evidence.outcome, evidence.words
+        match before, word:
+            case _, Word.REFUSED:
+                return TransmitOutcome.REJECTED, self._answer
+            case _, Word.EXPIRED:
+                waited_s = self._session.config.busy_s
+                return (
+                    TransmitOutcome.REJECTED,
+                    f"{self._refusal or 'no time'}, {waited_s:g} s long",
+                )
+            case Phase.VERIFYING, Word.DONE:
+                return self._judge_silence()
+            case Phase.DROPPING, _:
+                return TransmitOutcome.ABORTED, "the modem says nothing of its end; dropped"
+            case _, Word.LOST:
+                return TransmitOutcome.ABORTED, self._loss
+            case Phase.DOUBTING, Word.IDLE:
+                return TransmitOutcome.ABORTED, f"no answer; then {self._question}: {self._answer}"
+            case _, Word.RESTARTED:
+                self.suspicion = "the modem has been restarted"
+            case _:
+                self.suspicion = "the modem does not answer"
+        return TransmitOutcome.ABORTED, self.suspicion
+
+    @property
+    def _is_piggyback(self) -> bool:
+        return self.carriage.service is Service.PIGGYBACK
+
+    @property
+    def _question(self) -> str:
+        """What the modem is asked about the frame, as it is written."""
+        return encode_command(self.carriage.state_query(), Framing.LINES, b"").decode("ascii")
+
+    def _is_silence_suspect(self) -> bool:
+        """The modem has sent nothing and should have; or its silence proves something."""
+        if self._is_piggyback:
+            return True
+        return self._session.has_extended_notifications and self._evidence.outcome is None
+
+    def _judge_silence(self) -> tuple[TransmitOutcome, str]:
+        """The modem is done with the frame; it was asked, and there may be a rumour."""
+        state, rumour = self._state, self._evidence.outcome
+        outcome = TransmitOutcome.SENT
+        if self.carriage.acknowledged:
+            outcome = _OUTCOME_OF_ACKNOWLEDGED.get(state, rumour or TransmitOutcome.ABORTED)
+        elif state is DeliveryState.EXPIRED:
+            outcome = TransmitOutcome.REJECTED
+        elif rumour is not None:
+            outcome = rumour
+        elif self._is_piggyback:
+            outcome = TransmitOutcome.ABORTED  # it has not reported that anything went there
+        # Without either: also a firmware that does not know AT?DI has taken the message, and the
+        # time is over.
+        asked = f"{self._question}: {self._asked}"
+        return outcome, self._evidence.words if outcome is rumour else asked
+
+
+_OUTCOME_OF_ACKNOWLEDGED: Final[dict[DeliveryState | None, TransmitOutcome]] = {
+    DeliveryState.DELIVERED: TransmitOutcome.DELIVERED,
+    DeliveryState.FAILED: TransmitOutcome.NOT_DELIVERED,
+}

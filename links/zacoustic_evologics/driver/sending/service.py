@@ -1,0 +1,245 @@
+"""Which of the modem's services carries a frame, and what each of them proves.
+
+=============  ===========================  ======================================================
+service        for                          how it ends
+=============  ===========================  ======================================================
+instant        up to 64 bytes; broadcast    `SENDEND`: on the air. Nothing else is known
+… with ack     up to 64 bytes, one receiver `DELIVEREDIM`: the other modem has it. `FAILEDIM`: no
+                                            acknowledgement came back
+synchronous    as instant, if configured    as instant; the receiver learns the instant of start
+piggyback      up to 64 bytes, one receiver `CANCELEDPBM` after `ATZ3`: it has not left. `OK` alone:
+                                            it had left. Whether it was heard is unknown
+burst          above 64 bytes, or if        `DELIVERED` and `FAILED`, with the number that
+               configured; one receiver     `AT?PC` gave for it: no doubt which frame is meant
+=============  ===========================  ======================================================
+
+An instant message takes 0.2…0.9 s, the connection of a burst alone about that; so up to 64 bytes
+an instant message is sooner there.
+
+A piggyback message waits in the modem until that sends something to the receiver by itself, which
+may be never. So it is sooner only where that is about to happen: the modem has received a message
+that asks for an acknowledgement, and the frame goes to who sent it. An instant message would be
+refused until the acknowledgement has gone and a pause is over, 0.3 s; a piggyback message goes with
+it. What comes too late for that is taken back and goes as an instant message. It is done with
+modems only that have been seen to tell of their acknowledgements: no capture shows whether all do.
+"""
+
+import enum
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.linktypes import BROADCAST, Transmission, TransmitOutcome
+from zacoustic_evologics.at.commands import (
+    Act,
+    Action,
+    Command,
+    PayloadCommand,
+    Query,
+    SendBurst,
+    SendIm,
+    SendIms,
+    SendPbm,
+)
+from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.at.notifications import (
+    CanceledIm,
+    CanceledIms,
+    CanceledPbm,
+    Delivered,
+    DeliveredIm,
+    ExpiredIms,
+    Failed,
+    FailedIm,
+    ImFlag,
+    Notification,
+    SendEnd,
+    SendStart,
+)
+from zacoustic_evologics.at.replies import RefusalKind, Refused
+from zacoustic_evologics.driver.session.session import ModemSession
+
+DROP_MESSAGES: Final = Act(Action.RESET, 3)
+"""`ATZ3`: forget instant and piggyback messages."""
+
+
+class Service(enum.Enum):
+    """What carries a frame; the value is how SENDSTART and SENDEND call it."""
+
+    IM = "im"
+    """Instant message."""
+    IMS = "ims"
+    """Synchronous instant message."""
+    PIGGYBACK = "pbm"
+    """Piggyback message; the sound has the name of what it goes with."""
+    BURST = "burst"
+    """Burst data; no source has SENDSTART's word for it."""
+
+
+class Remedy(enum.Enum):
+    """What a refusal of a frame asks for."""
+
+    WAIT = "wait"
+    """Ask again when the modem has time."""
+    CLEAR = "clear"
+    """Empty its buffer first."""
+    LISTEN = "listen"
+    """Bring it back to listening first."""
+    NONE = "none"
+    """It will be refused again."""
+    ASK = "ask"
+    """Unknown or damaged words: the modem is asked whether it has the frame."""
+
+
+class Carriage(msgspec.Struct, frozen=True, kw_only=True):
+    """How one frame is carried."""
+
+    service: Service
+    """By what."""
+    acknowledged: bool
+    """The other modem acknowledges."""
+    payload: bytes
+    """The frame."""
+    destination: int
+    """Address, or BROADCAST."""
+    alternative: "Carriage | None" = None
+    """What carries it when this one does not."""
+
+    def command(self) -> PayloadCommand:
+        """Return the command that gives the frame to the modem."""
+        to, payload = self.destination, self.payload
+        if self.service is Service.BURST:
+            return SendBurst(payload=payload, destination=to)
+        if self.service is Service.IMS:
+            return SendIms(payload=payload, destination=to)
+        if self.service is Service.PIGGYBACK:
+            return SendPbm(payload=payload, destination=to)
+        flag = ImFlag.ACK if self.acknowledged else ImFlag.NOACK
+        return SendIm(payload=payload, destination=to, flag=flag)
+
+    def state_query(self) -> Query | Act:
+        """Return the question whether the modem has the frame still.
+
+        Of a piggyback message only its end tells: the modem says so if it drops one.
+        """
+        if self.service is Service.PIGGYBACK:
+            return self.drop_command()
+        return Query("PC" if self.service is Service.BURST else "DI")
+
+    def drop_command(self) -> Act:
+        """Return the command that makes the modem forget the frame."""
+        return Act(Action.RESET, 1) if self.service is Service.BURST else DROP_MESSAGES
+
+    def begins(self, record: SendStart) -> bool:
+        """Tell whether this is the beginning of the frame's sound."""
+        return self.is_sound(record.kind, record.destination)
+
+    def is_sound(self, kind: str, destination: int) -> bool:
+        """Tell whether the frame sounds so. A piggyback message goes with whatever goes there."""
+        is_named = self.service is Service.PIGGYBACK or kind == self.service.value
+        return is_named and destination == self.destination
+
+    def verdict(self, record: Notification, counter: int | None) -> TransmitOutcome | None:
+        """Return what a notification proves about the frame, if it is about it.
+
+        Args:
+            record: A message of the modem.
+            counter: What `AT?PC` answered before a burst.
+        """
+        if getattr(record, "destination", None) != self.destination:
+            return None
+        match self.service, record:
+            case Service.BURST, Delivered() if record.counter == counter:
+                return TransmitOutcome.DELIVERED
+            case Service.BURST, Failed() if record.counter == counter:
+                return TransmitOutcome.NOT_DELIVERED
+            case Service.IM, DeliveredIm() if self.acknowledged:
+                return TransmitOutcome.DELIVERED
+            case Service.IM, FailedIm() if self.acknowledged:
+                return TransmitOutcome.NOT_DELIVERED
+            case (Service.IM, CanceledIm()) | (Service.IMS, CanceledIms()):
+                return TransmitOutcome.ABORTED
+            case Service.IMS, ExpiredIms():
+                return TransmitOutcome.REJECTED
+            case Service.PIGGYBACK, SendEnd():
+                return TransmitOutcome.SENT
+            case Service.PIGGYBACK, CanceledPbm():
+                return TransmitOutcome.REJECTED
+            case _, SendEnd() if not self.acknowledged and record.kind == self.service.value:
+                return TransmitOutcome.SENT
+            case _:
+                return None
+
+
+def choose_carriage(transmission: Transmission, session: ModemSession, now: int) -> Carriage | str:
+    """Return how a frame goes, or why it cannot."""
+    size, to, wanted = len(transmission.frame_bytes), transmission.destination, session.config
+    if not 1 <= size <= wanted.mtu:
+        return f"frame of {size} bytes; allowed: 1..{wanted.mtu}"
+    if to != BROADCAST and not 1 <= to <= session.highest_address:
+        return (
+            f"destination {to}; allowed: 1..{session.highest_address} "
+            f"(highest address of the network) and {BROADCAST}"
+        )
+    if to == session.address:
+        return f"destination {to} is this node"
+    if size > IM_LIMIT_BYTES or (wanted.service == "burst" and to != BROADCAST):
+        if to == BROADCAST:
+            return (
+                f"broadcast of {size} bytes; allowed: 1..{IM_LIMIT_BYTES}, bursts have one receiver"
+            )
+        service = Service.BURST
+    else:
+        service = Service.IMS if wanted.service == "ims" else Service.IM
+    asked = transmission.acknowledge and to != BROADCAST and session.acknowledges
+    chosen = Carriage(
+        service=service,
+        acknowledged=asked or service is Service.BURST,
+        payload=transmission.frame_bytes,
+        destination=to,
+    )
+    return _with_piggyback(chosen, session, now)
+
+
+def _with_piggyback(chosen: Carriage, session: ModemSession, now: int) -> Carriage:
+    """Return the piggyback message that a frame goes by, if one is sooner or configured."""
+    if chosen.destination == BROADCAST or chosen.service is not Service.IM:
+        return chosen
+    piggyback = msgspec.structs.replace(chosen, service=Service.PIGGYBACK)
+    if session.config.service == "pbm":
+        return piggyback
+    is_sooner = session.is_about_to_answer(chosen.destination, now)
+    may_choose = session.config.service == "auto" and session.tells_answers
+    if chosen.acknowledged or not (is_sooner and may_choose):
+        return chosen
+    return msgspec.structs.replace(piggyback, alternative=chosen)
+
+
+def remedy_for(refusal: Refused) -> Remedy:
+    """Return what a refusal asks for, by the words that drivers have met."""
+    if refusal.kind is RefusalKind.BUSY:
+        return Remedy.WAIT
+    if refusal.reason.startswith("BUFFER") and refusal.reason.endswith("NOT EMPTY"):
+        return Remedy.CLEAR  # three spellings of it are known
+    return _REMEDIES.get(refusal.reason, Remedy.ASK)
+
+
+def remedy_command(remedy: Remedy) -> Command:
+    """Return the command that a remedy consists of."""
+    return Act(Action.RESET, 4) if remedy is Remedy.CLEAR else Act(Action.LISTEN)
+
+
+_REMEDIES: Final = {
+    "BUFFER FULL": Remedy.WAIT,
+    "CONNECTION CLOSED": Remedy.WAIT,
+    "NOT ACCEPTED": Remedy.WAIT,
+    "OUT OF CONTEXT": Remedy.LISTEN,
+    "PHY OFF": Remedy.LISTEN,
+    "NO CONTROL": Remedy.NONE,
+    "NOT ALLOWED IN AUTOMATIC REGIME": Remedy.NONE,
+    "OUT OF RANGE": Remedy.NONE,
+    "PROTOCOL ID": Remedy.NONE,
+    "UNKNOWN COMMAND": Remedy.NONE,
+    "WRONG DESTINATION ADDRESS": Remedy.NONE,
+    "WRONG FORMAT": Remedy.NONE,
+}

@@ -1,0 +1,84 @@
+"""How long a frame takes, and when to ask for its outcome."""
+
+from typing import Final
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic_evologics.driver.sending.service import Carriage, Service
+from zacoustic_evologics.driver.session.session import OWED_S, ModemSession
+
+BUSY_PAUSE_S: Final = (0.5, 1.5)
+"""Between two questions whether the modem has time, s; the vendor's middleware waits 1 s. Each time
+another one: nodes that all heard the same sound would go on sending at the same instants."""
+LEAVING_MARGIN_S: Final = 0.02
+"""Published airtimes are 14 ms off the straight line at most, s."""
+LEAVING_POLL_S: Final = 0.05
+"""Between two questions whether a message has left, s, if the modem does not report it."""
+FLYING_POLL_S: Final = 0.5
+"""Between two questions for the outcome of a message that should be over, s."""
+BURST_POLL_S: Final = 5.0
+"""The same of a burst, s: its end is always reported, so this finds only a restarted modem."""
+MARGIN_S: Final = 0.6
+"""For what a modem does between receiving and answering (0.25 s), and for the cable."""
+IM_LIMIT_S: Final = 15.0
+"""Longest time for each attempt of an instant message, s: 8 km and back are 11 s."""
+BURST_LIMIT_S: Final = 60.0
+"""Longest time for a burst, s: several attempts to connect at up to 12 s, and 1024 bytes."""
+
+
+class Timetable:
+    """The times of one frame, all in ns.
+
+    Args:
+        carriage: How it goes.
+        session: What is known of the modem.
+        called_at: Instant of the call of `transmit`, ns.
+    """
+
+    def __init__(self, carriage: Carriage, session: ModemSession, called_at: int) -> None:
+        config = session.config
+        self.airtime_ns = session.capabilities().airtime_ns(len(carriage.payload))
+        self.busy_until = called_at + seconds_to_ns(config.busy_s)
+        """How long it may wait for the modem to have time, or an occasion."""
+        self._waits_s = config.busy_s
+        self._carriage = carriage
+        self._is_told = carriage.acknowledged or session.has_extended_notifications
+        self._attempts = 1 + config.retries
+        self._round_trip_ns = seconds_to_ns(2 * config.propagation_s)
+
+    @property
+    def limit_ns(self) -> int:
+        """After the frame was given it is dropped."""
+        if self._carriage.service is Service.BURST:
+            return seconds_to_ns(BURST_LIMIT_S)
+        if self._carriage.service is Service.PIGGYBACK:
+            return seconds_to_ns(self._waits_s + IM_LIMIT_S)
+        return self._attempts * seconds_to_ns(IM_LIMIT_S)
+
+    @property
+    def poll_ns(self) -> int:
+        """Between two questions."""
+        if self._carriage.service is Service.BURST:
+            return seconds_to_ns(BURST_POLL_S)
+        return seconds_to_ns(FLYING_POLL_S if self._is_told else LEAVING_POLL_S)
+
+    def first_poll_at(self, given_at: int, ends_at: int | None) -> int:
+        """Return when the first question is due.
+
+        Args:
+            given_at: When the frame was given to the modem.
+            ends_at: When its sound ends, if the modem has reported it.
+        """
+        margin_ns = seconds_to_ns(MARGIN_S)
+        if self._carriage.service is Service.BURST:
+            return given_at + seconds_to_ns(BURST_POLL_S)
+        if self._carriage.service is Service.PIGGYBACK and ends_at is None:
+            is_owed = self._carriage.alternative is not None
+            owed_ns = seconds_to_ns(OWED_S) + self.airtime_ns + margin_ns
+            return given_at + owed_ns if is_owed else self.busy_until
+        if self._carriage.acknowledged:
+            exchange_ns = self.airtime_ns + self._round_trip_ns + margin_ns
+            return given_at + self._attempts * exchange_ns
+        if not self._is_told:
+            return given_at + self.airtime_ns + seconds_to_ns(LEAVING_MARGIN_S)
+        # The airtimes of firmwares differ by a tenth.
+        return (ends_at or given_at + 5 * self.airtime_ns // 4) + margin_ns

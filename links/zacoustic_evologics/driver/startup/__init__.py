@@ -1,0 +1,1 @@
+"""Finds the modem and makes it ready."""

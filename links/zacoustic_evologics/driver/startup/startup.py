@@ -1,0 +1,314 @@
+"""From a connection to a modem that is ready: queries and settings, in order.
+
+Written as generators, since it is a list of questions with a few branches: each yields a `Command`
+and is sent its answer (None: none came in time), or a `Pause`, or a `Reached` when a stage is done.
+The dialogue runs them. A question is asked twice before the modem counts as gone; everything here
+may be said twice without harm.
+
+Nothing is changed that is not configured, but what the driver cannot work without: the modem's own
+repetitions of instant messages go off (`AT!RI0`, by the setting `retries`), this port is told what
+happens (`AT@ZX1`, `AT@ZU1`), and a modem that does not listen is made to listen. Nothing is stored,
+and nothing is put back.
+"""
+
+from collections.abc import Generator
+from typing import Final, TypeAlias
+
+import msgspec
+
+from zacoustic.errors import LinkError
+from zacoustic_evologics.at.answers import reply_text
+from zacoustic_evologics.at.commands import Act, Action, Command, Query, Set, SetOption
+from zacoustic_evologics.at.encoder import command_name
+from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
+from zacoustic_evologics.at.replies import (
+    Accepted,
+    CommandReply,
+    DeliveryReply,
+    DeliveryState,
+    LinkStatus,
+    Measurement,
+    ModeReply,
+    NetStatus,
+    Number,
+    Refused,
+    TextReply,
+)
+from zacoustic_evologics.at.settings import SETTINGS
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
+from zacoustic_evologics.driver.channel import FENCE, CommandChannel
+from zacoustic_evologics.driver.sending.service import DROP_MESSAGES
+from zacoustic_evologics.driver.session.session import ModemSession
+from zacoustic_evologics.driver.states import Input
+
+DATA_MODE_PAUSE_S: Final = 0.2
+"""After `ATO`, which is not answered, s; the vendor's middleware does not wait at all."""
+FLIGHT_POLL_S: Final = 0.5
+"""Between two questions whether a message of before is still under way, s."""
+FLIGHT_POLLS: Final = 5
+"""How often; then it is dropped."""
+NUMBER_READINGS: Final = 5
+"""How often a number is asked for at most."""
+
+_NOT_LISTENING: Final = ("NOISE", "DEAF", "PHY")
+
+
+class Pause(msgspec.Struct, frozen=True):
+    """Wait."""
+
+    duration_s: float
+    """How long, s."""
+
+
+class Reached(msgspec.Struct, frozen=True):
+    """A stage is done."""
+
+    stage: Input
+    """Which."""
+
+
+Step: TypeAlias = Command | Pause | Reached
+"""What a start-up does next."""
+Stages: TypeAlias = Generator[Step, CommandReply | None, None]
+"""A start-up, or a part of one."""
+Question: TypeAlias = Generator[Step, CommandReply | None, CommandReply]
+"""A part that has a result."""
+
+
+class StartupError(LinkError):
+    """The modem does not answer, or cannot serve this node; never leaves the dialogue.
+
+    Args:
+        message: What is wrong.
+        hint: What people can do about it.
+        is_hopeless: Only people can.
+    """
+
+    def __init__(self, message: str, *, hint: str = "", is_hopeless: bool = False) -> None:
+        super().__init__(message, hint=hint)
+        self.message = message
+        self.is_hopeless = is_hopeless
+
+
+def start_up(channel: CommandChannel, session: ModemSession) -> Stages:
+    """Bring a modem that has given a sign to where frames can be sent.
+
+    Raises:
+        StartupError: It does not answer, or cannot serve.
+    """
+    yield from _confirm(channel)
+    yield Reached(Input.FOUND)
+    yield from _leave(channel, session)
+    yield Reached(Input.LEFT)
+    yield from _read(session)
+    yield Reached(Input.READ)
+    yield from _configure(session)
+    yield Reached(Input.CONFIGURED)
+
+
+def _ask(command: Command) -> Question:
+    """Ask, and once more if there is no answer."""
+    for _ in range(2):
+        reply = yield command
+        if reply is not None:
+            return reply
+    raise StartupError(f"the modem does not answer AT{command_name(command)}")
+
+
+def _confirm(channel: CommandChannel) -> Stages:
+    """Find out who reads. Late answers to the questions of the probe end here."""
+    reply = yield FENCE
+    if reply is None:
+        other = TCP_LINE_END if channel.line_end == SERIAL_LINE_END else SERIAL_LINE_END
+        channel.line_end = other
+        reply = yield from _ask(FENCE)
+    assert isinstance(reply, ModeReply)
+    channel.interpreter = reply.interpreter
+    if reply.interpreter is Interpreter.NET and channel.framing is Framing.PACKETS:
+        raise StartupError("the modem says NET and talks as in data mode")
+
+
+def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
+    """Leave command mode and deafness, and end a message under way."""
+    if channel.interpreter is Interpreter.AT and channel.framing is Framing.LINES:
+        channel.tell(Act(Action.DATA_MODE))
+        channel.framing = Framing.PACKETS
+        yield Pause(DATA_MODE_PAUSE_S)
+        yield from _ask(FENCE)
+    session.interpreter = channel.interpreter
+    if session.needs_clearing and channel.framing is Framing.PACKETS:
+        yield from _ask(Act(Action.RESET, 4))
+    session.needs_clearing = False
+    state = yield from _ask_state()
+    if any(word in state for word in _NOT_LISTENING):
+        yield from _ask(Act(Action.LISTEN))
+        state = yield from _ask_state()
+        if any(word in state for word in _NOT_LISTENING):
+            raise StartupError(f"the modem does not listen: {state}")
+    yield from _await_landing()
+    if session.has_piggyback:
+        yield from _ask(DROP_MESSAGES)
+    session.has_piggyback = False
+
+
+def _await_landing() -> Stages:
+    """Wait until no earlier message is under way: its words would be taken for those of ours."""
+    for _ in range(FLIGHT_POLLS):
+        reply = yield from _ask(Query("DI"))
+        if not (isinstance(reply, DeliveryReply) and reply.state is DeliveryState.DELIVERING):
+            return
+        yield Pause(FLIGHT_POLL_S)
+    yield from _ask(DROP_MESSAGES)
+
+
+def _ask_state() -> Generator[Step, CommandReply | None, str]:
+    reply = yield from _ask(Query("S"))
+    match reply:
+        case LinkStatus() | NetStatus():
+            return reply.state
+        case TextReply():
+            return reply.text
+        case _:
+            return ""
+
+
+def _read(session: ModemSession) -> Stages:
+    """Read the modem's values. What a firmware does not have stays unknown."""
+    firmware = yield from _ask(Act(Action.INFORMATION, 0))
+    session.firmware = firmware.text if isinstance(firmware, TextReply) else ""
+    address = yield from _ask_number("AL")
+    if address is None:
+        raise StartupError("the modem does not tell its address")
+    session.address = address
+    highest = yield from _ask_number("AM")
+    session.highest_address = 254 if highest is None else highest
+    session.source_level = yield from _ask_number("L")
+    session.source_level_control = yield from _ask_number("LC")
+    session.gain = yield from _ask_number("G")
+    session.retries = yield from _ask_number("RI")
+    session.may_repeat = False
+    session.sound_speed_m_s = yield from _ask_number("CA")
+    clock = yield from _ask(Query("CLOCK"))  # its instant: `StartupRun.handle_answer`
+    session.clock_us = clock.value if isinstance(clock, Number) else None
+    battery = yield from _ask(Query("BV"))
+    session.battery_v = battery.value if isinstance(battery, Measurement) else None
+
+
+def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
+    """Ask for a number until it is answered twice in the same way; None if it is not known.
+
+    Where a port damages what passes, one digit is no proof, and much is decided by these numbers.
+    """
+    setting = SETTINGS.get(name)
+    seen: list[int | None] = []
+    for _ in range(NUMBER_READINGS):
+        reply = yield from _ask(Query(name))
+        value = None
+        if isinstance(reply, Number) and (setting is None or setting.allows(reply.value)):
+            value = reply.value
+        elif not isinstance(reply, Refused):
+            continue
+        if value in seen:
+            return value
+        seen.append(value)
+    return None
+
+
+def _configure(session: ModemSession) -> Stages:
+    """Set the changed settings, check that the modem can serve, then set the options of this port.
+
+    `[*]OK` may mean that it does not hold yet; it is taken for OK.
+    """
+    wanted = _wanted(session)
+    session.changes = []
+    if wanted:
+        yield from _ask(SetOption("CTRL"))  # older firmware does not know it, nor need it
+    for setting, before in wanted:
+        yield from _change(session, setting, before)
+    _check(session)
+    config = session.config
+    session.has_extended_notifications = session.has_usbl = False
+    if config.extended_notifications:
+        reply = yield from _ask(SetOption("ZX", 1))
+        session.has_extended_notifications = isinstance(reply, Accepted)
+    if config.usbl:
+        reply = yield from _ask(SetOption("ZU", 1))
+        session.has_usbl = isinstance(reply, Accepted)
+
+
+def _change(session: ModemSession, setting: Set, before: int | None) -> Stages:
+    """Set one thing and read it back, twice at most: a modem that restarts forgets the first."""
+    refusal: Refused | None = None
+    for _ in range(2):
+        reply = yield from _ask(setting)
+        refusal = reply if isinstance(reply, Refused) else None
+        if refusal is not None:
+            continue
+        value = yield from _ask_number(setting.name)
+        session.note_setting(setting.name, setting.value if value is None else value)
+        if value in (None, setting.value):
+            session.changes.append(f"{setting.name} {before} to {setting.value}")
+            break
+    if refusal is not None:
+        _refuse(setting, refusal)
+
+
+def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
+    """Return what must be set, with what it is now."""
+    config = session.config
+    wanted: list[tuple[Set, int | None]] = []
+
+    def want(name: str, now: int | None, value: int | None) -> None:
+        if value is not None and now != value:
+            wanted.append((Set(name, value), now))
+
+    want("AM", session.highest_address, config.highest_address)
+    if config.set_address:
+        want("AL", session.address, session.node_address)
+    want("L", session.source_level, IN_AIR_SOURCE_LEVEL if config.deck else config.source_level)
+    if config.deck and session.source_level_control is not None:
+        want("LC", session.source_level_control, 0)  # no other modem may make it louder
+    want("G", session.gain, config.gain)
+    if session.retries is not None:
+        want("RI", session.retries, config.retries)
+    return wanted
+
+
+def _refuse(setting: Set, reply: Refused) -> None:
+    """See whether one can do without."""
+    if setting.name in ("RI", "LC"):
+        # Without the first there are no acknowledgements (`ModemSession.acknowledges`); without
+        # the second the level is set again when somebody changes it (`Inquiries.silence`).
+        return
+    words = reply_text(reply)
+    is_controlled = reply.reason == "NO CONTROL"
+    raise StartupError(
+        f"the modem refuses AT!{setting.name}{setting.value}: {words}",
+        hint="another program has the control (AT@CTRL), or this port's AT?ZS is not 0"
+        if is_controlled
+        else "",
+        is_hopeless=True,
+    )
+
+
+def _check(session: ModemSession) -> None:
+    """See whether the modem can serve this node."""
+    here = session.node_address
+    if session.address != here:
+        raise StartupError(
+            f"the modem has address {session.address}, this node {here}",
+            hint=f"set_address=true gives it {here}",
+            is_hopeless=True,
+        )
+    if here > session.highest_address:
+        raise StartupError(
+            f"highest address of the network is {session.highest_address}, this node has {here}",
+            hint="highest_address=14 (or 30, 62, …) in all modems",
+            is_hopeless=True,
+        )
+    if session.config.deck and session.source_level != IN_AIR_SOURCE_LEVEL:
+        raise StartupError(
+            f"on deck, and the source level is {session.source_level}, not {IN_AIR_SOURCE_LEVEL}",
+            hint="take deck=true away in water only",
+            is_hopeless=True,
+        )

@@ -1,0 +1,94 @@
+"""A node that has crashed costs little, and gets all soon when it is back."""
+
+import math
+from collections.abc import Callable, Collection
+from statistics import mean
+
+import pytest
+
+from tests.virtual.absent import EVERYTHING, Kind, Outcome, run
+from zacoustic.core.schedule.access.spec import AccessSpec, AlohaSpec, PollingSpec, TdmaSpec
+from zacoustic.testing.virtual import Modem
+
+DEAF = Modem(senses_carrier=False)
+
+
+def outcomes(count: Callable[[int], int], kinds: Collection[Kind]) -> list[Outcome]:
+    return [run(seed, kinds) for seed in range(count(500))]
+
+
+def p95(values: list[float]) -> float:
+    return sorted(values)[math.ceil(0.95 * len(values)) - 1]
+
+
+def test_one_of_everything_costs_little_more_than_one_of_anything(
+    count: Callable[[int], int],
+) -> None:
+    all_of_them = outcomes(count, EVERYTHING)
+    assert mean(each.frames for each in all_of_them) <= 40
+    assert mean(each.airtime_s for each in all_of_them) <= 30
+    small = [at_s for each in all_of_them for at_s in _arrivals(each)]
+    assert p95(small) <= 60
+    assert max(at_s for each in all_of_them for at_s in each.arrived_s.values()) < 240
+
+
+@pytest.mark.parametrize(
+    ("kind", "frames"),
+    [
+        (Kind.SAMPLE, 18.4),
+        (Kind.CALL, 18.3),
+        (Kind.GOAL, 18.3),
+        (Kind.COMMAND, 19.0),
+        (Kind.OBJECT, 40.0),
+    ],
+)
+def test_frames_to_a_crashed_node_are_few(
+    count: Callable[[int], int], kind: Kind, frames: float
+) -> None:
+    alone = outcomes(count, (kind,))
+    assert mean(each.frames for each in alone) <= frames
+    if kind in (Kind.SAMPLE, Kind.CALL, Kind.GOAL):
+        assert p95([at_s for each in alone for at_s in each.arrived_s.values()]) <= 60
+
+
+def test_emergency_is_there_at_once_whatever_else_waits(count: Callable[[int], int]) -> None:
+    for kinds in ((Kind.EMERGENCY,), tuple(Kind)):
+        arrived_s = [each.arrived_s[Kind.EMERGENCY] for each in outcomes(count, kinds)]
+        assert p95(arrived_s) <= 10
+
+
+def test_forged_frame_releases_a_turn_and_has_no_lasting_effect(
+    count: Callable[[int], int],
+) -> None:
+    seeds = range(count(500))
+    without = mean(run(seed, EVERYTHING).frames for seed in seeds)
+    once = mean(run(seed, EVERYTHING, forged_s=(300.0,)).frames for seed in seeds)
+    twice = mean(run(seed, EVERYTHING, forged_s=(300.0, 450.0)).frames for seed in seeds)
+    assert once - without <= 3
+    assert twice - without <= 6
+
+
+@pytest.mark.parametrize(
+    ("modem", "access"),
+    [
+        (DEAF, None),
+        (DEAF, AlohaSpec()),
+        (DEAF, PollingSpec(poller=1, nodes=(2,))),
+        (
+            DEAF,
+            TdmaSpec(slots=(1, 2), slot_s=4.0, clock_error_s=0.01, max_range_m=1500.0),
+        ),
+    ],
+)
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+def test_on_any_medium_all_arrives(
+    count: Callable[[int], int], modem: Modem, access: AccessSpec | None, loss: float
+) -> None:
+    for seed in range(count(100)):
+        outcome = run(seed, tuple(Kind), loss=loss, modem=modem, access=access)
+        assert max(outcome.arrived_s.values()) < 1500, seed
+
+
+def _arrivals(outcome: Outcome) -> list[float]:
+    """Return when small ones arrived; an object takes a minute on the air."""
+    return [at_s for kind, at_s in outcome.arrived_s.items() if kind is not Kind.OBJECT]

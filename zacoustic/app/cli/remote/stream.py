@@ -1,0 +1,82 @@
+"""The verb `zacoustic stream`: switches a topic of a node off and on, sets rate and priority."""
+
+import argparse
+from typing import Any, Final
+
+from zacoustic.app.cli.remote.silence import add_command_arguments, give, make_command
+from zacoustic.app.cli.support.arguments import check_positive
+from zacoustic.errors import ConfigError
+from zacoustic.link.command import Command
+
+_EXAMPLE: Final = """for a topic that the node publishes; it holds at once, without a restart,
+and outlives one where the node has a journal
+
+examples:
+  zacoustic stream --node 2 --id 11 --config shore.json5                   how it is sent
+  zacoustic stream --node 2 --id 11 --off --config shore.json5             not at all
+  zacoustic stream --node 2 --id 11 --on --rate 0.1 --config shore.json5   every 10 s at most
+  zacoustic stream --node 2 --id 11 --priority background --config shore.json5
+  zacoustic stream --node 2 --id 11 --reset --config shore.json5           as its file says
+"""
+
+
+class StreamCommand(Command):
+    """Overrides how a node sends a topic, or prints it."""
+
+    name = "stream"
+    summary = "switch a topic of a node off or on, set its rate and priority"
+    prints_late = True
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare topic, node, settings, and where to ask."""
+        parser.epilog = _EXAMPLE
+        parser.add_argument("--id", type=int, required=True, metavar="ID", help="stream id")
+        switch = parser.add_mutually_exclusive_group()
+        switch.add_argument("--on", action="store_true", help="its samples go")
+        switch.add_argument(
+            "--off", action="store_true", help="they wait, expire and are superseded"
+        )
+        switch.add_argument(
+            "--reset", action="store_true", help="everything as the node's configuration says"
+        )
+        parser.add_argument(
+            "--rate", type=float, metavar="HZ", help="at most so many samples of a key a second"
+        )
+        parser.add_argument("--priority", metavar="NAME", help="Zenoh's, such as background")
+        add_command_arguments(parser, is_node_required=True)
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Command it, and print the new state; exit code 3 without an answer in time.
+
+        Raises:
+            ConfigError: An argument is wrong.
+            DeliveryError, ServiceError: There is no such node, or it refuses.
+        """
+        from zacoustic.core.base.qos import PRIORITY_NAMES
+        from zacoustic.core.streams.commands import CommandKind
+
+        check_positive(arguments, "rate")
+        fields: dict[str, Any] = {
+            "on": True if arguments.on else False if arguments.off else None,
+            "min_interval_s": None if arguments.rate is None else 1 / arguments.rate,
+        }
+        if arguments.priority is not None:
+            if arguments.priority not in PRIORITY_NAMES:
+                allowed = ", ".join(PRIORITY_NAMES)
+                raise ConfigError(f"--priority {arguments.priority}; allowed: {allowed}")
+            fields["priority"] = PRIORITY_NAMES[arguments.priority]
+        is_overridden = any(value is not None for value in fields.values())
+        if arguments.reset and is_overridden:
+            raise ConfigError("--reset; allowed: not with --rate and --priority")
+        kind = CommandKind.OVERRIDE if is_overridden else CommandKind.ASK
+        if arguments.reset:
+            kind = CommandKind.RESET
+        command = make_command(kind=kind, stream_id=arguments.id, **fields)
+        return give(arguments, command, _text)
+
+
+def _text(state: Any) -> str:  # noqa: ANN401 (a `StreamState`, which is imported late)
+    name = f"{state.stream} {state.name}".rstrip()
+    rate = f", every {state.min_interval_s:g} s at most" if state.min_interval_s else ""
+    switch = "on" if state.on else "off"
+    return f"node {state.address}, stream {name}: {switch}{rate}, priority {state.priority}"

@@ -1,0 +1,80 @@
+"""How a verb takes part, on Zenoh or straight on a link, and what it reads of typed streams."""
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from zacoustic.app.cli.support.arguments import OBJECT_PER_LINE, add_connect, add_json
+from zacoustic.app.cli.support.printing import print_line
+from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:
+    from zacoustic.core.streams.table import Stream
+    from zacoustic.core.values.types import TypeSpec
+    from zacoustic.zenoh.node import Node
+
+
+def add_node_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare how a verb takes part: on Zenoh, or straight on a link."""
+    where = parser.add_mutually_exclusive_group()
+    add_connect(where)
+    where.add_argument("--link", metavar="LOCATOR", help="straight on a link; needs --config")
+    parser.add_argument("--config", metavar="FILE", help="file with the section plugins.acoustic")
+    parser.add_argument(
+        "--address", type=int, metavar="N", help="acoustic address, instead of the file's"
+    )
+    add_json(parser, OBJECT_PER_LINE)
+
+
+def make_node(arguments: argparse.Namespace) -> "Node":
+    """Make the node that the arguments describe; it is not open yet.
+
+    Raises:
+        ConfigError: A link without a config.
+    """
+    from zacoustic.zenoh.node import Node
+
+    if arguments.link is not None and arguments.config is None:
+        raise ConfigError("--link needs --config FILE, which tells the stream ids")
+    return Node(
+        "command line",
+        config=arguments.config,
+        link=arguments.link,
+        connect=arguments.connect,
+        address=arguments.address,
+    )
+
+
+def class_of(spec: "TypeSpec | None") -> type[bytes] | str:
+    """Return what an endpoint takes for a type: its name, or bytes where there is none."""
+    return bytes if spec is None else spec.name
+
+
+def read_request(stream: "Stream", text: str, *, source: str) -> Any:  # noqa: ANN401 (of its type)
+    """Read the request of a service or the goal of an action; empty: one with defaults only.
+
+    Args:
+        stream: The service or the action.
+        text: As the user has written it.
+        source: The argument, for complaints.
+
+    Raises:
+        ConfigError: The type has no such value.
+    """
+    from zacoustic.zenoh.node.api.text import read_text
+
+    return read_text(text or ("{}" if stream.type is not None else ""), stream.type, source=source)
+
+
+def print_value(record: dict[str, Any], value: object, *, as_json: bool, told: str = "{}") -> None:
+    """Print a value, for people in a line of its own.
+
+    Args:
+        record: What the JSON object has besides.
+        value: The value.
+        as_json: As an object.
+        told: The line for people, with a place for the value.
+    """
+    from zacoustic.zenoh.node.api.text import line_of, shown_value
+
+    shown = shown_value(value, "")
+    print_line({**record, **shown}, told.replace("{}", line_of(shown)), as_json=as_json)

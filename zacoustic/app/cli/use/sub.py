@@ -1,0 +1,112 @@
+"""The verb `zacoustic sub`: prints the samples of a topic, or of all of them."""
+
+import argparse
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from zacoustic.app.cli.support.arguments import check_positive
+from zacoustic.app.cli.support.participant import add_node_arguments, class_of, make_node
+from zacoustic.app.cli.support.printing import print_line, print_note
+from zacoustic.link.command import EXIT_OK, EXIT_TIMED_OUT, Command
+from zacoustic.link.serving import run_until_stopped
+
+if TYPE_CHECKING:
+    from zacoustic.zenoh.node import Node, Sample
+
+# Samples of each key that may wait while standard output does.
+_DEPTH: Final = 1024
+
+_EXAMPLE = """examples:
+  zacoustic sub auv1/nav --connect tcp/127.0.0.1:7447
+  zacoustic sub --link sim/127.0.0.1:7000 --config fleet.json5 --count 1 --timeout 60 --json
+"""
+
+
+class SubCommand(Command):
+    """Prints what arrives."""
+
+    name = "sub"
+    summary = "print the samples of a topic, on Zenoh or straight on a link"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare key, where from, how many and how long."""
+        parser.epilog = _EXAMPLE
+        parser.add_argument(
+            "key", metavar="KEY", nargs="?",
+            help="topic of the config, or key expression; none: all topics",
+        )  # fmt: skip
+        add_node_arguments(parser)
+        parser.add_argument("--count", type=int, metavar="N", help="end after so many samples")
+        parser.add_argument(
+            "--timeout", type=float, metavar="S",
+            help="end after so long, s; exit code 3 with fewer samples than --count, or with none",
+        )  # fmt: skip
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Print until enough have come, the time is over, or Ctrl-C."""
+        check_positive(arguments, "count", "timeout")
+        return run_until_stopped(lambda stop: _listen(arguments)) or EXIT_OK
+
+
+async def _listen(arguments: argparse.Namespace) -> int:
+    from zacoustic.zenoh.node.api.mailbox import Mailbox
+
+    wanted, seen = arguments.count or 1, 0
+    async with make_node(arguments) as node:
+        # Printed here, not in the callbacks: a reader who hangs up is to end the verb.
+        arrived: Mailbox[Sample[Any]] = Mailbox(_DEPTH)
+        _subscribe(node, arguments.key, lambda sample: arrived.put(sample, sample.key))
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(arguments.timeout):
+                while arguments.count is None or seen < wanted:
+                    sample = await arrived.get()
+                    assert sample is not None
+                    _print(sample, as_json=arguments.json)
+                    seen += 1
+    if seen >= wanted:
+        return EXIT_OK
+    told = f"{seen} of {wanted} samples within {arguments.timeout:g} s"
+    print_note(f"zacoustic sub: {told}")
+    return EXIT_TIMED_OUT
+
+
+def _subscribe(node: "Node", key: str | None, take: "Callable[[Sample[Any]], None]") -> None:
+    from zacoustic.core.base.qos import Qos
+
+    for name in _names(node, key):
+        stream = node.find_stream(name)
+        sample_type: Any = class_of(None if stream is None else stream.type)
+        node.create_subscription(sample_type, name, take, Qos(depth=_DEPTH))
+
+
+def _print(sample: "Sample[Any]", *, as_json: bool) -> None:
+    from zacoustic.zenoh.node.api.text import line_of, shown_value
+
+    shown = {} if sample.deleted else shown_value(sample.content, sample.encoding)
+    notes = [f"from {sample.source}"] if sample.source is not None else []
+    notes += [f"{sample.age_s:.1f} s old"] if sample.age_s is not None else []
+    note = f"  ({', '.join(notes)})" if notes else ""
+    record = {
+        "key": sample.key,
+        **shown,
+        "deleted": sample.deleted,
+        "encoding": sample.encoding,
+        "source": sample.source,
+        "age_s": None if sample.age_s == float("inf") else sample.age_s,
+        "unix_s": time.time(),
+    }
+    text = f"{sample.key}: {'deleted' if sample.deleted else line_of(shown)}{note}"
+    print_line(record, text, as_json=as_json)
+
+
+def _names(node: "Node", key: str | None) -> list[str]:
+    """What to subscribe to: the key, or all topics, or on Zenoh without a config everything."""
+    if key is not None:
+        return [key]
+    names = node.topics()
+    told = ", ".join(names) if names else "every key"
+    print_note(f"zacoustic sub: listening to {told}")
+    return names or ["**"]

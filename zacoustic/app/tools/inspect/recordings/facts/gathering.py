@@ -1,0 +1,389 @@
+"""What happened, out of one or more recordings: the facts that figures are made of.
+
+Of an engine all of it is known: what was asked for, what arrived, every frame. Of a recorded
+network the frames of its gateways are known, and what came off the channel there.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.app.tools.inspect.recordings.facts.facts import (
+    Arrived,
+    Asked,
+    Command,
+    Facts,
+    Published,
+)
+from zacoustic.app.tools.inspect.recordings.replaying.epochs import LifeReader, NewLife
+from zacoustic.core.base.linktypes import (
+    LinkCapabilities,
+    LinkMetrics,
+    Measurement,
+    PeerMeasured,
+    ReceivedFrame,
+)
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.types import TypeTable
+from zacoustic.core.wire.envelope import Envelope, Opened
+from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.run.recording.calls import TYPES, Recorded, read_outcome
+from zacoustic.run.recording.channels import (
+    RECEIVED,
+    SENT,
+    FrameRecord,
+    LedgerRecord,
+    LedgerRow,
+    LinkRecord,
+    ReportRecord,
+)
+from zacoustic.run.recording.life import Table
+from zacoustic.run.recording.reading import ReadMessage, RecordingReader
+from zacoustic.run.recording.samples import SAMPLES_TOPIC, TABLE_TOPIC, SampleRecord
+from zacoustic.text.digits import whole_number
+
+
+def gather(paths: Iterable[str | Path]) -> Facts:
+    """Read recordings.
+
+    Raises:
+        ConfigError: A file is none, or nothing of a gateway or an engine is in them.
+    """
+    facts = Facts()
+    for path in paths:
+        source = RecordingReader(path, tells=False)
+        facts.files.append(str(path))
+        add_messages(facts, source)
+        if source.damage:
+            facts.damage[str(path)] = source.damage
+    if not (facts.tables or facts.frames or facts.arrived or facts.ledgers):
+        why = "; ".join(f"{path} ends early: {damage}" for path, damage in facts.damage.items())
+        raise ConfigError(
+            f"{', '.join(facts.files)}: nothing of a gateway or an engine is in it"
+            + (f" ({why})" if why else ""),
+            hint="record with --record at the gateway, the Node or zacoustic sim, or with "
+            "zacoustic record",
+        )
+    return facts
+
+
+def add_messages(facts: Facts, messages: Iterable[ReadMessage]) -> None:
+    """Take the messages of one recording."""
+    gatherer = _Gatherer(facts)
+    for message in messages:
+        gatherer.take(message)
+
+
+# The node of a message, and the node that a measurement is about.
+_WHOSE: Final = re.compile(r"/(?:@acoustic/)?([0-9]{1,3})/.+")
+_PEER: Final = re.compile(r"/@acoustic/([0-9]{1,3})/peer/([0-9]{1,3})/range")
+
+_COMMANDS: Final = (
+    "subscriptions.want", "ranging.request", "ranging.repeat", "commands.send", "silence.begin",
+    "silence.resume",
+)  # fmt: skip
+
+
+class _Gatherer:
+    def __init__(self, facts: Facts) -> None:
+        self._facts = facts
+        self._epochs = LifeReader()
+        self._offsets: dict[int, int] = {}
+        self._calls: dict[tuple[int, object], Asked] = {}
+        self._envelopes: dict[int, Envelope] = {}
+        self._ranges: dict[tuple[int, int], int] = {}
+        """When the newest range of each pair was measured, UTC, ns."""
+        self._table: StreamTable | None = None
+        """Of a recording without boot epochs."""
+
+    def take(self, message: ReadMessage) -> None:
+        facts = self._facts
+        if not facts.began_ns or message.utc_ns < facts.began_ns:
+            facts.began_ns = message.utc_ns
+        facts.ended_ns = max(facts.ended_ns, message.utc_ns)
+        place, _, name = message.topic.rpartition("/")
+        node = whole_number(place.rpartition("/")[2])
+        if (whose := _WHOSE.match(message.topic)) is not None:
+            self._span(int(whose[1]), message.utc_ns)
+        if message.topic == TABLE_TOPIC:
+            self._take_table(message)
+        elif message.topic == SAMPLES_TOPIC:
+            self._take_sample(message)
+        elif name == "engine" and message.encoding == "msgpack":
+            self._take_engine(message)
+        elif node is not None and message.encoding == "json":
+            self._take_record(message, node, name, is_network=place.startswith("/@acoustic"))
+
+    def _span(self, node: int, utc_ns: int) -> None:
+        first_ns, last_ns = self._facts.spans_ns.get(node, (utc_ns, utc_ns))
+        self._facts.spans_ns[node] = min(first_ns, utc_ns), max(last_ns, utc_ns)
+
+    # Frames, reports, ledgers
+
+    def _take_record(self, message: ReadMessage, node: int, name: str, *, is_network: bool) -> None:
+        facts, data = self._facts, message.data
+        match name:
+            case "frames":
+                frame = msgspec.json.decode(data, type=FrameRecord)
+                facts.frames += [(message.utc_ns, each) for each in self._named(frame)]
+                if frame.direction == SENT:
+                    sent_bytes = facts.sent_bytes.get(node, 0) + frame.size_bytes
+                    facts.sent_bytes[node] = sent_bytes
+            case "reports":
+                report = msgspec.json.decode(data, type=ReportRecord)
+                facts.reports.append((message.utc_ns, report))
+            case "links":
+                link = msgspec.json.decode(data, type=LinkRecord)
+                if link.capabilities is not None:
+                    facts.capabilities[node] = link.capabilities
+            case "link" if is_network:
+                found = msgspec.json.decode(data, type=_LinkDocument)
+                if found.capabilities is not None:
+                    facts.capabilities[node] = found.capabilities
+            case "range" if is_network and (ends := _PEER.fullmatch(message.topic)):
+                self._take_range(int(ends[1]), int(ends[2]), message)
+            case "ledger" if is_network:
+                facts.ledgers[node, 0] = msgspec.json.decode(data, type=_LedgerDocument).of(node)
+            case "ledger":
+                ledger = msgspec.json.decode(data, type=LedgerRecord)
+                facts.ledgers[node, ledger.epoch] = ledger
+                facts.covered_bytes[node] = facts.sent_bytes.get(node, 0)
+            case _:
+                pass
+
+    def _take_range(self, node: int, peer: int, message: ReadMessage) -> None:
+        found = msgspec.json.decode(message.data, type=_RangeDocument)
+        metrics = LinkMetrics(range_m=found.range_m, propagation_s=found.propagation_s)
+        measured = PeerMeasured(address=peer, measured_at=0, metrics=metrics)
+        at_ns = round((found.measured_at_unix_s or message.utc_ns / 1e9) * 1e9)
+        # The document is put again for late subscribers.
+        if self._ranges.get((node, peer)) != at_ns:
+            self._ranges[node, peer] = at_ns
+            self._facts.measured.append((at_ns, node, measured))
+
+    def _named(self, frame: FrameRecord) -> Iterator[FrameRecord]:
+        """Give frames with their senders, also where the link does not report them."""
+        capabilities = self._facts.capabilities.get(frame.node)
+        if frame.direction != RECEIVED or frame.source or capabilities is None:
+            yield frame
+            return
+        envelope = self._envelopes.get(frame.node)
+        if envelope is None:
+            envelope = self._envelopes[frame.node] = Envelope(capabilities, frame.node)
+        received = ReceivedFrame(
+            frame_bytes=frame.frame, received_at=frame.at, destination=frame.destination
+        )
+        for opened in envelope.open(received):
+            if isinstance(opened, Opened):
+                yield msgspec.structs.replace(
+                    frame, source=opened.source, destination=opened.destination
+                )
+
+    # A recorded network
+
+    def _take_table(self, message: ReadMessage) -> None:
+        self._table = msgspec.msgpack.decode(message.data, type=_TableMessage).table.table()
+        self._know(self._table)
+
+    def _take_sample(self, message: ReadMessage) -> None:
+        record = msgspec.json.decode(message.data, type=SampleRecord)
+        if self._table is None or record.source is None or record.deleted:
+            return
+        found = self._table.find(record.key, record.source)
+        if found is not None:
+            self._facts.arrived.append(
+                Arrived(
+                    at_ns=message.utc_ns,
+                    node=0,
+                    source=record.source,
+                    stream_id=found[0].stream_id,
+                    instance=found[1],
+                    age_s=record.age_s,
+                )
+            )
+
+    # A recorded engine
+
+    def _take_engine(self, message: ReadMessage) -> None:
+        part = self._epochs.read(message)
+        if isinstance(part, NewLife):
+            node = part.life.address
+            table = self._facts.tables[node] = part.life.table.table()
+            self._know(table)
+            self._offsets[node] = part.life.utc_offset_ns
+            self._facts.births.append((message.utc_ns, part.life))
+            self._facts.epochs[node] = self._facts.epochs.get(node, 0) + 1
+            self._calls = {key: asked for key, asked in self._calls.items() if key[0] != node}
+        elif part is not None:
+            for call in part.calls:
+                self._take_call(part.node, call, message.utc_ns)
+
+    def _know(self, table: StreamTable) -> None:
+        self._facts.streams.update({stream.stream_id: stream for stream in table})
+
+    def _take_call(self, node: int, call: Recorded, utc_ns: int) -> None:
+        if call.name == "poll_event":
+            outcome = read_outcome(call.outcome)
+            if outcome is not None:
+                self._take_event(node, outcome[0], outcome[1], utc_ns)
+        elif call.name in ("publish", "call", "actions.send_goal"):
+            at_ns = (call.now or 0) + self._offsets[node]
+            outcome = read_outcome(call.outcome)
+            stream_id = call.arguments["stream_id"]
+            stream = self._facts.tables[node].get(stream_id)
+            if stream is None or (isinstance(outcome, list) and outcome[0] == "raised"):
+                self._facts.refused[stream_id] = self._facts.refused.get(stream_id, 0) + 1
+            elif call.name == "publish":
+                self._publish(node, stream, call.arguments, at_ns)
+            else:
+                asked = Asked(
+                    at_ns=at_ns,
+                    node=node,
+                    stream_id=stream_id,
+                    value=call.arguments.get("value"),
+                    timeout_s=call.arguments.get("timeout_s"),
+                )
+                self._facts.asked.append(asked)
+                name = outcome if call.name == "call" else str(outcome[1])
+                self._calls[node, name] = asked
+        elif call.name == "declare":
+            self._redeclare(node, call)
+        elif call.name == "handle_measurement":
+            self._measure(node, call.arguments["measurement"])
+        elif call.name in _COMMANDS and call.now is not None:
+            said = {name: each for name, each in call.arguments.items() if name != "now"}
+            at_ns = call.now + self._offsets[node]
+            self._facts.commands.append(Command(at_ns, node, call.name, said))
+        else:
+            self._facts.reactions.note_call(node, call, (call.now or 0) + self._offsets[node])
+
+    def _measure(self, node: int, measurement: Measurement) -> None:
+        if isinstance(measurement, PeerMeasured):
+            at_ns = measurement.measured_at + self._offsets[node]
+            self._facts.measured.append((at_ns, node, measurement))
+
+    def _redeclare(self, node: int, call: Recorded) -> None:
+        table = self._facts.tables[node]
+        table.types = TypeTable(call.arguments.get(TYPES, ()))
+        try:
+            table.declare(call.arguments["spec"])
+        except ZacousticError:
+            return  # as it was refused then
+        self._know(table)
+
+    def _publish(self, node: int, stream: Stream, arguments: dict[str, Any], at_ns: int) -> None:
+        instance = arguments.get("instance", ())
+        delete = bool(arguments.get("delete"))
+        value = arguments.get("value")
+        payload = b"" if delete else _payload(stream, value)
+        published = Published(
+            at_ns=at_ns,
+            node=node,
+            stream_id=stream.stream_id,
+            instance=instance,
+            payload=payload,
+            value=value,
+            delete=delete,
+            encoding=arguments.get("encoding"),
+        )
+        self._facts.published.append(published)
+
+    def _take_event(self, node: int, kind: str, said: dict[str, Any], utc_ns: int) -> None:
+        if kind == "SampleReceived" and not said["deleted"]:
+            self._arrive(node, said)
+        elif kind == "RequestReceived":
+            stream_id = said["call"]["stream_id"]
+            self._facts.reactions.note_question(
+                node, said["call"], stream_id, said["value"], utc_ns
+            )
+        elif kind == "GoalReceived":
+            stream_id = said["goal"]["stream_id"]
+            self._facts.reactions.note_question(
+                node, said["goal"], stream_id, said["value"], utc_ns
+            )
+        elif kind in ("ResponseReceived", "CallFailed"):
+            self._end(node, said["call_id"], said, utc_ns)
+        elif kind in ("ResultReceived", "GoalFailed") or (
+            kind == "GoalAnswered" and not said["accepted"]
+        ):
+            self._end(node, str(said["goal"]), said, utc_ns)
+        elif kind == "DeliveryEnded":
+            counts = self._facts.outcomes.setdefault(said["stream_id"], {})
+            counts[said["outcome"]] = counts.get(said["outcome"], 0) + 1
+
+    def _end(self, node: int, name: object, said: dict[str, Any], utc_ns: int) -> None:
+        asked = self._calls.pop((node, name), None)
+        if asked is not None:
+            failure = said.get("failure")
+            asked.ended_at_ns, asked.answer = utc_ns, said.get("value")
+            asked.failure = "" if failure is None else str(failure)
+
+    def _arrive(self, node: int, said: dict[str, Any]) -> None:
+        stream = self._facts.tables[node].get(said["stream_id"])
+        if stream is None:
+            return
+        at_ns = said["received_at"] + self._offsets[node]
+        instance = tuple(said["instance"])
+        payload = _payload(stream, said["value"])
+        arrived = Arrived(
+            at_ns=at_ns,
+            node=node,
+            source=said["source"],
+            stream_id=stream.stream_id,
+            instance=instance,
+            payload=payload,
+            value=said["value"],
+            age_s=said["age_s"],
+        )
+        self._facts.arrived.append(arrived)
+
+
+class _TableMessage(msgspec.Struct):
+    table: Table
+
+
+class _LinkDocument(msgspec.Struct):
+    capabilities: LinkCapabilities | None = None
+
+
+class _RangeDocument(msgspec.Struct):
+    range_m: float | None = None
+    propagation_s: float | None = None
+    measured_at_unix_s: float | None = None
+
+
+class _LedgerEntry(msgspec.Struct):
+    id: int
+    stream: str
+    cause: str
+    bytes: int
+
+
+class _LedgerDocument(msgspec.Struct):
+    bytes: int
+    airtime_s: float
+    entries: list[_LedgerEntry]
+
+    def of(self, node: int) -> LedgerRecord:
+        rows = tuple(
+            LedgerRow(
+                stream_id=each.id,
+                stream=each.stream,
+                cause=each.cause,
+                transmitted_bytes=each.bytes,
+            )
+            for each in self.entries
+        )
+        return LedgerRecord(
+            node=node, epoch=0, frames=0, bytes=self.bytes, airtime_s=self.airtime_s, rows=rows
+        )
+
+
+def _payload(stream: Stream, value: Any) -> bytes:  # noqa: ANN401 (as the application has it)
+    try:
+        return stream.codec.encode(value)
+    except ZacousticError:
+        return b""

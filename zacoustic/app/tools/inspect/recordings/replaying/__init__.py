@@ -1,0 +1,1 @@
+"""Recorded engines made again: checked, run otherwise, told in words, put onto a network."""

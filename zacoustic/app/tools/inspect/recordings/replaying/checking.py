@@ -1,0 +1,197 @@
+"""`zacoustic replay --check`: engines made again send the same bytes; else the first difference.
+
+Every call of a recording is made again, of the same engine in the same state, and what comes of it
+is compared: frames, events, writes to the journal, timers, answers to commands. Beside that the
+books are checked: what the ledger of the engine says is the sum of the frames that it gave to its
+link, and what the recording has of the ledger is what the engine has now.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+
+from zacoustic.app.tools.inspect.recordings.replaying.epochs import (
+    Calls,
+    LifeReader,
+    NewLife,
+    make_call,
+    must_have_epochs,
+)
+from zacoustic.core.base.linktypes import Transmission
+from zacoustic.core.engine.events import Event
+from zacoustic.run.recording.calls import Recorded, read_outcome
+from zacoustic.run.recording.channels import LedgerRecord
+from zacoustic.run.recording.life import Life
+from zacoustic.run.recording.reading import ReadMessage, RecordingReader
+from zacoustic.text.digits import whole_number
+
+_LONGEST = 400
+
+
+class LifeVerdict(msgspec.Struct, kw_only=True):
+    """The result of one boot epoch."""
+
+    node: int
+    """Address."""
+    epoch: int
+    """Of the node's boot epoch."""
+    calls: int = 0
+    """Made again, and the same."""
+    frames: int = 0
+    """Composed again, byte for byte."""
+    frame_bytes: int = 0
+    """Their sizes."""
+    ledger_bytes: int = 0
+    """What the ledger sums to."""
+    events: dict[str, int] = {}
+    """Told to the application again, by kind."""
+    deliveries: int = 0
+    """Samples, requests, answers and what goals bring, among the events."""
+    duration_s: float = 0.0
+    """From the first call to the last, s of the engine's clock."""
+    difference: str = ""
+    """The first thing that is not the same; empty: nothing."""
+
+
+class Verdict(msgspec.Struct, kw_only=True):
+    """What came of a recording."""
+
+    file: str
+    """Its name."""
+    epochs: list[LifeVerdict]
+    """In the order in which they began."""
+    damage: str = ""
+    """Why the file ends early; empty: it does not."""
+
+    @property
+    def is_same(self) -> bool:
+        """Everything was the same, and there was something."""
+        return bool(self.epochs) and not any(life.difference for life in self.epochs)
+
+
+_DELIVERIES = frozenset(
+    {
+        "SampleReceived", "RequestReceived", "ResponseReceived", "CallFailed", "GoalReceived",
+        "GoalAnswered", "FeedbackReceived", "ResultReceived", "GoalFailed", "GoalRecovered",
+        "CancelRequested", "CancelAnswered", "DeliveryEnded",
+    }
+)  # fmt: skip
+
+
+class LifeCheck:
+    """Replays one boot epoch.
+
+    Args:
+        life: The parameters of its engine.
+
+    Raises:
+        ConfigError: The engine cannot be made.
+    """
+
+    def __init__(self, life: Life) -> None:
+        self.verdict = LifeVerdict(node=life.address, epoch=life.epoch)
+        self._engine = life.engine()
+        self._events: Counter[str] = Counter()
+        self._first_at: int | None = None
+
+    def take(self, call: Recorded) -> None:
+        """Make a call again, unless something was different before."""
+        verdict = self.verdict
+        if verdict.difference:
+            return
+        if call.now is not None:
+            self._first_at = call.now if self._first_at is None else self._first_at
+            verdict.duration_s = (call.now - self._first_at) / 1e9
+        done = make_call(self._engine, call)
+        if done.outcome != call.outcome:
+            verdict.difference = (
+                f"{call.name} at {(call.now or 0) / 1e9:.6f} s: was {_shown(call.outcome)}, "
+                f"is {_shown(done.outcome)}"
+            )
+            return
+        verdict.calls += 1
+        if isinstance(done.result, Transmission):
+            verdict.frames += 1
+            verdict.frame_bytes += len(done.result.frame_bytes)
+        elif call.name == "poll_event" and isinstance(done.result, Event):
+            kind = type(done.result).__name__
+            self._events[kind] += 1
+            verdict.deliveries += kind in _DELIVERIES
+
+    def compare_ledger(self, recorded: LedgerRecord) -> None:
+        """Compare a ledger of the recording with that of the engine."""
+        if self.verdict.difference or recorded.epoch != self._engine.epoch:
+            return
+        rows = {(row.stream_id, row.cause): row.transmitted_bytes for row in recorded.rows}
+        found = {
+            (entry.stream_id, entry.cause.value): entry.transmitted_bytes
+            for entry in self._engine.stats.ledger()
+        }
+        if rows != found or recorded.bytes != self._engine.stats.bytes_transmitted:
+            self.verdict.difference = f"the ledger was {rows}, is {found}"[:_LONGEST]
+
+    def finish(self) -> LifeVerdict:
+        """Check the books; return what came of it."""
+        verdict = self.verdict
+        verdict.events = dict(sorted(self._events.items()))
+        verdict.ledger_bytes = sum(entry.transmitted_bytes for entry in self._engine.stats.ledger())
+        if verdict.ledger_bytes != verdict.frame_bytes and not verdict.difference:
+            verdict.difference = (
+                f"the ledger sums to {verdict.ledger_bytes} bytes, "
+                f"the frames to {verdict.frame_bytes}"
+            )
+        return verdict
+
+
+def check_recording(path: str | Path) -> Verdict:
+    """Replay all boot epochs of a recording.
+
+    Raises:
+        ConfigError: The file is none of ours, or has no boot epoch in it.
+    """
+    source = RecordingReader(path, tells=False)
+    verdict = check_messages(source, str(path))
+    verdict.damage = source.damage
+    return verdict
+
+
+def check_messages(messages: Iterable[ReadMessage], name: str) -> Verdict:
+    """Replay all boot epochs in the messages of a recording.
+
+    Raises:
+        ConfigError: There is none, or it was recorded by another program.
+    """
+    reader = LifeReader()
+    running: dict[int, LifeCheck] = {}
+    verdict = Verdict(file=name, epochs=[])
+    for message in messages:
+        part = reader.read(message)
+        if isinstance(part, NewLife):
+            node = part.life.address
+            if node in running:
+                running[node].finish()
+            running[node] = check = LifeCheck(part.life)
+            verdict.epochs.append(check.verdict)
+        elif isinstance(part, Calls):
+            for call in part.calls:
+                running[part.node].take(call)
+        else:
+            _compare_ledger(message, running)
+    for check in running.values():
+        check.finish()
+    must_have_epochs(reader, name)
+    return verdict
+
+
+def _compare_ledger(message: ReadMessage, running: dict[int, LifeCheck]) -> None:
+    node = whole_number(message.metadata.get("node", ""))
+    if node in running and message.topic == f"/{node}/ledger":
+        record = msgspec.json.decode(message.data, type=LedgerRecord)
+        running[node].compare_ledger(record)
+
+
+def _shown(outcome: bytes) -> str:
+    text = repr(read_outcome(outcome))
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"

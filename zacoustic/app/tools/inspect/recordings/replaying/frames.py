@@ -1,0 +1,244 @@
+"""The frames of a recording in words: opened as the link had them, and decoded by the table."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from zacoustic.app.tools.inspect.decode.decoded import DecodedItem
+from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder
+from zacoustic.app.tools.inspect.recordings.replaying.epochs import LifeReader, NewLife
+from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.wire.envelope import Damaged, Envelope
+from zacoustic.errors import ConfigError
+from zacoustic.link import registry
+from zacoustic.run.recording.channels import RECEIVED, SENT, FrameRecord, LinkRecord
+from zacoustic.run.recording.life import Table
+from zacoustic.run.recording.reading import ReadMessage, RecordingReader
+from zacoustic.run.recording.samples import TABLE_TOPIC
+from zacoustic.text.digits import whole_number
+
+T = TypeVar("T")
+
+
+class DecodedFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """A frame of a recording."""
+
+    utc_ns: int | None = None
+    """When, ns since 1970; None in a log, which has no times."""
+    node: int
+    """Whose link; 0 in a log."""
+    direction: str
+    """`sent` or `received`."""
+    source: int
+    """Who has sent it; 0: not known."""
+    destination: int
+    """Whom it is for; 255: everybody."""
+    frame: str
+    """As the link had it, in hexadecimal."""
+    items: tuple[DecodedItem, ...]
+    """Its contents in words."""
+    fault: str = ""
+    """Why it has no contents; empty: it has."""
+
+
+class _LinkDocument(msgspec.Struct):
+    """What is needed of the health document `link`."""
+
+    capabilities: LinkCapabilities | None = None
+
+
+class _TableMessage(msgspec.Struct):
+    """The table of a recording without boot epochs."""
+
+    table: Table
+
+
+class FrameReader:
+    """Decodes frames, one recording after the other.
+
+    Args:
+        table: The streams, instead of those of the recording.
+        wire: What is spoken, instead of what the table says.
+    """
+
+    def __init__(
+        self, table: StreamTable | None = None, *, wire: WireProfile | None = None
+    ) -> None:
+        self._given = table
+        self._wire = wire
+        self._found: StreamTable | None = None
+        self._epochs = LifeReader()
+        self._tables: dict[int, StreamTable] = {}
+        self._capabilities: dict[int, LinkCapabilities] = {}
+        self._decoders: dict[int, FrameDecoder] = {}
+        self._envelopes: dict[tuple[int, str, int], Envelope] = {}
+
+    def read(self, message: ReadMessage) -> Iterator[DecodedFrame]:
+        """Decode the frame that a message has, if it has one."""
+        place, _, name = message.topic.rpartition("/")
+        node = _node_of(place)
+        if message.topic == TABLE_TOPIC and message.encoding == "msgpack":
+            self._found = _table(message.data)
+        elif node is None:
+            return
+        elif name == "engine":
+            self._read_life(message, node)
+        elif name == "links" or place.startswith("/@acoustic"):
+            self._read_link(message, node, name)
+        if node is not None and name == "frames" and message.encoding == "json":
+            record = _parsed(message.data, FrameRecord)
+            if record is not None:
+                yield from self._decode(record, message.utc_ns)
+
+    def _read_life(self, message: ReadMessage, node: int) -> None:
+        if b"life" in message.data[:8]:
+            part = self._epochs.read(message)
+            if isinstance(part, NewLife):
+                self._tables[node] = part.life.table.table()
+                self._decoders.pop(node, None)
+
+    def _read_link(self, message: ReadMessage, node: int, name: str) -> None:
+        kinds: dict[str, type[LinkRecord] | type[_LinkDocument]]
+        kinds = {"links": LinkRecord, "link": _LinkDocument}
+        if name in kinds:
+            found = _parsed(message.data, kinds[name])
+            if found is not None and found.capabilities is not None:
+                if self._capabilities.get(node) != found.capabilities:
+                    self._envelopes.clear()
+                self._capabilities[node] = found.capabilities
+
+    def _decode(self, record: FrameRecord, utc_ns: int) -> Iterator[DecodedFrame]:
+        node = record.node
+        decoder = self._decoders.get(node)
+        if decoder is None:
+            table = self._given or self._tables.get(node) or self._found
+            decoder = self._decoders[node] = FrameDecoder(table, wire=self._wire)
+        for source, destination, records, fault in self._open(record):
+            items: list[DecodedItem] = []
+            if not fault:
+                unicast = destination != BROADCAST
+                items = decoder.decode(records, source=source, unicast=unicast)
+            yield DecodedFrame(
+                utc_ns=utc_ns,
+                node=node,
+                direction=record.direction,
+                source=source,
+                destination=destination,
+                frame=record.frame.hex(),
+                items=tuple(items),
+                fault=fault,
+            )
+
+    def _open(self, record: FrameRecord) -> Iterator[tuple[int, int, bytes, str]]:
+        """Remove the envelope; return source, destination, records, fault."""
+        capabilities = self._capabilities.get(record.node)
+        if capabilities is None or self._wire is WireProfile.RMW_DESERT:
+            yield record.source, record.destination, record.frame, ""
+            return
+        table = self._tables.get(record.node) or self._given or self._found
+        if table is not None and table.wire is WireProfile.RMW_DESERT:
+            yield record.source, record.destination, record.frame, ""
+            return
+        key = (record.node, record.direction, record.source)
+        envelope = self._envelopes.get(key)
+        if envelope is None:
+            envelope = self._envelopes[key] = Envelope(capabilities, record.node)
+        received = ReceivedFrame(
+            frame_bytes=record.frame,
+            received_at=record.at,
+            source=record.source,
+            destination=record.destination,
+        )
+        for opened in envelope.open(received):
+            if isinstance(opened, Damaged):
+                yield record.source, record.destination, b"", f"damaged: {opened.reason}"
+            else:
+                yield opened.source, opened.destination, opened.records, ""
+
+
+def decode_recording(
+    path: str | Path, table: StreamTable | None = None, *, wire: WireProfile | None = None
+) -> Iterator[DecodedFrame]:
+    """Decode the frames of a recording.
+
+    Args:
+        path: The file.
+        table: The streams, instead of those of the recording.
+        wire: What is spoken, instead of what the table says.
+
+    Raises:
+        ConfigError: It is none.
+    """
+    frames = FrameReader(table, wire=wire)
+    for message in RecordingReader(path):
+        yield from frames.read(message)
+
+
+def decode_log(
+    path: str | Path,
+    link: str,
+    table: StreamTable | None = None,
+    *,
+    wire: WireProfile | None = None,
+) -> Iterator[DecodedFrame]:
+    """Decode the frames in a log of a modem's port.
+
+    Args:
+        path: The file.
+        link: Name of the link to such a modem.
+        table: The streams.
+        wire: What is spoken, instead of what the table says.
+
+    Raises:
+        ConfigError: It cannot be read.
+        LinkUnavailableError: There is no such link.
+    """
+    kind = registry.load(link)
+    try:
+        log = Path(path).read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+    decoder = FrameDecoder(table, wire=wire)
+    for logged in kind.read_log(log):
+        unicast = logged.destination != BROADCAST
+        items = decoder.decode(logged.frame_bytes, source=logged.source, unicast=unicast)
+        yield DecodedFrame(
+            node=0,
+            direction=SENT if logged.is_sent else RECEIVED,
+            source=logged.source,
+            destination=logged.destination,
+            frame=logged.frame_bytes.hex(),
+            items=tuple(items),
+        )
+
+
+def line_of(frame: DecodedFrame, began_ns: int) -> str:
+    """Return the heading of a frame, before its contents."""
+    whom = "everybody" if frame.destination == BROADCAST else f"node {frame.destination}"
+    who = f"node {frame.source}" if frame.source else "somebody"
+    where = f", heard by node {frame.node}" if frame.direction != SENT and frame.node else ""
+    size = len(frame.frame) // 2
+    when = "" if frame.utc_ns is None else f"{(frame.utc_ns - began_ns) / 1e9:10.3f} s  "
+    return f"{when}{who} to {whom}{where}, {size} bytes: {frame.frame}"
+
+
+def _node_of(place: str) -> int | None:
+    return whole_number(place.rpartition("/")[2])
+
+
+def _parsed(data: bytes, kind: type[T]) -> T | None:
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (msgspec.DecodeError, RecursionError):
+        return None
+
+
+def _table(data: bytes) -> StreamTable | None:
+    try:
+        return msgspec.msgpack.decode(data, type=_TableMessage).table.table()
+    except (msgspec.DecodeError, ConfigError):
+        return None

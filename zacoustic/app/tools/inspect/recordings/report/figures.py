@@ -1,0 +1,272 @@
+"""Figures of a recording: delivery, latency, airtime and link quality.
+
+What is promised of them: the bytes of a node are those of its frames, and its ledger sums to them,
+exactly, or `ledger_is_exact` is false. A latency is from the command to the arrival, between the
+clocks of two nodes where they are not the same.
+"""
+
+from typing import Final
+
+import msgspec
+
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Published, match
+from zacoustic.app.tools.inspect.recordings.report.linkfigures import LinkFigures, links_of
+from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spread_of
+from zacoustic.app.tools.inspect.recordings.report.thinning import left_out
+from zacoustic.core.base.stats import NO_STREAM
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.run.recording.channels import SENT
+
+_NAMED: Final = 5
+"""So many streams are named; the worst first."""
+
+
+class StreamFigures(msgspec.Struct, kw_only=True):
+    """Of one stream."""
+
+    stream_id: int
+    """Its id."""
+    name: str
+    """Its name."""
+    kind: str
+    """`topic`, `service` or `action`."""
+    published: int = 0
+    """Samples published, calls made or goals sent by recorded nodes."""
+    expected: int = 0
+    """Samples that would have arrived at recorded nodes if nothing were lost; calls and goals.
+    Without those that were left out on purpose."""
+    thinned: int = 0
+    """Samples that made room for newer ones, as `min_interval_s` wants it: no loss."""
+    delivered: int = 0
+    """Samples of recorded nodes that have arrived at recorded nodes; calls and goals answered."""
+    arrived: int = 0
+    """Samples that have arrived at recorded nodes, from anywhere."""
+    failed: int = 0
+    """Calls and goals that ended without an answer."""
+    refused: int = 0
+    """What the engine has not taken."""
+    latency_s: Spread | None = None
+    """From publication to arrival, from call or goal to its end, s."""
+    age_s: Spread | None = None
+    """How old samples were when their frames were composed, s, where they are stamped."""
+    outcomes: dict[str, int] = {}
+    """Outcomes of reliable samples, as their publishers got them."""
+    transmitted_bytes: int = 0
+    """Given to the links for it, with headers and repetitions."""
+    airtime_s: float = 0.0
+    """Its share of the airtime by its bytes, s."""
+
+
+class NodeFigures(msgspec.Struct, kw_only=True):
+    """Of one node's link."""
+
+    node: int
+    """Its address."""
+    epochs: int
+    """How many were recorded."""
+    frames: int = 0
+    """Sent."""
+    frame_bytes: int = 0
+    """Their sizes."""
+    ledger_bytes: int | None = None
+    """Sum of the ledgers of all boot epochs; None: none is in the recording."""
+    covered_bytes: int | None = None
+    """Of the frames that came before the last ledger: less than all of them in a recording that
+    ends early."""
+    ledger_is_exact: bool | None = None
+    """The two are the same."""
+    airtime_s: float = 0.0
+    """How long they sound, s."""
+    utilisation: float = 0.0
+    """Share of the time, 0…1."""
+    outcomes: dict[str, int] = {}
+    """What became of the transmissions."""
+    by_cause: dict[str, int] = {}
+    """Bytes of the ledger by cause."""
+
+
+class Figures(msgspec.Struct, kw_only=True):
+    """What a recording amounts to."""
+
+    files: list[str]
+    """The recordings."""
+    began_utc_ns: int
+    """First message, ns since 1970."""
+    duration_s: float
+    """To the last message, s."""
+    utilisation: float
+    """Airtime of all recorded nodes together, as a share of the time."""
+    streams: list[StreamFigures]
+    """By id."""
+    nodes: list[NodeFigures]
+    """By address."""
+    links: list[LinkFigures]
+    """By speaker and hearer."""
+    notes: list[str]
+    """Notes for the reader, a line each."""
+    verdict: list[str] = []
+    """What it comes to, a line each."""
+
+
+def figures_of(facts: Facts) -> Figures:
+    """Make the figures."""
+    match(facts)
+    nodes = [_node(facts, node) for node in facts.nodes]
+    figures = Figures(
+        files=facts.files,
+        began_utc_ns=facts.began_ns,
+        duration_s=facts.duration_s,
+        utilisation=sum(each.utilisation for each in nodes),
+        streams=_streams(facts),
+        nodes=nodes,
+        links=links_of(facts),
+        notes=_notes(facts, nodes),
+    )
+    figures.verdict = _verdict(figures)
+    return figures
+
+
+def _streams(facts: Facts) -> list[StreamFigures]:
+    found = {
+        stream_id: StreamFigures(stream_id=stream_id, name=stream.name, kind=_kind(stream))
+        for stream_id, stream in sorted(facts.streams.items())
+    }
+    latencies: dict[int, list[float]] = {}
+    ages: dict[int, list[float]] = {}
+    for published in facts.published:
+        figures = found[published.stream_id]
+        figures.published += 1
+        if published.delete:
+            continue
+        figures.expected += len(_hearers(facts, published))
+        figures.delivered += len(published.arrived)
+        latencies.setdefault(published.stream_id, []).extend(
+            (at_ns - published.at_ns) / 1e9 for at_ns in published.arrived.values()
+        )
+    for published in left_out(facts):
+        figures = found[published.stream_id]
+        figures.thinned += 1
+        figures.expected -= len(_hearers(facts, published))
+    for arrived in facts.arrived:
+        if arrived.stream_id in found:
+            found[arrived.stream_id].arrived += 1
+            if arrived.age_s is not None and arrived.age_s < float("inf"):
+                ages.setdefault(arrived.stream_id, []).append(arrived.age_s)
+    for asked in facts.asked:
+        figures = found[asked.stream_id]
+        figures.published += 1
+        figures.expected += 1
+        if asked.failure:
+            figures.failed += 1
+        elif asked.ended_at_ns is not None:
+            figures.delivered += 1
+            latencies.setdefault(asked.stream_id, []).append(
+                (asked.ended_at_ns - asked.at_ns) / 1e9
+            )
+    for stream_id, figures in found.items():
+        figures.latency_s = spread_of(latencies.get(stream_id, []))
+        figures.age_s = spread_of(ages.get(stream_id, []))
+        figures.refused = facts.refused.get(stream_id, 0)
+        figures.outcomes = facts.outcomes.get(stream_id, {})
+    for _, ledger in sorted(facts.ledgers.items()):
+        per_byte_s = ledger.airtime_s / ledger.bytes if ledger.bytes else 0.0
+        for row in ledger.rows:
+            if row.stream_id != NO_STREAM and row.stream_id in found:
+                found[row.stream_id].transmitted_bytes += row.transmitted_bytes
+                found[row.stream_id].airtime_s += row.transmitted_bytes * per_byte_s
+    return list(found.values())
+
+
+def _hearers(facts: Facts, published: Published) -> list[int]:
+    """Return the recorded nodes at which a sample is to arrive."""
+    stream = facts.streams[published.stream_id]
+    return [node for node in facts.tables if node != published.node and stream.may_subscribe(node)]
+
+
+def _kind(stream: Stream) -> str:
+    if isinstance(stream.spec, ServiceSpec):
+        return "service"
+    return "action" if isinstance(stream.spec, ActionSpec) else "topic"
+
+
+def _node(facts: Facts, node: int) -> NodeFigures:
+    found = NodeFigures(node=node, epochs=facts.epochs.get(node, 0))
+    for _, frame in facts.frames:
+        if frame.node == node and frame.direction == SENT:
+            found.frames += 1
+            found.frame_bytes += frame.size_bytes
+            found.airtime_s += frame.airtime_s or 0.0
+    for _, report in facts.reports:
+        if report.node == node:
+            found.outcomes[report.outcome] = found.outcomes.get(report.outcome, 0) + 1
+    for (whose, _), ledger in facts.ledgers.items():
+        if whose == node:
+            rows = sum(row.transmitted_bytes for row in ledger.rows)
+            found.ledger_bytes = (found.ledger_bytes or 0) + rows
+            for row in ledger.rows:
+                known = found.by_cause.get(row.cause, 0)
+                found.by_cause[row.cause] = known + row.transmitted_bytes
+    if found.ledger_bytes is not None and found.epochs:
+        found.covered_bytes = facts.covered_bytes.get(node, found.frame_bytes)
+        found.ledger_is_exact = found.ledger_bytes == found.covered_bytes
+    if facts.duration_s > 0:
+        found.utilisation = found.airtime_s / facts.duration_s
+    return found
+
+
+def _notes(facts: Facts, nodes: list[NodeFigures]) -> list[str]:
+    notes = [f"{file} ends early: {reason}" for file, reason in facts.damage.items()]
+    others = sorted(
+        {arrived.source for arrived in facts.arrived if arrived.source not in facts.tables} - {0}
+    )
+    if others and facts.tables:
+        names = ", ".join(str(node) for node in others)
+        notes.append(
+            f"node {names} is not recorded: what it published is not known, only what arrived"
+        )
+    if not facts.tables:
+        notes.append("no engine was recorded: what was published is not known, only what arrived")
+    notes += [
+        f"node {each.node}: the ledger sums to {each.ledger_bytes} bytes, the frames to "
+        f"{each.covered_bytes}: something of it is not in the recording"
+        for each in nodes
+        if each.ledger_is_exact is False
+    ]
+    return notes
+
+
+def _verdict(figures: Figures) -> list[str]:
+    """Return it: what is known not to have arrived, then what was left out on purpose."""
+    expected = sum(each.expected for each in figures.streams)
+    delivered = sum(each.delivered for each in figures.streams)
+    if not expected:
+        arrived = sum(each.arrived for each in figures.streams)
+        return [f"{arrived} samples arrived; what did not is not known from these recordings"]
+    short = [each for each in figures.streams if each.delivered < each.expected]
+    short.sort(key=lambda each: each.delivered / each.expected)
+    lines = [f"everything arrived: {delivered} of {expected} samples, calls and goals"]
+    if short:
+        lines = [f"{expected - delivered} of {expected} did not arrive: {_named(short)}"]
+    refused = sum(each.refused for each in figures.streams)
+    if refused:
+        whose = ", ".join(each.name for each in figures.streams if each.refused)
+        lines.append(f"{refused} were refused and never sent: {whose}")
+    lines += [
+        f"{each.name}: {each.thinned} of {each.published} left out on purpose by min_interval_s"
+        for each in figures.streams
+        if each.thinned
+    ]
+    worst = max((link.loss for link in figures.links if link.loss is not None), default=None)
+    if worst is not None:
+        lines.append(f"of the frames {worst:.0%} were lost on the worst link")
+    return lines
+
+
+def _named(streams: list[StreamFigures]) -> str:
+    words = [
+        f"{each.name} {each.expected - each.delivered} of {each.expected}"
+        for each in streams[:_NAMED]
+    ]
+    more = len(streams) - _NAMED
+    return ", ".join(words) + (f", and {more} more streams" if more > 0 else "")

@@ -1,0 +1,232 @@
+"""The plots of a report, as SVG that stands inside a page. Needs the extra `report`."""
+
+import io
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import msgspec
+
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
+from zacoustic.app.tools.inspect.recordings.report.figures import Figures
+from zacoustic.app.tools.inspect.recordings.report.linkfigures import numbers_of
+from zacoustic.errors import ConfigError
+from zacoustic.run.recording.channels import SENT
+from zacoustic.text.safetext import one_line
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_WIDTH_IN: Final = 9.0
+_HEIGHT_IN: Final = 2.8
+_BINS: Final = 60
+_MOST_POINTS: Final = 2000
+"""Points of one plot: more make a page slow and are not visible."""
+_MOST_ROWS: Final = 16
+_LABEL_CHARACTERS: Final = 40
+
+# Stands for the colour of the page's text, which is known where the page is shown.
+_INK: Final = "#010203"
+_INKED: Final = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color",
+                 "grid.color")  # fmt: skip
+_LOOK: Final[dict[Any, Any]] = {
+    **dict.fromkeys(_INKED, _INK),
+    **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "none"),
+    "legend.framealpha": 0.0,
+    "svg.fonttype": "none",
+    "font.size": 9,
+    "text.parse_math": False,  # a dollar in a name is no formula
+}
+
+Point = tuple[float, float]
+
+
+class Plot(msgspec.Struct, frozen=True):
+    """One plot."""
+
+    title: str
+    """What it shows."""
+    svg: str
+    """The picture."""
+
+
+def plots_of(facts: Facts, figures: Figures) -> list[Plot]:
+    """Draw all plots with data.
+
+    Raises:
+        ConfigError: The extra is missing.
+    """
+    candidates: tuple[tuple[str, Callable[[Axes], bool]], ...] = (
+        ("Delivery by stream", lambda axes: _delivery(axes, figures)),
+        ("Latency over time, s", lambda axes: _latency(axes, facts)),
+        ("Airtime by stream, s", lambda axes: _airtime(axes, figures)),
+        ("Channel in use, share of the time", lambda axes: _utilisation(axes, facts)),
+        ("Signal-to-noise ratio, dB", lambda axes: _metric(axes, facts, "snr_db")),
+        ("Received level, dB", lambda axes: _metric(axes, facts, "received_level_db")),
+        ("Signal integrity", lambda axes: _metric(axes, facts, "integrity")),
+        ("Range, m", lambda axes: _metric(axes, facts, "range_m")),
+        ("Propagation delay, s", lambda axes: _metric(axes, facts, "propagation_s")),
+        ("Frames that did not arrive, share", lambda axes: _loss(axes, facts)),
+        ("Bytes by cause", lambda axes: _causes(axes, figures)),
+    )
+    drawn = (_draw(title, draw) for title, draw in candidates)
+    return [plot for plot in drawn if plot is not None]
+
+
+def _draw(title: str, draw: "Callable[[Axes], bool]") -> Plot | None:
+    """Draw one plot; None without data."""
+    try:
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ConfigError(
+            f"a page needs {error.name}",
+            hint="pip install 'zacoustic[report]', or --json and no page",
+        ) from error
+    with mpl.rc_context({**_LOOK, "svg.hashsalt": title}):
+        figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), layout="constrained")
+        axes = figure.add_subplot()
+        axes.grid(alpha=0.3)
+        axes.spines[["top", "right"]].set_visible(False)
+        if not draw(axes):
+            return None
+        written = io.StringIO()
+        figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None})
+    text = written.getvalue().replace(_INK, "currentColor")
+    return Plot(title, text[text.index("<svg") :])
+
+
+def _delivery(axes: "Axes", figures: Figures) -> bool:
+    streams = [each for each in figures.streams if each.expected][:_MOST_ROWS]
+    if not streams:
+        return False
+    names = [_label(each.name) for each in streams]
+    axes.barh(names, [each.delivered / each.expected for each in streams], color="tab:green")
+    axes.set_xlim(0, 1)
+    axes.invert_yaxis()
+    return True
+
+
+def _latency(axes: "Axes", facts: Facts) -> bool:
+    rows: dict[str, list[Point]] = {}
+    for published in facts.published:
+        for at_ns in published.arrived.values():
+            point = (_since(facts, at_ns), (at_ns - published.at_ns) / 1e9)
+            rows.setdefault(_label(facts.streams[published.stream_id].name), []).append(point)
+    for asked in facts.asked:
+        if asked.ended_at_ns is not None and not asked.failure:
+            took_s = (asked.ended_at_ns - asked.at_ns) / 1e9
+            point = (_since(facts, asked.ended_at_ns), took_s)
+            rows.setdefault(_label(facts.streams[asked.stream_id].name), []).append(point)
+    return _scatter(axes, rows)
+
+
+def _airtime(axes: "Axes", figures: Figures) -> bool:
+    streams = sorted(
+        (each for each in figures.streams if each.airtime_s), key=lambda each: -each.airtime_s
+    )[:_MOST_ROWS]
+    if not streams:
+        return False
+    axes.barh([_label(each.name) for each in streams], [each.airtime_s for each in streams])
+    axes.invert_yaxis()
+    return True
+
+
+def _utilisation(axes: "Axes", facts: Facts) -> bool:
+    width_s = facts.duration_s / _BINS
+    if width_s <= 0:
+        return False
+    bottoms = [0.0] * _BINS
+    edges = [width_s * (index + 0.5) for index in range(_BINS)]
+    for node in facts.nodes:
+        shares = [0.0] * _BINS
+        for utc_ns, frame in facts.frames:
+            if frame.node == node and frame.direction == SENT:
+                index = min(_BINS - 1, int(_since(facts, utc_ns) / width_s))
+                shares[index] += (frame.airtime_s or 0.0) / width_s
+        axes.bar(edges, shares, width=width_s, bottom=bottoms, label=f"node {node}")
+        bottoms = [below + share for below, share in zip(bottoms, shares, strict=True)]
+    _time_axis(axes)
+    axes.legend(fontsize=8)
+    return any(bottoms)
+
+
+def _metric(axes: "Axes", facts: Facts, name: str) -> bool:
+    rows: dict[str, list[Point]] = {}
+    for utc_ns, (source, node), number in numbers_of(facts, name):
+        rows.setdefault(f"{source} to {node}", []).append((_since(facts, utc_ns), number))
+    return _scatter(axes, rows)
+
+
+def _loss(axes: "Axes", facts: Facts) -> bool:
+    width_s = facts.duration_s / (_BINS // 2)
+    recorded = facts.nodes
+    if width_s <= 0 or len(recorded) < 2:
+        return False
+    sent: dict[tuple[int, int], list[int]] = {}
+    heard: dict[tuple[int, int], list[int]] = {}
+    for utc_ns, frame in facts.frames:
+        index = min(_BINS // 2 - 1, int(_since(facts, utc_ns) / width_s))
+        hearers = recorded if frame.direction == SENT else [frame.node]
+        for node in hearers:
+            if node == frame.source or frame.destination not in (node, 255):
+                continue
+            if not facts.is_recorded(node, utc_ns):
+                continue
+            counts = sent if frame.direction == SENT else heard
+            row = counts.setdefault((frame.source, node), [0] * (_BINS // 2))
+            row[index] += 1
+    for pair, row in sorted(sent.items()):
+        got = heard.get(pair, [0] * len(row))
+        points = [
+            (width_s * (index + 0.5), max(0.0, 1 - got[index] / number))
+            for index, number in enumerate(row)
+            if number
+        ]
+        label = f"{pair[0]} to {pair[1]}"
+        xs, ys = [x for x, _ in points], [y for _, y in points]
+        axes.plot(xs, ys, marker=".", linewidth=1, label=label)
+    axes.set_ylim(0, 1)
+    _time_axis(axes)
+    if sent:
+        axes.legend(fontsize=8)
+    return bool(sent)
+
+
+def _causes(axes: "Axes", figures: Figures) -> bool:
+    causes = sorted({cause for node in figures.nodes for cause in node.by_cause})
+    if not causes:
+        return False
+    left = [0] * len(causes)
+    for node in figures.nodes:
+        sizes = [node.by_cause.get(cause, 0) for cause in causes]
+        axes.barh(causes, sizes, left=left, label=f"node {node.node}")
+        left = [before + size for before, size in zip(left, sizes, strict=True)]
+    axes.invert_yaxis()
+    axes.legend(fontsize=8)
+    return True
+
+
+def _scatter(axes: "Axes", rows: dict[str, list[Point]]) -> bool:
+    whole = sum(len(points) for points in rows.values())
+    step = max(1, -(-whole // _MOST_POINTS))
+    for name, points in sorted(rows.items()):
+        shown: Sequence[Point] = points[::step]
+        axes.scatter([x for x, _ in shown], [y for _, y in shown], s=6, label=name)
+    _time_axis(axes)
+    if rows and len(rows) <= _MOST_ROWS:
+        axes.legend(fontsize=8)
+    return bool(rows)
+
+
+def _label(name: str) -> str:
+    """Return a name for a plot: short and safe."""
+    shown = one_line(name)
+    return shown if len(shown) <= _LABEL_CHARACTERS else f"{shown[: _LABEL_CHARACTERS - 1]}…"
+
+
+def _time_axis(axes: "Axes") -> None:
+    axes.set_xlabel("s since the beginning")
+
+
+def _since(facts: Facts, utc_ns: int) -> float:
+    return (utc_ns - facts.began_ns) / 1e9

@@ -1,0 +1,68 @@
+"""Which samples were left out on purpose: `min_interval_s` lets one go, and the newest next.
+
+A topic with a least interval sends at most one sample of a key in it; of those that come meanwhile
+the newest `depth` wait, older ones make room. Nobody has lost them, and no link was bad. Which they
+are follows from when they were published, and from what has arrived: it was not left out.
+"""
+
+import bisect
+import itertools
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Final
+
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Published
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.streams.specs import TopicSpec
+
+# Publishers that keep the interval themselves are early by the jitter of their timers.
+_SLACK: Final = 0.02
+
+
+def left_out(facts: Facts) -> list[Published]:
+    """Return the samples that made room.
+
+    Args:
+        facts: Matched already, so the arrivals are known.
+    """
+    keys: dict[tuple[int, int, object], list[Published]] = {}
+    for published in facts.published:
+        stream = facts.streams[published.stream_id]
+        spec = stream.spec
+        is_thinned = isinstance(spec, TopicSpec) and stream.qos.min_interval_s > 0
+        if is_thinned and not published.delete:
+            key = (published.node, published.stream_id, published.instance)
+            keys.setdefault(key, []).append(published)
+    found: list[Published] = []
+    for (_, stream_id, _), samples in keys.items():
+        qos = facts.streams[stream_id].qos
+        interval_ns = round(qos.min_interval_s * (1 - _SLACK) * NS_PER_S)
+        found += _of_key(samples, interval_ns, qos.depth)
+    return found
+
+
+def _of_key(samples: Iterable[Published], interval_ns: int, depth: int) -> Iterator[Published]:
+    """Give the ones of one key that were left out."""
+    waiting: deque[Published] = deque()
+    next_ns = 0
+    ordered = sorted(samples, key=lambda each: each.at_ns)
+    arrived = [each for each in ordered if each.arrived]
+    for sample in ordered:
+        while waiting and (sent_ns := max(next_ns, waiting[0].at_ns)) <= sample.at_ns:
+            first = waiting.popleft()
+            if first.arrived or not _is_overtaken(first, sent_ns + interval_ns, arrived):
+                next_ns = sent_ns + interval_ns
+            else:  # the channel was busy when its turn came, and a newer one took its place
+                yield first
+        waiting.append(sample)
+        if len(waiting) > depth:
+            oldest = waiting.popleft()
+            if not oldest.arrived:
+                yield oldest
+
+
+def _is_overtaken(sample: Published, until_ns: int, arrived: Sequence[Published]) -> bool:
+    """Tell whether a newer one arrived so soon that this one cannot have been sent before it."""
+    place = bisect.bisect_right(arrived, sample.at_ns, key=lambda each: each.at_ns)
+    soon = itertools.takewhile(lambda each: each.at_ns < until_ns, arrived[place:])
+    return any(min(each.arrived.values()) < until_ns for each in soon)

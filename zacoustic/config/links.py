@@ -1,0 +1,102 @@
+"""The links of a node, and which of them each stream goes by."""
+
+from zacoustic.config.access import read_access
+from zacoustic.config.later import check_word
+from zacoustic.config.onrmwdesert import check_access as check_access_on_desert
+from zacoustic.config.problems import Place
+from zacoustic.config.sections import ALLOWED, LinkEntry, Section
+from zacoustic.config.streams import Fleet
+from zacoustic.core.profiles.rules import LinkRules
+from zacoustic.core.streams.keys import fault_of_name
+from zacoustic.core.streams.wireprofile import WireProfile
+
+_NAMED = 'a name of its own, such as "acoustic" or "radio"'
+
+
+def read_links(
+    place: Place, entries: tuple[LinkEntry, ...], locator: str | None
+) -> tuple[LinkEntry, ...]:
+    """Check the links.
+
+    Args:
+        place: Of the list.
+        entries: What it has.
+        locator: Given beside the file: it stands for all of them, and all streams go by it.
+    """
+    names: list[str] = []
+    for index, entry in enumerate(entries):
+        here = place.at(index)
+        check_word(here.at("wire"), entry.wire, tuple(each.value for each in WireProfile))
+        if "/" not in entry.locator.partition("#")[0].lstrip("/"):
+            here.at("locator").refuse(allowed='NAME/ADDRESS, such as "sim/127.0.0.1:7000"')
+        if entry.name is None and len(entries) > 1:
+            here.at("name").refuse("is missing", allowed=_NAMED)
+        if entry.name is not None:
+            if fault_of_name(entry.name) or set("/@{}") & set(entry.name):
+                here.at("name").refuse(allowed="one chunk of a key, without / @ * $ ? # { }")
+            if entry.name in names:
+                here.at("name").refuse(f'"{entry.name}" a second time', allowed=_NAMED)
+            names.append(entry.name)
+        if len(entries) > 1 and entry.wire != WireProfile.NATIVE.value:
+            here.at("wire").refuse(
+                f'"{entry.wire}" with {len(entries)} links',
+                allowed=f'"{WireProfile.NATIVE.value}", or one link',
+            )
+    if locator is None:
+        return entries
+    wire = entries[0].wire if entries else WireProfile.NATIVE.value
+    return (LinkEntry(locator=locator, wire=wire),)
+
+
+def read_routes(
+    place: Place, entries: tuple[LinkEntry, ...], links: tuple[LinkEntry, ...]
+) -> dict[int, str]:
+    """Return which streams go by which link, those that name one.
+
+    Args:
+        place: Of the list of streams.
+        entries: The links of the file.
+        links: Those that are there: others, where one was given beside the file.
+    """
+    names = [entry.name for entry in entries if entry.name is not None]
+    routes: dict[int, str] = {}
+    for index, _ in enumerate(place.entries):
+        here = place.at(index)
+        name, stream_id = here.at("link").written, here.at("id").written
+        if name is None:
+            continue
+        if name not in names:
+            here.at("link").refuse(
+                allowed=", ".join(names) or "none, no link has a name",
+                hint="give the links of the file a name each",
+            )
+        if len(links) > 1 and isinstance(name, str) and isinstance(stream_id, int):
+            routes[stream_id] = name
+    return routes
+
+
+def read_link_rules(
+    place: Place, written: Section, links: tuple[LinkEntry, ...], fleet: Fleet
+) -> tuple[LinkRules, ...]:
+    """Read when, and how much, may be transmitted on each link of the file; `--link` is the first.
+
+    Args:
+        place: Of the section.
+        written: The section.
+        links: Those that are there.
+        fleet: The nodes.
+    """
+    if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
+        place.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
+    found: list[LinkRules] = []
+    for index, entry in enumerate(written.links):
+        here = place.at("links").at(index)
+        access = read_access(here.at("access"), entry.access, fleet.nodes)
+        if fleet.wire is WireProfile.RMW_DESERT:
+            check_access_on_desert(here.at("access"), access)
+        share = entry.max_airtime
+        if share is not None and not 0 < share <= 1:
+            here.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
+        share = written.max_airtime if share is None else share
+        found.append(LinkRules(name=entry.name or "", access=access, max_airtime=share))
+    return tuple(found[: len(links)])
