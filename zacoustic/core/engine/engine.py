@@ -65,6 +65,7 @@ from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
+from zacoustic.core.wire.seal import Cipher
 from zacoustic.errors import LocalError
 
 OtherTransport = TypeVar("OtherTransport", bound=Transport)
@@ -84,6 +85,8 @@ class Engine:
         trace: Takes a record of each thing done, or None.
         transports: Make transports of somebody else, one for each link
             (`zacoustic.core.transport.contract`).
+        cipher: Has the keys of the fleet; `epoch` is the node's life then, which no start before
+            or after has. None: frames are not sealed.
     """
 
     def __init__(
@@ -97,6 +100,7 @@ class Engine:
         rules: TransmitRules = _NO_RULES,
         trace: TraceSink | None = None,
         transports: Sequence[MakeTransport] = (),
+        cipher: Cipher | None = None,
     ) -> None:
         self.address = address
         self.table = table
@@ -107,7 +111,9 @@ class Engine:
         self._now = 0
         self._events: deque[Event] = deque()
         emit = self._events.append
-        node = NodeContext(address, table, epoch, rng, stored, rules.contact, emit)
+        node = NodeContext(
+            address, table, epoch, rng, stored, rules.contact, emit, cipher, rules.sealing
+        )
         self.stats = node.stats
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
         self._journal, self._timers = journal, timers = node.journal, node.timers
@@ -128,7 +134,7 @@ class Engine:
         self._routes = rules.routes
         self._stacks: dict[str, LinkStack] = {}
         for index, own in enumerate(rules.of_links):
-            context = Context(node, own.name, index)
+            context = Context(node, own.name, index, own.port)
             self._stacks[own.name] = LinkStack(
                 context, rules, own, self.silence, self._trace, transports
             )

@@ -37,6 +37,8 @@ from zacoustic.core.wire.agreement import (
 HELLO_EVERY: Final = 8
 """On broadcast one frame of this many carries a HELLO until all have confirmed: one byte a frame,
 on average."""
+SEALED_EVERY: Final = 16
+"""The same of sealed frames, to all and to whoever has another table."""
 
 
 class Introductions:
@@ -47,9 +49,13 @@ class Introductions:
         epoch: Its boot epoch, 0…65535.
         table: Its stream table.
         peers: What is known of the others.
+        sealed: Frames are sealed: the seal says which life and which table they are of.
     """
 
-    def __init__(self, address: int, epoch: int, table: StreamTable, peers: Peers) -> None:
+    def __init__(
+        self, address: int, epoch: int, table: StreamTable, peers: Peers, *, sealed: bool = False
+    ) -> None:
+        self._is_sealed = sealed
         self._address = address
         self._table = table
         self._peers = peers
@@ -87,6 +93,8 @@ class Introductions:
             now: The instant.
             urgent: The record must be in this frame: never displace it by a HELLO.
         """
+        if self._is_sealed:
+            return self._sealed_introduction(link, destination, room_bytes, now, urgent=urgent)
         receivers = self._receivers(destination, now)
         silent = [peer for peer in receivers if not peer.confirmed_us]
         asked = self.introduces(link, destination)
@@ -113,10 +121,7 @@ class Introductions:
         self.is_told = True
         if destination != BROADCAST and not asked and receivers[0].shares(self.digest):
             return tag + self._early_confirm(destination, receivers[0], now)
-        for peer in self._peers.values() if destination == BROADCAST else receivers:
-            if peer.owes_hello and (destination != BROADCAST or peer.link == link):
-                peer.owes_hello = False
-                peer.answer_pause.use(now, self.unit_ns)
+        self._introduced(link, destination, now)
         return Hello(WIRE_VERSION, self.epoch, self.digest).encode()
 
     def introduces(self, link: str, destination: int) -> bool:
@@ -125,8 +130,37 @@ class Introductions:
             return any(peer.owes_hello and peer.link == link for peer in self._peers.values())
         return self._peers[destination].owes_hello
 
+    def is_due(self, link: str, destination: int) -> bool:
+        """Tell whether a sealed frame to `destination` is to say which table this node has.
+
+        So does the first of a life and one of `SEALED_EVERY`, where it is not known that whoever
+        hears it has the same one.
+        """
+        if not self._is_sealed:
+            return False
+        if self.introduces(link, destination):
+            return True
+        since = self._since_hello[destination][link]
+        is_turn = since == 0 or since >= SEALED_EVERY
+        return is_turn and (
+            destination == BROADCAST or not self._peers[destination].shares(self.digest)
+        )
+
+    def reaches_others(self, destination: int) -> bool:
+        """Tell whether somebody who hears frames to `destination` is known to have another table.
+
+        Of a sealed frame they find out; where its records end they do not.
+        """
+        if not self._is_sealed:
+            return False
+        if destination != BROADCAST:
+            return self._peers[destination].differs_from(self.digest)
+        return any(peer.differs_from(self.digest) for peer in self._peers.values())
+
     def is_unconfirmed(self, destination: int, now: int) -> bool:
         """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
+        if self._is_sealed:
+            return False
         receivers = self._receivers(destination, now)
         return not receivers or any(
             peer.agreement is Agreement.UNCONFIRMED and not peer.differs_from(self.digest)
@@ -141,6 +175,26 @@ class Introductions:
         )
 
     # Below the methods above
+
+    def _sealed_introduction(
+        self, link: str, destination: int, room_bytes: int, now: int, *, urgent: bool
+    ) -> bytes:
+        """Return a HELLO where one is due."""
+        if not self.is_due(link, destination) or (urgent and room_bytes < HELLO_BYTES):
+            self._since_hello[destination][link] += 1
+            return b""
+        self._since_hello[destination][link] = 1
+        self.is_told = True
+        self._introduced(link, destination, now)
+        return Hello(WIRE_VERSION, self.epoch, self.digest).encode()
+
+    def _introduced(self, link: str, destination: int, now: int) -> None:
+        """Take note that whoever waits for a HELLO gets one."""
+        to_all = destination == BROADCAST
+        for peer in self._peers.values() if to_all else (self._peers[destination],):
+            if peer.owes_hello and (not to_all or peer.link == link):
+                peer.owes_hello = False
+                peer.answer_pause.use(now, self.unit_ns)
 
     def _early_confirm(self, address: int, peer: Peer, now: int) -> bytes:
         """Say to a node that we know its table, and share it."""

@@ -11,6 +11,10 @@ transmitted because of a frame that was refused**: else a stranger could drain a
 
 The table of its sender is found out by trying: the digest of this node's own table, the one that
 was announced by this source, and `NO_TABLE`.
+
+A frame of this node's own address is an echo where it is of a life and a counter that were used
+here. One that is ahead of them was sealed by another computer with the same key and address: two of
+them would share nonces, so the one that notices seals nothing from then on.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,14 +26,12 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.peers.replay import AHEAD, Mark, Window, life_of
 from zacoustic.core.wire.seal import (
     LAST_COUNTER,
-    LONG_HEAD_BYTES,
+    LAST_LIFE,
     NO_TABLE,
-    SHORT_HEAD_BYTES,
-    STRONG_TAG_BYTES,
-    TAG_BYTES,
     Cipher,
     LongHead,
     SealedFrame,
@@ -55,12 +57,14 @@ class Refusal(Enum):
     """It is no sealed frame."""
     FORGED = "forged"
     """No key of the fleet made its tag; or its receiver is out of step."""
+    OUT_OF_STEP = "out_of_step"
+    """A short head of a node of which no long one has come."""
     REPLAYED = "replayed"
     """It was opened before, or is too far behind."""
     FORMER_LIFE = "former_life"
     """Authentic, and of a life of its source that is over."""
-    OWN_ADDRESS = "own_address"
-    """Authentic, and of this node's address: another computer has its key and address."""
+    CLONE = "clone"
+    """Authentic, and of this node's address, but it has not sent it."""
 
 
 class Inside(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,6 +73,8 @@ class Inside(msgspec.Struct, frozen=True, kw_only=True):
     records: bytes
     digest: bytes
     """Of the sender's table; `NO_TABLE`: to be read without one."""
+    life: int
+    """Of the sender."""
     strong: bool
 
 
@@ -94,6 +100,7 @@ class Seal:
         cipher: Has the keys.
         journal: Keeps the windows.
         stored: What former lives have kept there.
+        announced: Tells the digest of a node's table, as it has announced it; empty: it has not.
     """
 
     def __init__(
@@ -103,9 +110,13 @@ class Seal:
         cipher: Cipher,
         journal: JournalPort,
         stored: Mapping[str, bytes],
+        announced: Callable[[int], bytes],
     ) -> None:
         self._address = address
         self._life = life
+        self._announced = announced
+        self.is_cloned = False
+        """Another computer has this node's key and address."""
         self._cipher = cipher
         self._journal = journal
         self._sending: dict[Way, _Sending] = {}
@@ -116,26 +127,34 @@ class Seal:
         """and those of them that it has written."""
         self._floors: dict[int, int] = {}
         """The newest start of each source."""
-        self.announced: dict[int, bytes] = {}
-        """Digests of tables that sources have announced, where they differ from ours."""
         self._recover(stored)
 
     # Outgoing
+
+    @property
+    def may_seal(self) -> bool:
+        """A frame can be sealed: this life is none beyond the last, and nobody else has it."""
+        return self._life <= LAST_LIFE and not self.is_cloned
 
     @property
     def is_exhausted(self) -> bool:
         """A counter has reached its end: only another life can seal."""
         return any(each.counter > LAST_COUNTER for each in self._sending.values())
 
-    def overhead_bytes(
-        self, destination: int, now: int, *, port: int = 0, strong: bool = False, long: bool = False
-    ) -> int:
-        """Return how much longer the next frame is than its records."""
-        if strong:
-            return LONG_HEAD_BYTES + STRONG_TAG_BYTES
-        way = Way(self._address, destination, port)
-        head_bytes = LONG_HEAD_BYTES if long or self._needs_long(way, now) else SHORT_HEAD_BYTES
-        return head_bytes + TAG_BYTES
+    def begin(self, life: int) -> None:
+        """Begin another life: counters begin anew."""
+        self._life = life
+        self._sending.clear()
+
+    def reintroduce(self, address: int) -> None:
+        """Have what goes to a node begin with a long head: it may know nothing of this one."""
+        for way, sending in self._sending.items():
+            if way.destination in (address, BROADCAST):
+                sending.long_at = None
+
+    def needs_long(self, destination: int, now: int, *, port: int = 0) -> bool:
+        """Tell whether the next frame needs a long head, whatever is in it."""
+        return self._needs_long(Way(self._address, destination, port), now)
 
     def seal(
         self,
@@ -211,16 +230,15 @@ class Seal:
         way = msgspec.structs.replace(way, strong=is_strong(sealed.head))
         window = self._windows.get(way) or Window()
         floor = self._floors.get(way.source, 0)
-        refusal = Refusal.FORGED
+        refusal = Refusal.OUT_OF_STEP
         generation = self._cipher.generation
         generation -= (generation ^ sealed.head.generation) & 1  # this one, or that before
         for start, counter in window.candidates(sealed.head, generation):
             number = nonce(way, life_of(start), counter)
-            opened = self._try(sealed, way, number, own_digest)
+            opened = self._try(sealed, way, number, life_of(start), own_digest)
             if opened is None:
+                refusal = Refusal.FORGED
                 continue
-            if way.source == self._address:
-                return Refusal.OWN_ADDRESS
             if start < floor:
                 refusal = Refusal.FORMER_LIFE
             elif not window.is_new(start, counter):
@@ -233,6 +251,28 @@ class Seal:
                 return None
         return refusal
 
+    def overhear_own(self, frame: bytes, way: Way, own_digest: bytes) -> Refusal | None:
+        """Look at a frame of this node's own address: an echo, a forgery, or that of a clone.
+
+        Args:
+            frame: What arrived.
+            way: Whence and whither.
+            own_digest: Of this node's table.
+        """
+        sealed = parse_sealed(frame)
+        if sealed is None or not isinstance(sealed.head, LongHead):
+            return None
+        head, way = sealed.head, msgspec.structs.replace(way, strong=sealed.head.strong)
+        sending = self._sending.get(way)
+        sent = (self._life, sending.counter if sending else 0)
+        if (head.life, head.counter) < sent or self.is_cloned:
+            return None
+        number = nonce(way, head.life, head.counter)
+        if self._try(sealed, way, number, head.life, own_digest) is None:
+            return None
+        self.is_cloned = True
+        return Refusal.CLONE
+
     # Below the methods above
 
     def _needs_long(self, way: Way, now: int) -> bool:
@@ -243,14 +283,15 @@ class Seal:
         return is_other_key or now - sending.long_at >= _LONG_EVERY_NS
 
     def _try(
-        self, sealed: SealedFrame, way: Way, number: bytes, own_digest: bytes
+        self, sealed: SealedFrame, way: Way, number: bytes, life: int, own_digest: bytes
     ) -> Inside | None:
-        for digest in {own_digest: 0, self.announced.get(way.source, own_digest): 0, NO_TABLE: 0}:
+        announced = self._announced(way.source) or own_digest
+        for digest in dict.fromkeys((own_digest, announced, NO_TABLE)):
             associated = associated_data(sealed.head_bytes, way, digest)
             generation = sealed.head.generation
             records = self._cipher.open(generation, way, number, sealed.body, associated)
             if records is not None:
-                return Inside(records=records, digest=digest, strong=way.strong)
+                return Inside(records=records, digest=digest, life=life, strong=way.strong)
         return None
 
     def _keep(self, way: Way, window: Window, then: Callable[[int], None], now: int) -> None:

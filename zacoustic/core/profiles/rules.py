@@ -6,6 +6,7 @@ from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.core.schedule.access.spec import AccessSpec, TdmaSpec
+from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.schedule.silence import QuietWindow
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.errors import ConfigError
@@ -21,6 +22,8 @@ class LinkRules(msgspec.Struct, frozen=True, kw_only=True):
     max_airtime: float | None = None
     """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
     None: all of it."""
+    port: int | None = None
+    """Its number in what is sealed, 0…127, the same at both ends; None: its place in the list."""
 
 
 class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,6 +46,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """How often the node is to be heard, and when it misses others."""
     discovery: DiscoverySpec | None = None
     """Beacons of rmw_desert, where that is spoken; None: none."""
+    sealing: SealRules = SealRules()
+    """Which frames get the long tag, and what is padded, where there is a key."""
 
     links: tuple[LinkRules, ...] = ()
     """The links, the first one for what names none; empty: one, with the rules above."""
