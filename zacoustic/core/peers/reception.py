@@ -103,6 +103,8 @@ class Reception:
         self._extensions: dict[int, TakeExtension] = {}
         self.read = Signal[int, int]()
         """``(address, now)``: a frame of a node has been read."""
+        self.came_again = Signal[int]()
+        """``(address)``: a node repeats what has come before: it has not got the answer."""
         self.on(Extension, self._extension)
 
     # Who takes what

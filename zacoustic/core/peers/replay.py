@@ -6,8 +6,9 @@ opened in it, and which of the 63 before that were. A frame of a former start, a
 opened, or one further behind is refused.
 
 A short head tells six bits of the counter. The window guesses the rest: of the 64 counters from 15
-before its highest one on, the one with these bits; if that fails, the one 64 later. Whoever has
-lost more than that in a row waits for a long head.
+before its highest one on, the one with these bits; if that fails, the one 64 later. Where nothing
+was opened yet of the present start of a source, and that start is known from another window, the
+counters from 0 on are tried. Whoever has lost more than that in a row waits for a long head.
 
 **Power cuts.** What a receiver has opened must not be opened again by its next life, and a write to
 the disk for every frame would wear it out. So windows have two ways to be kept:
@@ -88,15 +89,22 @@ class Window:
         """All of it, for the disk."""
         return Mark(self.start, self.highest, self.seen)
 
-    def candidates(self, head: ShortHead | LongHead, generation: int) -> Iterator[tuple[int, int]]:
+    def candidates(
+        self, head: ShortHead | LongHead, generation: int, newest: int = -1
+    ) -> Iterator[tuple[int, int]]:
         """Return the starts and counters that a frame may have: one, two or none.
 
         Args:
             head: Of the frame.
             generation: Of the key that it was sealed with, the whole number.
+            newest: The newest start of its source that is known from any window; -1: none is.
         """
         if isinstance(head, LongHead):
             yield start_of(generation, head.life), head.counter
+        elif newest > self.start:
+            if newest == start_of(generation, life_of(newest)):
+                yield newest, head.low
+                yield newest, head.low + LOW_COUNTERS
         elif self.start >= 0 and self.start == start_of(generation, life_of(self.start)):
             first = self.highest + 1 - BEHIND
             counter = first + (head.low - first) % LOW_COUNTERS

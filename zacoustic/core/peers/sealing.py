@@ -229,11 +229,11 @@ class Seal:
             return Refusal.UNSEALED
         way = msgspec.structs.replace(way, strong=is_strong(sealed.head))
         window = self._windows.get(way) or Window()
-        floor = self._floors.get(way.source, 0)
+        floor = self._floors.get(way.source, -1)
         refusal = Refusal.OUT_OF_STEP
         generation = self._cipher.generation
         generation -= (generation ^ sealed.head.generation) & 1  # this one, or that before
-        for start, counter in window.candidates(sealed.head, generation):
+        for start, counter in window.candidates(sealed.head, generation, floor):
             number = nonce(way, life_of(start), counter)
             opened = self._try(sealed, way, number, life_of(start), own_digest)
             if opened is None:
@@ -328,7 +328,7 @@ class Seal:
                 way, mark = _way(key), _MARK.decode(value)
                 self._windows[way] = Window(mark)
                 self._given[way] = self._safe[way] = mark
-                self._floors[way.source] = max(mark.start, self._floors.get(way.source, 0))
+                self._floors[way.source] = max(mark.start, self._floors.get(way.source, -1))
 
 
 def _key(way: Way) -> str:

@@ -151,17 +151,18 @@ class Context:
         """What is agreed with the others."""
         self.epoch = node.epoch
         """The boot epoch of the node."""
-        self.seal: Unsealed = Unsealed()
-        """Closes the frames of the link."""
-        if node.seal is not None:
-            self.seal = LinkSeal(
-                node.seal, node.sealing, node.table, self.port_number,
-                lambda: node.handshake.digest,
-            )  # fmt: skip
         self.reception = Reception()
         """Gives out what arrives to those that have registered."""
         self.queue = TransmitQueue()
         """Records that wait for a frame."""
+        self.seal: Unsealed = Unsealed()
+        """Closes the frames of the link."""
+        if node.seal is not None:
+            self.reception.came_again.connect(node.seal.reintroduce)
+            self.seal = LinkSeal(
+                node.seal, node.sealing, node.table, self.port_number,
+                lambda: node.handshake.digest,
+            )  # fmt: skip
         self.pacers = Pacers(node.peers, partial(node.handshake.introduce, link))
         """When something may be repeated to the others."""
         Statements(self.handshake, self.peers, self.reception)

@@ -51,6 +51,10 @@ from zacoustic.core.wire.envelope import Opened
 from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
 
 
+_REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
+"""Whoever says these again has not got the answer."""
+
+
 class Receiver:
     """Takes opened frames apart.
 
@@ -89,7 +93,10 @@ class Receiver:
                 break
             items.append(item)
         for item in items:
-            self._drop(self._take(heard, item))
+            reason = self._take(heard, item)
+            self._drop(reason)
+            if reason in _REPEATED:
+                self._reception.came_again(heard.source)
         if heard.streams and heard.epoch is not None:
             self._handshake.heard_introduced(heard.source, heard.epoch, now)
         self._reception.read(heard.source, now)
