@@ -19,7 +19,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.errors import ZacousticError
+from zacoustic.errors import ConfigError
 
 WIRE_VERSION: Final = 2
 SECRET_BYTES: Final = 32
@@ -28,7 +28,7 @@ LAST_GENERATION: Final = 0xFFFF
 _FINGERPRINT_BYTES: Final = 4
 
 
-class KeyFileError(ZacousticError):
+class KeyFileError(ConfigError):
     """A key file that cannot be used."""
 
 

@@ -60,6 +60,7 @@ BUILT_IN: Final = (
 """Our verbs, in the order of the help."""
 
 _PACKAGES: Final = {
+    "cryptography": "'zacoustic[secure]'",
     "matplotlib": "'zacoustic[report]'", "mcap": "'zacoustic[recording]'",
     "nicegui": "'zacoustic[console]'", "prometheus_client": "'zacoustic[metrics]'",
     "rich": "'zacoustic[terminal]'", "rosbags": "'zacoustic[ros]'", "serial": "pyserial",
