@@ -1,6 +1,6 @@
 """The medium on the asyncio loop: one clock, one agenda, one timer.
 
-`zacoustic.channel.Modems` has what modems do, on an agenda that has no clock. `SimMedium` gives it
+`zacoustic.channel.modems` has what modems do, on an agenda that has no clock. `SimMedium` gives it
 one: its instants are those of the loop, counted from the moment at which the medium was made, times
 the time scale. An event that the loop handles late is computed for the instant at which it was due,
 so that a busy machine delays messages and changes no outcome.
@@ -18,7 +18,7 @@ from typing import Final, TypeAlias
 import msgspec
 
 from zacoustic.channel.agenda import Agenda
-from zacoustic.channel.faults import corrupt
+from zacoustic.channel.faults.faults import corrupt
 from zacoustic.channel.medium import Arrival, Emission, Medium, Outcome, Reception
 from zacoustic.channel.modems import Ending, Modems, Sound
 from zacoustic.channel.scenario import Scenario

@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from types import ModuleType
 
-from zacoustic.channel.desert import (
+from zacoustic.channel.formulae.desert import (
     DesertModulation,
     desert_packet_error_rate,
     desert_snr_db,

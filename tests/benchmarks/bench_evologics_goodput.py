@@ -44,9 +44,9 @@ from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.session.session import GAP_S
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.airtime import GAP_NS, im_airtime_ns
-from zacoustic_evologics.emulator.running import RunningFleet
-from zacoustic_evologics.emulator.server import FleetServer
+from zacoustic_evologics.emulator.hardware.airtime import GAP_NS, im_airtime_ns
+from zacoustic_evologics.emulator.serving.running import RunningFleet
+from zacoustic_evologics.emulator.serving.server import FleetServer
 from zacoustic_evologics.link import EvologicsLink
 
 FRAME_BYTES: Final = 64

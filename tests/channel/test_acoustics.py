@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from zacoustic.channel.acoustics import (
+from zacoustic.channel.formulae.acoustics import (
     ainslie_mccolm_absorption_db_km,
     combined_snr_db,
     doppler_factor,
@@ -16,7 +16,7 @@ from zacoustic.channel.acoustics import (
     thorp_absorption_db_km,
     transmission_loss_db,
 )
-from zacoustic.channel.noise import flat_noise_level_db
+from zacoustic.channel.formulae.noise import flat_noise_level_db
 
 # kHz; Thorp, Ainslie-McColm at 100 m, Francois-Garrison at 100 m, the same two at the surface.
 ABSORPTION = (

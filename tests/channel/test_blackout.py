@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.channel.blackout import BlackoutSpec, Darkness
+from zacoustic.channel.faults.blackout import BlackoutSpec, Darkness
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.scenario import Scenario
 

@@ -1,6 +1,6 @@
 import pytest
 
-from zacoustic.channel.desert import (
+from zacoustic.channel.formulae.desert import (
     DesertModulation,
     desert_bit_error_rate,
     desert_depth_sound_speed_m_s,

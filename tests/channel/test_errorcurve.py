@@ -1,6 +1,6 @@
 import pytest
 
-from zacoustic.channel.errorcurve import (
+from zacoustic.channel.formulae.errorcurve import (
     JANUS_BASELINE,
     MICROMODEM_RATE_1,
     MICROMODEM_RATE_3,

@@ -3,9 +3,9 @@ import statistics
 
 import pytest
 
-from zacoustic.channel.fading import Fading, FadingProcess, fade_quantiles_db
-from zacoustic.channel.modulation import ratio
-from zacoustic.channel.randomness import direction_random, gaussian_pair
+from zacoustic.channel.formulae.modulation import ratio
+from zacoustic.channel.propagation.fading import Fading, FadingProcess, fade_quantiles_db
+from zacoustic.channel.propagation.randomness import direction_random, gaussian_pair
 
 SECOND = 1_000_000_000
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.channel.faults import FaultSpec, corrupt
+from zacoustic.channel.faults.faults import FaultSpec, corrupt
 
 
 @given(st.binary(min_size=1, max_size=64), st.integers(min_value=0, max_value=2**53))

@@ -3,7 +3,7 @@ from itertools import groupby, pairwise
 
 import pytest
 
-from zacoustic.channel.loss import FrameLoss, LossSpec
+from zacoustic.channel.faults.loss import FrameLoss, LossSpec
 
 
 def _lost(spec: LossSpec, count: int, seed: int = 1) -> list[bool]:

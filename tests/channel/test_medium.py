@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from zacoustic.channel.arrival import Arrival, Outcome, Reception
-from zacoustic.channel.faults import corrupt
+from zacoustic.channel.faults.faults import corrupt
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 

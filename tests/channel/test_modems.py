@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 from zacoustic.channel.acknowledgement import ACKNOWLEDGEMENT_BYTES, patience_ns, turnaround_ns
 from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.arrival import Arrival, Reception
-from zacoustic.channel.faults import FaultSpec
-from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.faults.faults import FaultSpec
+from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.modems import Ending, Modems, Station
 from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from zacoustic.channel.modulation import (
+from zacoustic.channel.formulae.modulation import (
     Modulation,
     bit_error_rate,
     block_rayleigh_packet_error_rate,

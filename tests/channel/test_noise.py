@@ -1,6 +1,6 @@
 import pytest
 
-from zacoustic.channel.noise import (
+from zacoustic.channel.formulae.noise import (
     ambient_noise_db,
     band_noise_level_db,
     flat_noise_level_db,

@@ -1,6 +1,6 @@
 import pytest
 
-from zacoustic.channel.position import Motion, Waypoint, distance_m, path_between
+from zacoustic.channel.propagation.position import Motion, Waypoint, distance_m, path_between
 
 SECOND = 1_000_000_000
 TRACK = Motion(

@@ -2,10 +2,10 @@ import itertools
 
 import pytest
 
-from zacoustic.channel.fading import FadingProcess
 from zacoustic.channel.profiles import PROFILES, ModemProfile
-from zacoustic.channel.randomness import direction_random
-from zacoustic.channel.sea import SEA_FADING, ChannelModel, SeaChannel, create_channel
+from zacoustic.channel.propagation.fading import FadingProcess
+from zacoustic.channel.propagation.randomness import direction_random
+from zacoustic.channel.propagation.sea import SEA_FADING, ChannelModel, SeaChannel, create_channel
 from zacoustic.errors import ConfigError
 
 S2C = PROFILES["evologics_s2c_18_34"]

@@ -1,6 +1,6 @@
 import pytest
 
-from zacoustic.channel.soundspeed import (
+from zacoustic.channel.formulae.soundspeed import (
     chen_millero_sound_speed_m_s,
     coppens_sound_speed_m_s,
     del_grosso_sound_speed_m_s,

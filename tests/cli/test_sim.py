@@ -9,10 +9,10 @@ import msgspec
 import pytest
 
 from zacoustic.app.cli import main
-from zacoustic.channel.blackout import BlackoutSpec
-from zacoustic.channel.faults import FaultSpec
-from zacoustic.channel.loss import LossSpec
-from zacoustic.channel.nodefaults import ClockSpec, CrashSpec, JournalSpec
+from zacoustic.channel.faults.blackout import BlackoutSpec
+from zacoustic.channel.faults.faults import FaultSpec
+from zacoustic.channel.faults.loss import LossSpec
+from zacoustic.channel.faults.nodefaults import ClockSpec, CrashSpec, JournalSpec
 from zacoustic.channel.scenario import Scenario
 from zacoustic.channel.traffic import TrafficSpec
 

@@ -16,8 +16,8 @@ from zacoustic.bytestream import ByteStream
 from zacoustic.gateway import Gateway
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.running import RunningFleet
-from zacoustic_evologics.emulator.server import FleetServer
+from zacoustic_evologics.emulator.serving.running import RunningFleet
+from zacoustic_evologics.emulator.serving.server import FleetServer
 from zacoustic_evologics.link import EvologicsLink
 
 DOMAIN: Final = 5

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from tests.runtime.loop_checks import run, until
-from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.medium import Emission
 from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario
 from zacoustic.core.clock import NS_PER_S

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from tests.runtime.loop_checks import run
-from zacoustic.channel.faults import FaultSpec
-from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.faults.faults import FaultSpec
+from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.medium import Emission, Outcome, Reception
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.clock import NS_PER_S

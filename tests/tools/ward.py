@@ -24,9 +24,9 @@ from zacoustic.gateway import Gateway
 from zacoustic.link import Link
 from zacoustic_evologics import Interpreter
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.chassis import Behaviour
-from zacoustic_evologics.emulator.running import RunningFleet
-from zacoustic_evologics.emulator.server import FleetServer
+from zacoustic_evologics.emulator.hardware.chassis import Behaviour
+from zacoustic_evologics.emulator.serving.running import RunningFleet
+from zacoustic_evologics.emulator.serving.server import FleetServer
 
 NODES: Final = [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}]
 STREAMS: Final[list[dict[str, Any]]] = [

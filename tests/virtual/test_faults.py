@@ -9,7 +9,7 @@ import pytest
 
 from tests.virtual.fleet import line
 from zacoustic.channel.agenda import Agenda
-from zacoustic.channel.nodefaults import ClockSpec, JournalSpec, JumpSpec, SpanSpec
+from zacoustic.channel.faults.nodefaults import ClockSpec, JournalSpec, JumpSpec, SpanSpec
 from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.trace import TraceRecord, TraceSink

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import line
-from zacoustic.channel.position import Waypoint
+from zacoustic.channel.propagation.position import Waypoint
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.trace import TraceRecord

@@ -7,7 +7,7 @@ from functools import partial
 import msgspec
 import pytest
 
-from zacoustic.channel.nodefaults import JournalSpec
+from zacoustic.channel.faults.nodefaults import JournalSpec
 from zacoustic.core.base.qos import Forward, Qos, Reliability
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S

@@ -11,7 +11,7 @@ import random
 
 import msgspec
 
-from zacoustic.channel.faults import corrupt
+from zacoustic.channel.faults.faults import corrupt
 
 
 class Outcome(enum.Enum):

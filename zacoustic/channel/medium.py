@@ -16,12 +16,12 @@ All instants are ns since the start of the scenario. `hop` turns an emission int
 """
 
 from zacoustic.channel.arrival import Arrival, Emission, Outcome, Reception
-from zacoustic.channel.hop import Hop
-from zacoustic.channel.position import Motion, Path, Position
 from zacoustic.channel.profiles import ModemProfile, profile_named
-from zacoustic.channel.receiver import Receiver
+from zacoustic.channel.propagation.hop import Hop
+from zacoustic.channel.propagation.position import Motion, Path, Position
+from zacoustic.channel.propagation.receiver import Receiver
+from zacoustic.channel.propagation.sea import ChannelModel, create_channel
 from zacoustic.channel.scenario import NodeSpec, Scenario, check_position
-from zacoustic.channel.sea import ChannelModel, create_channel
 
 # Drivers need the medium and its records together.
 __all__ = ["Arrival", "Emission", "Medium", "Outcome", "Reception"]

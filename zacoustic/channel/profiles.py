@@ -20,9 +20,14 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.channel.acoustics import eb_n0_db
-from zacoustic.channel.errorcurve import JANUS_BASELINE, MICROMODEM_RATE_1, FrameErrorCurve
-from zacoustic.channel.modulation import Modulation, bit_error_rate, packet_error_rate, ratio
+from zacoustic.channel.formulae.acoustics import eb_n0_db
+from zacoustic.channel.formulae.errorcurve import JANUS_BASELINE, MICROMODEM_RATE_1, FrameErrorCurve
+from zacoustic.channel.formulae.modulation import (
+    Modulation,
+    bit_error_rate,
+    packet_error_rate,
+    ratio,
+)
 from zacoustic.errors import ConfigError
 
 _NS_PER_S: Final = 1_000_000_000

@@ -27,22 +27,28 @@ from typing import Final, Literal, get_args
 
 import msgspec
 
-from zacoustic.channel.blackout import BlackoutSpec
-from zacoustic.channel.faults import FaultSpec
-from zacoustic.channel.limits import check_range
-from zacoustic.channel.loss import LossSpec
-from zacoustic.channel.nodefaults import ClockSpec, CrashSpec, JournalSpec, JumpSpec, SpanSpec
-from zacoustic.channel.position import Motion, Position, Waypoint, distance_m
+from zacoustic.channel.faults.blackout import BlackoutSpec
+from zacoustic.channel.faults.faults import FaultSpec
+from zacoustic.channel.faults.limits import check_range
+from zacoustic.channel.faults.loss import LossSpec
+from zacoustic.channel.faults.nodefaults import (
+    ClockSpec,
+    CrashSpec,
+    JournalSpec,
+    JumpSpec,
+    SpanSpec,
+)
 from zacoustic.channel.problem import explain
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
+from zacoustic.channel.propagation.position import Motion, Position, Waypoint, distance_m
 from zacoustic.channel.traffic import Pattern, TrafficSpec
 from zacoustic.errors import ConfigError
 
 ChannelName = Literal["sea", "awgn", "none", "desert"]
-"""The channel models: see `zacoustic.channel.sea`."""
+"""The channel models: see `zacoustic.channel.propagation.sea`."""
 
 CollisionRule = Literal["capture", "protocol", "sinr"]
-"""What an overlap does: see `zacoustic.channel.receiver`."""
+"""What an overlap does: see `zacoustic.channel.propagation.receiver`."""
 
 _MAX_WIND_M_S: Final = 60.0  # a hurricane; Wenz's curves end near 20
 _MIN_SOUND_SPEED_M_S: Final = 1000.0

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from zacoustic.channel.limits import check_range
+from zacoustic.channel.faults.limits import check_range
 
 Pattern = Literal["periodic", "random"]
 """``periodic``: one period after the other. ``random``: the period is the mean of an exponential

@@ -33,7 +33,7 @@ import msgspec
 
 from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.medium import Medium
-from zacoustic.channel.position import Position
+from zacoustic.channel.propagation.position import Position
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import BOOT_KEY

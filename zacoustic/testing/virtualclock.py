@@ -7,7 +7,7 @@ what people set, forward and back, by years if they like; no engine may depend o
 
 from typing import Final
 
-from zacoustic.channel.nodefaults import ClockSpec
+from zacoustic.channel.faults.nodefaults import ClockSpec
 from zacoustic.core.base.clock import seconds_to_ns
 
 _PARTS: Final = 10**12

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Protocol
 
-from zacoustic.channel.nodefaults import CrashSpec
+from zacoustic.channel.faults.nodefaults import CrashSpec
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.clock import NS_PER_S
 

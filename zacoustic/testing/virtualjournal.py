@@ -9,7 +9,7 @@ import random
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from zacoustic.channel.nodefaults import JournalSpec
+from zacoustic.channel.faults.nodefaults import JournalSpec
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
 

@@ -2,21 +2,21 @@
 
 From the bottom up:
 
-- `airtime`, `signals`, `store`, `firmware`: durations, signals, settings, and the
-  differences between the versions of a real one.
-- `modem`, made of `chassis`, `transducer`, `exchange`, `instant`, `bursts`, `usblhead`,
-  `levelcontrol`, `listening` and `queries`: one modem, sans-IO.
-- `port`, `faults`, `station`: its ports and their faults.
-- `medium`, `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop;
-  `observation`: the events for an observer of all of them.
-- `running`, `server`, `command`: the same on a loop, behind TCP ports and pseudo-terminals.
+- `hardware`: signals and their durations, settings, the differences between the versions of a real
+  one (`firmware`); `chassis` and `transducer` are what every part of a modem shares.
+- `exchanges`: deliveries over several signals: `instant`, `bursts` out of a `pool`, `usblhead`.
+- `observation`, `medium`: the channel, and the events for an observer of all modems.
+- `modem`: one modem, sans-IO: `queries`, `actions`, `listening`, `levelcontrol`.
+- `station`: a modem with its ports, and their `faults`.
+- `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop.
+- `serving`, `command`: the same on a loop, behind TCP ports and pseudo-terminals.
 """
 
-from zacoustic_evologics.emulator.chassis import Behaviour
-from zacoustic_evologics.emulator.faults import FaultKind, FaultPlan, ScriptedFault
 from zacoustic_evologics.emulator.fleet import EmulatedFleet, scenario_of
+from zacoustic_evologics.emulator.hardware.chassis import Behaviour
 from zacoustic_evologics.emulator.observation import Observation, SignalArrived, SignalEmitted
-from zacoustic_evologics.emulator.station import (
+from zacoustic_evologics.emulator.station.faults import FaultKind, FaultPlan, ScriptedFault
+from zacoustic_evologics.emulator.station.station import (
     FleetOutput,
     ModemDown,
     ModemUp,

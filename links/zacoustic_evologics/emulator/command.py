@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from zacoustic.channel.scenario import Scenario
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
     from zacoustic_evologics.emulator.observation import Observation, Observer
-    from zacoustic_evologics.emulator.server import FleetServer, Place
+    from zacoustic_evologics.emulator.serving.server import FleetServer, Place
 
 FIRST_PORT: Final = 9200
 """Port of the first modem, as on a real one; the next modems have the next ports."""
@@ -105,9 +105,9 @@ class EvologicsEmulation(Command):
         return EXIT_OK
 
     async def _serve(self, arguments: argparse.Namespace, stop: asyncio.Event) -> None:
-        from zacoustic_evologics.emulator.moves import follow_moves, unbuffered_input
-        from zacoustic_evologics.emulator.running import RunningFleet
-        from zacoustic_evologics.emulator.server import FleetServer
+        from zacoustic_evologics.emulator.serving.moves import follow_moves, unbuffered_input
+        from zacoustic_evologics.emulator.serving.running import RunningFleet
+        from zacoustic_evologics.emulator.serving.server import FleetServer
 
         writer = LineWriter("emulate evologics", stop)
         reporter = _Reporter(writer, as_json=arguments.json)
@@ -192,9 +192,9 @@ def _create_fleet(arguments: argparse.Namespace, observer: "Observer") -> "Emula
 
     from zacoustic.json5 import read_json5
     from zacoustic_evologics.at.framing import Interpreter
-    from zacoustic_evologics.emulator.chassis import Behaviour
-    from zacoustic_evologics.emulator.faults import NO_FAULTS, plan_from_mapping
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
+    from zacoustic_evologics.emulator.hardware.chassis import Behaviour
+    from zacoustic_evologics.emulator.station.faults import NO_FAULTS, plan_from_mapping
 
     faults = NO_FAULTS
     if arguments.faults is not None:

@@ -26,19 +26,19 @@ from typing import Final
 import msgspec
 
 from zacoustic.channel.agenda import Agenda, Entry
-from zacoustic.channel.position import Position
+from zacoustic.channel.propagation.position import Position
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.errors import ConfigError
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS
-from zacoustic_evologics.emulator.chassis import Behaviour
-from zacoustic_evologics.emulator.faults import NO_FAULTS, FaultPlan
+from zacoustic_evologics.emulator.hardware.chassis import Behaviour
+from zacoustic_evologics.emulator.hardware.signals import Hearing
+from zacoustic_evologics.emulator.hardware.store import PORT_OPTIONS
 from zacoustic_evologics.emulator.medium import EmulatedMedium
-from zacoustic_evologics.emulator.modem import EmulatedModem
+from zacoustic_evologics.emulator.modem.modem import EmulatedModem
 from zacoustic_evologics.emulator.observation import Observer, ignore
-from zacoustic_evologics.emulator.signals import Hearing
-from zacoustic_evologics.emulator.station import FleetOutput, PortClosed, Station
-from zacoustic_evologics.emulator.store import PORT_OPTIONS
+from zacoustic_evologics.emulator.station.faults import NO_FAULTS, FaultPlan
+from zacoustic_evologics.emulator.station.station import FleetOutput, PortClosed, Station
 
 PORTS_LIMIT: Final = 64
 """Open ports of one modem; more are refused."""

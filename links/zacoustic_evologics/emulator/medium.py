@@ -13,14 +13,14 @@ from zacoustic.channel.driver import Driver
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.clock import NS_PER_S
-from zacoustic_evologics.emulator.airtime import equivalent_bytes
+from zacoustic_evologics.emulator.hardware.airtime import equivalent_bytes
+from zacoustic_evologics.emulator.hardware.signals import Hearing, Signal
 from zacoustic_evologics.emulator.observation import (
     Observer,
     SignalArrived,
     SignalEmitted,
     ignore,
 )
-from zacoustic_evologics.emulator.signals import Hearing, Signal
 
 SOURCE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
 """What `AT!L0`…`AT!L3` do to the level of the profile."""

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import msgspec
 
 from zacoustic.channel.arrival import Outcome
-from zacoustic_evologics.emulator.signals import Signal
+from zacoustic_evologics.emulator.hardware.signals import Signal
 
 
 class SignalEmitted(msgspec.Struct, frozen=True, kw_only=True):

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from tests.links.desert.desert_rig import standin
-from zacoustic.channel.faults import FaultSpec
-from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.faults.faults import FaultSpec
+from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
 from zacoustic.errors import ConfigError

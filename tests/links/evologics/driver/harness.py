@@ -8,8 +8,8 @@ from zacoustic.testing.proxy import StreamProxy
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.running import RunningFleet
-from zacoustic_evologics.emulator.server import FleetServer
+from zacoustic_evologics.emulator.serving.running import RunningFleet
+from zacoustic_evologics.emulator.serving.server import FleetServer
 from zacoustic_evologics.link import EvologicsLink
 
 

@@ -43,8 +43,8 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.emulator import EmulatedFleet, FaultKind, Observation, scenario_of
+from zacoustic_evologics.emulator.hardware.signals import SignalKind
 from zacoustic_evologics.emulator.observation import SignalEmitted
-from zacoustic_evologics.emulator.signals import SignalKind
 
 RECOVERY_S: Final = 5.0
 """After so long all is well again, s."""

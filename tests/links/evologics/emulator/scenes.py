@@ -20,7 +20,7 @@ from zacoustic_evologics.emulator import (
     PortBytes,
     ScriptedFault,
 )
-from zacoustic_evologics.emulator.firmware import Firmware
+from zacoustic_evologics.emulator.hardware.firmware import Firmware
 
 FOLDER: Final = Path(__file__).parents[3] / "golden" / "evologics"
 

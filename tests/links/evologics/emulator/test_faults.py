@@ -13,7 +13,7 @@ from zacoustic_evologics.emulator import (
     PortBytes,
     ScriptedFault,
 )
-from zacoustic_evologics.emulator.faults import plan_from_mapping
+from zacoustic_evologics.emulator.station.faults import plan_from_mapping
 
 IM = b"AT*SENDIM,5,2,ack,hello\n"
 

@@ -5,10 +5,10 @@ import io
 
 import pytest
 
-from zacoustic.channel.position import Position
+from zacoustic.channel.propagation.position import Position
 from zacoustic_evologics.emulator.fleet import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.moves import follow_moves
-from zacoustic_evologics.emulator.running import RunningFleet
+from zacoustic_evologics.emulator.serving.moves import follow_moves
+from zacoustic_evologics.emulator.serving.running import RunningFleet
 
 
 class Moves:

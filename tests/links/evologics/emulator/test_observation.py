@@ -3,8 +3,8 @@
 import msgspec
 
 from tests.links.evologics.emulator.sea import Sea
-from zacoustic.channel.blackout import BlackoutSpec
-from zacoustic.channel.faults import FaultSpec
+from zacoustic.channel.faults.blackout import BlackoutSpec
+from zacoustic.channel.faults.faults import FaultSpec
 from zacoustic_evologics.at.notifications import RecvIm
 from zacoustic_evologics.emulator import Observation, SignalArrived, SignalEmitted, scenario_of
 

@@ -9,8 +9,8 @@ from tests.runtime.loop_checks import run
 from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic_evologics import Interpreter
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.running import RunningFleet
-from zacoustic_evologics.emulator.server import FleetServer, Place
+from zacoustic_evologics.emulator.serving.running import RunningFleet
+from zacoustic_evologics.emulator.serving.server import FleetServer, Place
 
 FAST = 50.0
 

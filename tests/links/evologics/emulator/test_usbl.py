@@ -5,7 +5,7 @@ import math
 import pytest
 
 from tests.links.evologics.emulator.sea import Sea
-from zacoustic.channel.position import Waypoint
+from zacoustic.channel.propagation.position import Waypoint
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic_evologics.at.notifications import DeliveredIm, RecvIm
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong, UsblPhyD, UsblPhyP

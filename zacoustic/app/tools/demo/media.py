@@ -190,7 +190,7 @@ def _address(told: Told) -> int:
 
 def _scenario_propagation_s() -> float:
     """Propagation delay between the nodes of water.json5, s."""
-    from zacoustic.channel.position import distance_m
+    from zacoustic.channel.propagation.position import distance_m
     from zacoustic.channel.scenario import scenario_from_mapping
     from zacoustic.config.json5 import parse_json5
 

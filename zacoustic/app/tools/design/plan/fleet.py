@@ -19,7 +19,7 @@ from zacoustic.app.tools.design.plan.offers import (
 from zacoustic.app.tools.design.telemetry.recording import read_recordings
 from zacoustic.app.tools.fleetfile import read_fleet
 from zacoustic.app.tools.fleets import configs_of, tables_of
-from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import NodeSpec, Scenario, scenario_from_mapping
 from zacoustic.config import Config, read_config

@@ -13,7 +13,7 @@ import msgspec
 from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import numbers_of
 from zacoustic.app.tools.inspect.recordings.report.spread import spread_of
-from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.profiles import PROFILES, ModemProfile
 from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities

@@ -1,0 +1,1 @@
+"""Deliveries over several signals: instant messages, bursts, their acknowledgements; USBL."""

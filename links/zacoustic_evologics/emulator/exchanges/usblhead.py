@@ -1,0 +1,132 @@
+"""An ultra-short baseline head on every modem: where others are, from the geometry of the scenario.
+
+The head hangs upright and looks north: its frame is x east, y north, z up, as a capture shows them
+for a small yaw. An acknowledgement gives a position (USBLLONG and what belongs to it), any other
+message only angles (USBLANGLES). Fixes come as much later as in that capture. Their errors are
+drawn for each fix; a range is what the set sound speed makes of the propagation delay.
+"""
+
+import math
+from typing import Final
+
+from zacoustic_evologics.at.replies import PositionReply
+from zacoustic_evologics.at.usbl import UsblAngles, UsblLong, UsblPhyD, UsblPhyP
+from zacoustic_evologics.emulator.hardware.chassis import Chassis
+from zacoustic_evologics.emulator.hardware.signals import Hearing
+
+FIX_DELAY_NS: Final = 318_000_000
+"""From the end of a signal to its fix: 0.457 s after it began, in a capture."""
+
+_ERROR_RAD: Final = 0.004
+_LEAST_ACCURACY_M: Final = 0.1
+_BASELINE_M: Final = 0.1
+_HYDROPHONES_M: Final = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+
+
+class UsblHead:
+    """The head of one modem.
+
+    Args:
+        chassis: Of the modem.
+    """
+
+    def __init__(self, chassis: Chassis) -> None:
+        self._chassis = chassis
+
+    def measure_position(self, hearing: Hearing) -> None:
+        """Say where the modem is that has answered, a little later."""
+        at = hearing.ends_at + FIX_DELAY_NS
+        propagation_us = self._chassis.measured.propagation_us
+        self._chassis.agenda.push(at, self._say_position, hearing, propagation_us, at)
+
+    def measure_angles(self, hearing: Hearing) -> None:
+        """Say from where a message came, a little later."""
+        at = hearing.ends_at + FIX_DELAY_NS
+        self._chassis.agenda.push(at, self._say_angles, hearing, at)
+
+    def _say_position(self, hearing: Hearing, propagation_us: int, now: int) -> None:
+        chassis = self._chassis
+        distance_m = propagation_us * 1e-6 * chassis.store["CA"]
+        east, north, up = (distance_m * each for each in self._direction(hearing))
+        measured_us = chassis.system_us(hearing.starts_at)
+        chassis.say(
+            UsblLong(
+                clock_us=chassis.system_us(now),
+                measured_us=measured_us,
+                address=hearing.signal.source,
+                x_m=east, y_m=north, z_m=up, east_m=east, north_m=north, up_m=up,
+                roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0,
+                propagation_us=propagation_us,
+                rssi_db=hearing.rssi_db,
+                integrity=hearing.integrity,
+                accuracy_m=max(_LEAST_ACCURACY_M, 2 * _ERROR_RAD * distance_m),
+            )
+        )  # fmt: skip
+        self._say_raw(hearing, now, (east, north, up))
+        position = PositionReply(
+            measured_s=measured_us // 1_000_000,
+            address=hearing.signal.source,
+            x_m=east,
+            y_m=north,
+            z_m=up,
+        )
+        chassis.measured.body_position = chassis.measured.earth_position = position
+
+    def _say_raw(self, hearing: Hearing, now: int, position_m: tuple[float, ...]) -> None:
+        """What the fix was made of: delays against the middle hydrophone and each other, in ns."""
+        chassis = self._chassis
+        clock_us, measured_us = chassis.system_us(now), chassis.system_us(hearing.starts_at)
+        distance_m = max(math.hypot(*position_m), 1e-3)
+        east, north = position_m[0] / distance_m, position_m[1] / distance_m
+        single = [
+            round(-(x * east + y * north) * _BASELINE_M / hearing.sound_speed_m_s * 1e9)
+            for x, y in _HYDROPHONES_M
+        ]
+        pairs = [(0, 1), (3, 0), (2, 1), (2, 3)]
+        delays = (*single, *(single[a] - single[b] for a, b in pairs))
+        address = hearing.signal.source
+        chassis.say(
+            UsblPhyD(
+                clock_us=clock_us, measured_us=measured_us, address=address, fix=1, delays=delays
+            )
+        )
+        chassis.say(
+            UsblPhyP(
+                clock_us=clock_us,
+                measured_us=measured_us,
+                address=address,
+                fix=1,
+                positions_m=tuple(position_m) * 6,
+            )
+        )
+
+    def _say_angles(self, hearing: Hearing, now: int) -> None:
+        chassis = self._chassis
+        east, north, up = self._direction(hearing)
+        bearing = math.atan2(north, east)
+        elevation = math.asin(max(-1.0, min(1.0, up)))
+        chassis.say(
+            UsblAngles(
+                clock_us=chassis.system_us(now),
+                measured_us=chassis.system_us(hearing.starts_at),
+                address=hearing.signal.source,
+                local_bearing_rad=bearing, local_elevation_rad=elevation,
+                bearing_rad=bearing, elevation_rad=elevation,
+                roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0,
+                rssi_db=hearing.rssi_db,
+                integrity=hearing.integrity,
+                accuracy_rad=2 * _ERROR_RAD,
+            )
+        )  # fmt: skip
+
+    def _direction(self, hearing: Hearing) -> tuple[float, float, float]:
+        """Unit vector to the sender, with an error."""
+        rng = self._chassis.rng
+        distance_m = math.hypot(*hearing.offset_m)
+        if distance_m == 0.0:
+            return (0.0, 0.0, 0.0)
+        east, north, up = (
+            each / distance_m + _ERROR_RAD * (2.0 * rng.random() - 1.0) for each in hearing.offset_m
+        )
+        length = math.hypot(east, north, up)
+        return (east / length, north / length, up / length)

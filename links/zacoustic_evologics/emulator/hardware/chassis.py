@@ -1,0 +1,183 @@
+"""What all parts of an emulated modem share: settings, clocks, agenda, and the way to the ports.
+
+Three clocks: `now` of the caller, ns; the modem's clock, µs in 32 bits, from some start of its own,
+which stamps signals and goes on through a restart; the system clock, µs since the restart or what
+`AT!UT` has set.
+"""
+
+import random
+from collections import deque
+from typing import Final, Literal, TypeAlias
+
+import msgspec
+
+from zacoustic.channel.agenda import Agenda
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.messages import Noise, RawData
+from zacoustic_evologics.at.notifications import Notification
+from zacoustic_evologics.at.replies import CommandReply, PositionReply, RefusalKind, Refused
+from zacoustic_evologics.emulator.hardware.airtime import ACKNOWLEDGEMENT_NS, TURNAROUND_NS
+from zacoustic_evologics.emulator.hardware.firmware import Firmware
+from zacoustic_evologics.emulator.hardware.signals import Signal
+from zacoustic_evologics.emulator.hardware.store import SettingsStore
+
+CLOCK_SPAN_US: Final = 1 << 32
+"""The modem's clock wraps here, after 71.6 minutes."""
+BROADCAST: Final = 255
+"""Address of everybody."""
+
+WRONG_FORMAT: Final = Refused(RefusalKind.ERROR, "WRONG FORMAT")
+UNKNOWN_COMMAND: Final = Refused(RefusalKind.ERROR, "UNKNOWN COMMAND")
+OUT_OF_RANGE: Final = Refused(RefusalKind.ERROR, "OUT OF RANGE")
+OUT_OF_CONTEXT: Final = Refused(RefusalKind.ERROR, "OUT OF CONTEXT")
+WRONG_DESTINATION: Final = Refused(RefusalKind.ERROR, "WRONG DESTINATION ADDRESS")
+NO_CONTROL: Final = Refused(RefusalKind.ERROR, "NO CONTROL")
+PHY_OFF: Final = Refused(RefusalKind.ERROR, "PHY OFF")
+BUFFER_FULL: Final = Refused(RefusalKind.ERROR, "BUFFER FULL")
+BUFFERS_NOT_EMPTY: Final = Refused(RefusalKind.ERROR, "BUFFERS ARE NOT EMPTY")
+BACKOFF: Final = Refused(RefusalKind.BUSY, "BACKOFF STATE")
+DELIVERING: Final = Refused(RefusalKind.BUSY, "DELIVERING INSTANT MESSAGE")
+
+
+class Behaviour(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What sources disagree about, and a test may want otherwise."""
+
+    firmware: Firmware = "1.9"
+    """What the modem runs; see `firmware`."""
+
+    second_im: Literal["busy", "cancel"] = "busy"
+    """An instant message while another one is under way: BUSY, or it takes the other's place."""
+    while_receiving: Literal["busy", "wait"] = "busy"
+    """An instant message while a signal comes in: BUSY, or it is sent afterwards."""
+    strict_control: bool = False
+    """Settings need `AT@CTRL` before; otherwise only if another port has sent it."""
+    restart_s: float = 4.0
+    """How long a modem is away after `ATZ0`, s."""
+    reach_s: float = 3500.0 / 1500.0
+    """Longest propagation delay for which a modem waits, s; the published range, if not farther."""
+
+
+class Origin(msgspec.Struct, frozen=True):
+    """Where a command comes from."""
+
+    port_id: int
+    """Port."""
+    pid: int
+    """Its protocol id."""
+    interpreter: Interpreter
+    """Who reads there."""
+
+
+Spoken: TypeAlias = Notification | CommandReply | Noise | RawData
+"""A modem's message; a reply still without form."""
+
+
+class Said(msgspec.Struct, frozen=True):
+    """Something for the ports."""
+
+    message: Spoken
+    """What."""
+    port_id: int | None = None
+    """For this port only; None: for all that want it."""
+
+
+class WentDown(msgspec.Struct, frozen=True):
+    """The modem restarts: its ports are gone."""
+
+
+class CameUp(msgspec.Struct, frozen=True):
+    """The modem is there again."""
+
+
+Output: TypeAlias = Said | WentDown | CameUp
+"""What `poll_output` gives."""
+
+
+class Measurements:
+    """What the modem knows from the last signals; zero: nothing."""
+
+    def __init__(self) -> None:
+        self.propagation_us = 0
+        self.rssi_db = 0
+        self.integrity = 0
+        self.velocity_m_s = 0.0
+        self.local_bps = 0
+        self.remote_bps = 0
+        self.delivered_raw_bytes = 0
+        self.dropped_bytes = 0
+        self.body_position: PositionReply | None = None
+        self.earth_position: PositionReply | None = None
+
+
+class Chassis:
+    """What the parts of one modem share.
+
+    Args:
+        store: Settings.
+        behaviour: What sources disagree about.
+        rng: For all that the modem draws.
+    """
+
+    def __init__(self, store: SettingsStore, behaviour: Behaviour, rng: random.Random) -> None:
+        self.store = store
+        self.behaviour = behaviour
+        self.rng = rng
+        self.agenda = Agenda()
+        self.outputs: deque[Output] = deque()
+        self.signals: deque[Signal] = deque()
+        self.measured = Measurements()
+        self.started_at = 0
+        self._clock_start_us = int(rng.random() * CLOCK_SPAN_US)
+        self._unix_us: int | None = None
+        self._number = 0
+
+    @property
+    def address(self) -> int:
+        """Network address."""
+        return self.store["AL"]
+
+    @property
+    def answer_wait_ns(self) -> int:
+        """How long after a message its answer must have begun to come in, ns.
+
+        No source has it. It must reach as far as sound does, and not be below the retry timeout.
+        """
+        reach_ns = seconds_to_ns(2 * self.behaviour.reach_s)
+        shortest_ns = reach_ns + TURNAROUND_NS + ACKNOWLEDGEMENT_NS // 2
+        return max(shortest_ns, self.store["RT"] * 1_000_000)
+
+    def clock_us(self, at: int) -> int:
+        """Return the modem's clock at an instant."""
+        return (self._clock_start_us + at // 1000) % CLOCK_SPAN_US
+
+    def system_us(self, at: int) -> int:
+        """Return the system clock at an instant."""
+        running_us = (at - self.started_at) // 1000
+        return max(0, running_us if self._unix_us is None else self._unix_us + at // 1000)
+
+    def set_system_s(self, seconds: int, now: int) -> None:
+        """Set the system clock."""
+        self._unix_us = seconds * 1_000_000 - now // 1000
+
+    def next_number(self) -> int:
+        """Return a number for an exchange."""
+        self._number += 1
+        return self._number
+
+    def say(self, message: Spoken, port_id: int | None = None) -> None:
+        """Say something, to one port or to all that want it."""
+        self.outputs.append(Said(message, port_id))
+
+    def restart(self, at: int) -> None:
+        """Forget what does not outlive a restart."""
+        self.agenda.clear()
+        self.store.restart()
+        self.measured = Measurements()
+        self._unix_us = None
+        self.started_at = at
+
+
+def is_before(earlier_us: int, later_us: int) -> bool:
+    """Compare two instants of a clock that wraps: half its span is past, half is future."""
+    return 0 < (later_us - earlier_us) % CLOCK_SPAN_US < CLOCK_SPAN_US // 2

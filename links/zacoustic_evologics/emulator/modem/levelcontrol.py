@@ -1,0 +1,41 @@
+"""`AT!LC1`: the source level follows from the received level at the other modem.
+
+Sources have that the source level changes then and that `SRCLEVEL` reports it, but no rule. Here
+the answer of another modem gives the level at which this one was heard: the distance is the same in
+both directions, and an answer carries its own source level. The limits are those of useful levels,
+-85…-20, a little inside at the loud end, where the receiver reports -20 for all that is louder.
+"""
+
+from typing import Final
+
+from zacoustic_evologics.at.notifications import SourceLevel
+from zacoustic_evologics.emulator.hardware.chassis import Chassis
+from zacoustic_evologics.emulator.hardware.signals import Hearing
+from zacoustic_evologics.emulator.medium import SOURCE_LEVELS_DB
+
+TOO_LOUD_DB: Final = -25
+"""Above it, a modem goes one step quieter; dB re 1 V."""
+TOO_QUIET_DB: Final = -85
+"""Below it, a modem goes one step louder."""
+
+
+class LevelControl:
+    """The source level of one modem.
+
+    Args:
+        chassis: Of the modem.
+    """
+
+    def __init__(self, chassis: Chassis) -> None:
+        self._chassis = chassis
+
+    def handle_answer(self, hearing: Hearing) -> None:
+        """Follow from an answer."""
+        store = self._chassis.store
+        if not store["LC"]:
+            return
+        level, theirs = store["L"], hearing.signal.level
+        heard_db = hearing.rssi_db - SOURCE_LEVELS_DB[theirs] + SOURCE_LEVELS_DB[level]
+        step = int(heard_db > TOO_LOUD_DB) - int(heard_db < TOO_QUIET_DB)
+        if step and store.change("L", level + step):
+            self._chassis.say(SourceLevel(store["L"]))

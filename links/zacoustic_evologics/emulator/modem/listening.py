@@ -1,0 +1,188 @@
+"""What a modem does with a signal that it has received: report it, answer it, or only note it."""
+
+from typing import Any
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic_evologics.at.notifications import (
+    ImFlag,
+    Notification,
+    RecvIm,
+    RecvIms,
+    RecvPbm,
+    RecvProbe,
+    RecvSrv,
+)
+from zacoustic_evologics.emulator.exchanges.bursts import Bursts
+from zacoustic_evologics.emulator.exchanges.instant import InstantMessages
+from zacoustic_evologics.emulator.exchanges.usblhead import UsblHead
+from zacoustic_evologics.emulator.hardware.airtime import TURNAROUND_NS, service_airtime_ns
+from zacoustic_evologics.emulator.hardware.chassis import BROADCAST, Chassis
+from zacoustic_evologics.emulator.hardware.firmware import IM_BIT_RATE_BPS, tells_delays
+from zacoustic_evologics.emulator.hardware.signals import Hearing, Signal, SignalKind
+from zacoustic_evologics.emulator.hardware.transducer import Transducer
+from zacoustic_evologics.emulator.modem.levelcontrol import LevelControl
+
+_ANSWERS = {
+    SignalKind.IM: SignalKind.ACK,
+    SignalKind.CONNECT: SignalKind.ACCEPT,
+    SignalKind.TRAIN: SignalKind.TRAIN_ACK,
+}
+_SERVICES = frozenset({SignalKind.ACK, SignalKind.CONNECT, SignalKind.ACCEPT, SignalKind.TRAIN_ACK})
+
+
+class Listener:
+    """The ear of one modem.
+
+    Args:
+        chassis: Of the modem.
+        transducer: Of the modem.
+        instant: Its messages.
+        bursts: Its connections.
+        head: Its position finder.
+        level: Its source level.
+    """
+
+    def __init__(
+        self,
+        chassis: Chassis,
+        transducer: Transducer,
+        instant: InstantMessages,
+        bursts: Bursts,
+        head: UsblHead,
+        level: LevelControl,
+    ) -> None:
+        self._chassis = chassis
+        self._transducer = transducer
+        self._instant = instant
+        self._bursts = bursts
+        self._head = head
+        self._level = level
+
+    def handle(self, hearing: Hearing, now: int) -> None:
+        """Take a signal that was received."""
+        signal = hearing.signal
+        is_mine = signal.destination in (self._chassis.address, BROADCAST)
+        is_reported = is_mine or self._chassis.store["RP"] == 1
+        # An acknowledgement frees its slot before anything that may fill it again.
+        if signal.kind in _SERVICES:
+            self._handle_service(hearing, now)
+        elif signal.kind is SignalKind.TRAIN:
+            if is_mine:
+                self._bursts.handle_train(hearing)
+        elif is_reported:
+            self._report(hearing)
+        if not is_reported:
+            self._chassis.say(_service_record(hearing))
+        if is_reported and signal.piggyback is not None:
+            self._chassis.say(self._piggyback_record(hearing))
+        is_asking = signal.kind is not SignalKind.IM or signal.flag is ImFlag.ACK
+        if is_mine and signal.kind in _ANSWERS and is_asking:
+            self._owe_answer(hearing)
+
+    def _handle_service(self, hearing: Hearing, now: int) -> None:
+        if hearing.signal.destination != self._chassis.address:
+            return
+        if self._instant.handle_answer(hearing, now) or self._bursts.handle_answer(hearing, now):
+            self._level.handle_answer(hearing)
+            self._head.measure_position(hearing)
+
+    def _report(self, hearing: Hearing) -> None:
+        record = self._record(hearing)
+        for after_s in hearing.reception.delays_s:
+            if after_s:
+                at = hearing.ends_at + seconds_to_ns(after_s)
+                self._chassis.agenda.push(at, self._chassis.say, record)
+            else:
+                self._chassis.say(record)
+        self._head.measure_angles(hearing)
+
+    def _record(self, hearing: Hearing) -> Notification:
+        signal = hearing.signal
+        started_us = self._chassis.clock_us(hearing.starts_at)
+        payload = hearing.reception.damage(signal.payload)
+        if signal.kind is SignalKind.PROBE:
+            return RecvProbe(
+                bit=signal.bit,
+                timestamp_us=started_us,
+                duration_us=hearing.duration_ns // 1000,
+                rssi_db=hearing.rssi_db,
+                integrity=hearing.integrity,
+                velocity_m_s=hearing.velocity_m_s,
+            )
+        if signal.kind is SignalKind.IMS:
+            return RecvIms(
+                payload=payload,
+                timestamp_us=started_us,
+                duration_us=signal.duration_ns // 1000,
+                **_common(hearing, signal.pid),
+            )
+        return RecvIm(
+            payload=payload,
+            flag=signal.flag,
+            **self._timing(signal),
+            **_common(hearing, signal.pid),
+        )
+
+    def _piggyback_record(self, hearing: Hearing) -> RecvPbm:
+        piggyback = hearing.signal.piggyback
+        assert piggyback is not None
+        return RecvPbm(
+            payload=piggyback.payload,
+            **self._timing(hearing.signal),
+            **_common(hearing, piggyback.pid),
+        )
+
+    def _timing(self, signal: Signal) -> dict[str, int]:
+        """A firmware's timing fields: a delay is that of the last exchange, 0 for none."""
+        if tells_delays(self._chassis.behaviour.firmware):
+            delay_us = self._chassis.measured.propagation_us
+            return {"bit_rate_bps": IM_BIT_RATE_BPS, "propagation_us": delay_us}
+        return {"duration_us": signal.duration_ns // 1000}
+
+    def _owe_answer(self, hearing: Hearing) -> None:
+        self._transducer.owed += 1
+        answered_at = hearing.ends_at + TURNAROUND_NS
+        self._chassis.agenda.push(answered_at, self._answer, hearing, answered_at)
+
+    def _answer(self, hearing: Hearing, at: int) -> None:
+        self._transducer.owed -= 1
+        asked = hearing.signal
+        if self._transducer.is_transmitting(at) or not self._transducer.is_on:
+            return
+        piggyback = self._instant.take_piggyback(asked.source)
+        self._transducer.transmit(
+            Signal(
+                kind=_ANSWERS[asked.kind],
+                source=asked.destination,
+                destination=asked.source,
+                duration_ns=service_airtime_ns(len(piggyback.payload) if piggyback else 0),
+                number=asked.number,
+                piggyback=piggyback,
+                bit_rate_bps=self._bursts.proposed_bps(hearing.snr_db),
+                level=self._chassis.store["L"],
+            ),
+            at,
+        )
+
+
+def _common(hearing: Hearing, pid: int) -> dict[str, Any]:
+    return {
+        "source": hearing.signal.source,
+        "destination": hearing.signal.destination,
+        "rssi_db": hearing.rssi_db,
+        "integrity": hearing.integrity,
+        "velocity_m_s": hearing.velocity_m_s,
+        "pid": pid,
+    }
+
+
+def _service_record(hearing: Hearing) -> RecvSrv:
+    return RecvSrv(
+        source=hearing.signal.source,
+        destination=hearing.signal.destination,
+        kind=hearing.signal.kind.value,
+        decoded=1,
+        transmitted=1,
+        rssi_db=hearing.rssi_db,
+        integrity=hearing.integrity,
+    )

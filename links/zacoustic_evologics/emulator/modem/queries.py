@@ -1,0 +1,207 @@
+"""A modem's answers to queries and settings."""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+from zacoustic_evologics.at.commands import Query, Set, SetOption
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.messages import Noise
+from zacoustic_evologics.at.notifications import ClockOffset, RemoteAddress
+from zacoustic_evologics.at.replies import (
+    Accepted,
+    CommandReply,
+    DeliveryReply,
+    LinkStatus,
+    Measurement,
+    MultipathReply,
+    NetStatus,
+    Number,
+    Path,
+    TextReply,
+)
+from zacoustic_evologics.at.settings import SETTINGS
+from zacoustic_evologics.emulator.exchanges.bursts import Bursts
+from zacoustic_evologics.emulator.exchanges.instant import InstantMessages
+from zacoustic_evologics.emulator.hardware.chassis import (
+    BUFFERS_NOT_EMPTY,
+    NO_CONTROL,
+    OUT_OF_CONTEXT,
+    OUT_OF_RANGE,
+    UNKNOWN_COMMAND,
+    WRONG_FORMAT,
+    Chassis,
+    Origin,
+)
+from zacoustic_evologics.emulator.hardware.firmware import knows_control
+from zacoustic_evologics.emulator.hardware.transducer import PhyState, Transducer
+
+_BATTERY_V: Final = 24.1
+_PATHS: Final = 8
+_FIRST_PATH: Final = Path(0, 240)
+_NO_PATH: Final = Path(0, 0)
+_NOISE: Final = Noise(first=250_000, second=0, third=-85, payload=bytes(64))
+
+
+class Answers:
+    """Reads and changes the numbers of one modem.
+
+    Args:
+        chassis: Of the modem.
+        transducer: Of the modem.
+        instant: Its messages.
+        bursts: Its connections.
+    """
+
+    def __init__(
+        self,
+        chassis: Chassis,
+        transducer: Transducer,
+        instant: InstantMessages,
+        bursts: Bursts,
+    ) -> None:
+        # The port that may change the modem; None: any.
+        self.controller: int | None = None
+        self._chassis = chassis
+        self._transducer = transducer
+        self._instant = instant
+        self._bursts = bursts
+        self._numbers: dict[str, Callable[[], int]] = {
+            "T": lambda: chassis.measured.propagation_us,
+            "I": lambda: chassis.measured.integrity,
+            "BL": lambda: chassis.measured.local_bps,
+            "BR": lambda: chassis.measured.remote_bps,
+            "PC": lambda: bursts.pool.counter,
+            "ZE": lambda: chassis.measured.delivered_raw_bytes,
+            "ZD": lambda: chassis.measured.dropped_bytes,
+            "ZO": lambda: 0,
+            "PS": lambda: int(transducer.is_on),
+            "TX": lambda: 0,
+        }
+        self._decimals: dict[str, Callable[[], float]] = {
+            "E": lambda: float(chassis.measured.rssi_db),
+            "V": lambda: chassis.measured.velocity_m_s,
+            "BV": lambda: _BATTERY_V,
+        }
+
+    def answer(self, query: Query, origin: Origin, now: int) -> CommandReply | Noise:
+        """`AT?…`, but for what belongs to the port."""
+        name = query.name
+        if name in self._numbers:
+            return Number(self._numbers[name]())
+        if name in self._decimals:
+            return Measurement(self._decimals[name]())
+        match name:
+            case "S":
+                return self._status(origin)
+            case "DI":
+                return DeliveryReply(self._instant.state)
+            case "CLOCK":
+                return Number(self._chassis.clock_us(now))
+            case "UT" | "UTX":
+                return Number(self._chassis.system_us(now) // 1_000_000)
+            case "P":
+                return self._multipath()
+            case "UP":
+                return self._chassis.measured.body_position or OUT_OF_CONTEXT
+            case "UPX":
+                return self._chassis.measured.earth_position or OUT_OF_CONTEXT
+            case "NOISE":
+                return _NOISE
+            case "CTRL" if knows_control(self._chassis.behaviour.firmware):
+                return Number(int(self.controller == origin.port_id))
+            case _ if name in self._chassis.store:
+                return Number(self._chassis.store[name])
+            case _:
+                return UNKNOWN_COMMAND
+
+    def change(self, command: Set, origin: Origin, now: int) -> CommandReply:
+        """`AT!…`."""
+        name = command.name
+        if name not in self._chassis.store:
+            return UNKNOWN_COMMAND
+        if not self._may_change(origin):
+            return NO_CONTROL
+        if name == "ZL" and self._bursts.pool:
+            return BUFFERS_NOT_EMPTY
+        if name == "UT":
+            if not SETTINGS[name].allows(command.value):
+                return OUT_OF_RANGE
+            before_us = self._chassis.system_us(now)
+            self._chassis.set_system_s(command.value, now)
+            self._chassis.say(ClockOffset(self._chassis.system_us(now) - before_us))
+            return Accepted()
+        if not self._chassis.store.change(name, command.value):
+            return OUT_OF_RANGE
+        if name == "AR":
+            self._chassis.say(RemoteAddress(command.value))
+        return Accepted()
+
+    def change_option(self, command: SetOption, origin: Origin, now: int) -> CommandReply:
+        """`AT@…`, but for what belongs to the port."""
+        has_control = knows_control(self._chassis.behaviour.firmware)
+        match command.name, command.value:
+            case "CTRL", None if has_control:
+                if origin.pid != 0:
+                    return NO_CONTROL
+                self.controller = origin.port_id
+                return Accepted()
+            case "ZD", None:
+                self._chassis.measured.dropped_bytes = 0
+                return Accepted()
+            case "ZO", None:
+                return Accepted()
+            case "ZL", int(size):
+                return self.change(Set("ZL", size), origin, now)
+            case _:
+                return WRONG_FORMAT
+
+    def may_store(self, origin: Origin) -> bool:
+        """Whether a port may keep or restore the settings."""
+        return self._may_change(origin)
+
+    def close_port(self, port_id: int) -> None:
+        """Take control from a port that is gone."""
+        if self.controller == port_id:
+            self.controller = None
+
+    def _may_change(self, origin: Origin) -> bool:
+        if origin.pid != 0:
+            return False
+        if self.controller is None:
+            return not self._chassis.behaviour.strict_control
+        return self.controller == origin.port_id
+
+    def _status(self, origin: Origin) -> CommandReply:
+        state = self._transducer.state.value
+        if self._transducer.state is PhyState.LISTEN:
+            state = self._bursts.state or state
+        free_bytes = self._bursts.pool.free_bytes
+        if origin.interpreter is Interpreter.AT:
+            return LinkStatus(state, (free_bytes,))
+        return NetStatus(
+            local_address=self._chassis.address,
+            remote_address=self._chassis.store["AR"],
+            state=state,
+            pool=f"{len(self._bursts.pool)} packets : {free_bytes} bytes free",
+            promiscuous=self._chassis.store["RP"] == 1,
+        )
+
+    def _multipath(self) -> MultipathReply:
+        """The direct path and its echoes, ever weaker; none before anything was heard."""
+        if not self._chassis.measured.integrity:
+            return MultipathReply((_NO_PATH,) * _PATHS)
+        echoes = tuple(
+            Path(round(400 * math.sqrt(order)) * order, _FIRST_PATH.strength >> order)
+            for order in range(1, 4)
+        )
+        return MultipathReply((_FIRST_PATH, *echoes, *(_NO_PATH,) * (_PATHS - 4)))
+
+
+def help_text(key: str) -> TextReply:
+    """`AT…$`."""
+    setting = SETTINGS.get(key.lstrip("?!@&%*"))
+    if setting is None:
+        return TextReply(f"{key}: no help\n")
+    label = setting.label or setting.name
+    return TextReply(f"{key}: {label}\nrange: {setting.low}..{setting.high}\n")

@@ -1,0 +1,1 @@
+"""Many emulated modems on a loop, behind TCP ports and pseudo-terminals."""

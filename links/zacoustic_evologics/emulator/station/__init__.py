@@ -1,0 +1,1 @@
+"""A modem with its ports, and their faults."""

@@ -1,0 +1,257 @@
+"""One port of an emulated modem: a TCP connection or a serial line.
+
+What belongs to a port and not to the modem: which interpreter reads on it and in which mode, its
+protocol id, which notifications it wants, and the second of silence that guards `+++`. Commands
+about these are answered here; the others are for the modem.
+"""
+
+from collections.abc import Mapping
+from typing import Final, TypeAlias
+
+import msgspec
+
+from zacoustic_evologics.at.answers import reply_text
+from zacoustic_evologics.at.command_decoder import CommandDecoder, CommandMessage
+from zacoustic_evologics.at.commands import (
+    Act,
+    Action,
+    Command,
+    Escape,
+    InvalidCommand,
+    PayloadCommand,
+    Query,
+    Set,
+    SetOption,
+)
+from zacoustic_evologics.at.encoder import command_name, encode_message
+from zacoustic_evologics.at.framing import Framing, Interpreter
+from zacoustic_evologics.at.messages import RawData, Reply
+from zacoustic_evologics.at.notifications import (
+    BitRate,
+    ClockOffset,
+    ExternalClock,
+    PhyOff,
+    PhyOn,
+    ReceivedMessage,
+    RecvEnd,
+    RecvFailed,
+    RecvSrv,
+    RecvStart,
+    RemoteAddress,
+    SendEnd,
+    SendStart,
+    SourceLevel,
+    Status,
+)
+from zacoustic_evologics.at.replies import (
+    Accepted,
+    CommandReply,
+    ModeReply,
+    Number,
+    RefusalKind,
+    Refused,
+    TextReply,
+)
+from zacoustic_evologics.at.settings import SETTINGS
+from zacoustic_evologics.at.usbl import UsblNotification
+from zacoustic_evologics.emulator.hardware.chassis import (
+    OUT_OF_RANGE,
+    UNKNOWN_COMMAND,
+    WRONG_FORMAT,
+    Origin,
+    Spoken,
+)
+from zacoustic_evologics.emulator.hardware.firmware import Firmware, knows_external_clock
+from zacoustic_evologics.emulator.hardware.store import PORT_OPTIONS
+
+GUARD_NS: Final = 1_000_000_000
+"""Silence before and after `+++`."""
+ECLK_PERIOD_NS: Final = 1_000_000_000
+"""Between two notifications of the external clock, for a port that has asked for them."""
+
+Extended: TypeAlias = (
+    RecvStart
+    | RecvEnd
+    | RecvFailed
+    | RecvSrv
+    | SendStart
+    | SendEnd
+    | BitRate
+    | RemoteAddress
+    | SourceLevel
+    | PhyOn
+    | PhyOff
+    | Status
+    | ClockOffset
+)
+"""What comes with extended notifications only. Sources differ in some of them."""
+
+
+class Port:
+    """One port.
+
+    Args:
+        port_id: Number in the fleet.
+        interpreter: Who reads here.
+        is_serial: A serial line, which stays when the modem restarts.
+        firmware: Of the modem.
+        options: What differs from the options of a new port, by name (`ZF`).
+        now: Instant at which it is opened.
+    """
+
+    def __init__(
+        self,
+        port_id: int,
+        interpreter: Interpreter,
+        *,
+        is_serial: bool,
+        firmware: Firmware = "1.9",
+        options: Mapping[str, int],
+        now: int,
+    ) -> None:
+        self.port_id = port_id
+        self.interpreter = interpreter
+        self.is_serial = is_serial
+        self._unknown = () if knows_external_clock(firmware) else ("ZA", "ECLK")
+        self._presets = {name: options.get(name, SETTINGS[name].default) for name in PORT_OPTIONS}
+        self.restart(now)
+
+    def restart(self, now: int) -> None:
+        """Start as a new port, in data mode if there is one."""
+        is_net = self.interpreter is Interpreter.NET
+        self._framing = Framing.LINES if is_net else Framing.PACKETS
+        self._decoder = CommandDecoder(self.interpreter, self._framing)
+        self._options = dict(self._presets)
+        self._read_at = now
+        self._bytes_since_silence = 0
+        self._is_silent = False
+        self._eclk_at = now
+        # Name of the command whose answer the modem owes, for the packet of the answer.
+        self._asked = ""
+
+    @property
+    def origin(self) -> Origin:
+        """What the modem knows of this port."""
+        return Origin(self.port_id, self._options["ZS"], self.interpreter)
+
+    @property
+    def held_bytes(self) -> int:
+        """Bytes that wait for more."""
+        return self._decoder.held_bytes
+
+    def feed(self, content: bytes, now: int) -> list[CommandMessage]:
+        """Take bytes of the host; give each message of the result to `take`, in order."""
+        if now - self._read_at >= GUARD_NS:
+            self._bytes_since_silence = 0
+        self._bytes_since_silence += len(content)
+        self._read_at = now
+        self._is_silent = False
+        return self._decoder.feed(content)
+
+    def poll_timeout(self) -> int | None:
+        """Return when something is due, None when nothing is."""
+        waits = self._framing is Framing.PACKETS and self.held_bytes > 0 and not self._is_silent
+        due_at = [self._read_at + GUARD_NS] if waits else []
+        if self._options["ZA"]:
+            due_at.append(self._eclk_at + ECLK_PERIOD_NS)
+        return min(due_at, default=None)
+
+    def handle_timeout(self, now: int) -> list[CommandMessage]:
+        """Do the due actions; the result is as that of `feed`."""
+        if self._is_silent or not self.held_bytes or now < self._read_at + GUARD_NS:
+            return []
+        self._is_silent = True
+        is_guarded = self._bytes_since_silence == self.held_bytes
+        self._bytes_since_silence = 0
+        return self._decoder.silence(guarded=is_guarded)
+
+    def take_eclk(self, now: int) -> bool:
+        """Tell whether the external clock is to be notified now."""
+        is_due = self._options["ZA"] == 1 and now >= self._eclk_at + ECLK_PERIOD_NS
+        if is_due:
+            self._eclk_at = now
+        return is_due
+
+    def take(self, message: CommandMessage) -> Command | RawData | CommandReply | None:
+        """Take a message of the host.
+
+        Returns:
+            A command or raw data for the modem; or the reply, which `encode` writes; or None if
+            there is neither.
+        """
+        match message:
+            case RawData():
+                return message
+            case InvalidCommand():
+                self._asked = message.name
+                kind, _, reason = message.mistake.value.partition(" ")
+                return Refused(RefusalKind(kind), reason)
+            case Escape():
+                self._framing = Framing.LINES
+                return Accepted()
+        self._asked = command_name(message)
+        match message:
+            case Query(name) | Set(name) | SetOption(name) if name in self._unknown:
+                return WRONG_FORMAT
+            case Query("MODE"):
+                return ModeReply(self.interpreter)
+            case Query("PID"):
+                return Number(self._options["ZS"])
+            case Query("ZSL"):
+                return TextReply(f"{self.port_id} {self.interpreter.value} {self._options['ZS']}\n")
+            case Query(name) if name in PORT_OPTIONS:
+                return Number(self._options[name])
+            case Query("ECLK"):
+                return Number(self._options["ZA"])
+            case Set(name, value) if name in PORT_OPTIONS:
+                return self._set(name, value)
+            case SetOption(name, value) if name in PORT_OPTIONS and value is not None:
+                return self._set(name, value)
+            case Act(Action.COMMAND_MODE | Action.DATA_MODE as action):
+                return self._switch(action)
+        if isinstance(message, PayloadCommand) and message.pid is not None:
+            if message.pid > 7:
+                return Refused(RefusalKind.ERROR, "PROTOCOL ID")
+            if not self._options["ZF"]:
+                # A host that sends a protocol ID looks for one in received messages, in vain.
+                return WRONG_FORMAT
+        return message
+
+    def wants(self, message: Spoken) -> bool:
+        """Whether something that is for all ports is for this one."""
+        if isinstance(message, Extended):
+            return self._options["ZX"] == 1
+        if isinstance(message, UsblNotification):
+            return self._options["ZU"] == 1
+        if isinstance(message, ExternalClock):
+            return self._options["ZA"] == 1
+        if isinstance(message, RawData):
+            return self._framing is Framing.PACKETS
+        if isinstance(message, ReceivedMessage):
+            return self._options["ZF"] == 1 or message.pid == self._options["ZS"]
+        return True
+
+    def encode(self, message: Spoken) -> bytes:
+        """Write something for this port."""
+        if isinstance(message, ReceivedMessage) and not self._options["ZF"]:
+            message = msgspec.structs.replace(message, pid=None)
+        if isinstance(message, CommandReply):
+            name = self._asked if self._framing is Framing.PACKETS else None
+            return encode_message(Reply(reply_text(message), name), self._framing)
+        return encode_message(message, self._framing)
+
+    def _set(self, name: str, value: int) -> CommandReply:
+        if not SETTINGS[name].allows(value):
+            return OUT_OF_RANGE
+        self._options[name] = value
+        self._eclk_at = self._read_at
+        return Accepted()
+
+    def _switch(self, action: Action) -> CommandReply | None:
+        if self.interpreter is Interpreter.NET:
+            return UNKNOWN_COMMAND
+        if action is Action.COMMAND_MODE:
+            self._framing = Framing.LINES
+            return Accepted()
+        self._framing = Framing.PACKETS
+        return None

@@ -1,0 +1,1 @@
+"""What goes wrong in a scenario: losses, blackouts, faulty nodes, damaged and late frames."""
