@@ -97,7 +97,9 @@ def test_heads_come_back_and_never_begin_like_an_extension(
         frame = head.encode() + bytes(8)
         assert frame[0] != NEVER_FIRST
         sealed = parse_sealed(frame)
-        assert sealed is not None and sealed.head == head and sealed.body == bytes(8)
+        assert sealed is not None
+        assert sealed.head == head
+        assert sealed.body == bytes(8)
 
 
 @given(st.binary(max_size=64))

@@ -5,6 +5,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 from zacoustic.core.wire.seal import Way, nonce
 from zacoustic.seal.ccm import FleetCipher
 from zacoustic.seal.keys import new_key
+from zacoustic.seal.spec import Mode
 
 _KEY = bytes.fromhex("c0c1c2c3c4c5c6c7c8c9cacbcccdcecf")
 # Packet vectors 1 and 2: length of the tag, nonce, packet, bytes of it in clear, result.
@@ -43,3 +44,18 @@ def test_tags_have_four_bytes_and_eight_where_a_frame_is_strong() -> None:
         for other in (b"", b"hea", b"Head"):
             assert cipher.open(0, way, nonce(way, 1, 0), body, other) is None
         assert cipher.open(1, way, nonce(way, 1, 0), body, b"head") is None
+
+
+def test_records_stay_readable_where_they_are_only_authenticated() -> None:
+    key, way, number = new_key("test"), Way(1, 2), bytes(13)
+    cipher = FleetCipher(key, mode=Mode.AUTHENTICATE)
+    for strong, tag_bytes in ((False, 4), (True, 8)):
+        way = Way(1, 2, strong=strong)
+        body = cipher.seal(way, number, b"records", b"head")
+        assert body[:-tag_bytes] == b"records"
+        assert cipher.open(0, way, number, body, b"head") == b"records"
+        assert cipher.open(0, way, number, b"recordt" + body[-tag_bytes:], b"head") is None
+        assert cipher.open(0, way, number, b"ecords" + body[-tag_bytes:], b"headr") is None
+        assert FleetCipher(key).open(0, way, number, body, b"head") is None
+        encrypted = FleetCipher(key).seal(way, number, b"records", b"head")
+        assert cipher.open(0, way, number, encrypted, b"head") is None

@@ -29,6 +29,18 @@ def test_starts_count_and_a_new_key_begins_again(tmp_path: Path) -> None:
         node.begin()
 
 
+def test_who_has_started_with_the_next_key_cannot_rejoin_with_the_former_one(
+    tmp_path: Path,
+) -> None:
+    rotated = Lives(tmp_path, KEY.rotated(), 3)
+    rotated.join()
+    used = rotated.begin()
+    for after in (None, 7):
+        with pytest.raises(LifeError, match="has started with generation 1"):
+            Lives(tmp_path, KEY, 3).join(after)
+    assert rotated.begin() > used
+
+
 def test_a_record_of_somebody_else_is_none(tmp_path: Path) -> None:
     Lives(tmp_path, KEY, 3).join()
     for path in tmp_path.glob("life-3.*"):

@@ -30,6 +30,7 @@ from zacoustic.config.sections import (
     Section,
     TypeEntry,
 )
+from zacoustic.config.security import read_security
 from zacoustic.config.streams import Fleet, check_address, read_streams
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import fault_of_name
@@ -44,6 +45,7 @@ from zacoustic.core.values.types import (
     type_from_struct,
 )
 from zacoustic.errors import ConfigError
+from zacoustic.seal.spec import SecuritySpec
 from zacoustic.text.digits import whole_number
 
 if TYPE_CHECKING:  # importing it costs its shared library; a node without Zenoh does not need it
@@ -85,6 +87,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """The file's ROS settings; None: no ROS stream."""
     rules: TransmitRules = TransmitRules()
     """When, and how much, this node may transmit."""
+    security: SecuritySpec | None = None
+    """How frames are sealed; None: they are not. Nothing of the key file was read."""
     permit_log: Path | None = None
     """File to which each emission is appended, or None."""
     metrics: tuple[str, int] | None = None
@@ -169,8 +173,8 @@ def config_from_mapping(
         source: What it came from, named in errors.
         address: Address of this node, instead of the one in the section.
         locator: Locator of the modem, instead of those in the section.
-        folder: What the names of the model and of ROS packages are relative to; the present one
-            unless given.
+        folder: What the names of the model, of the key and of ROS packages are relative to; the
+            present one unless given.
 
     Raises:
         ConfigError: One line: source, key path, value, allowed values, what to do.
@@ -219,6 +223,7 @@ def config_from_mapping(
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
         ros=ros.config() if ros.streams else None,
         rules=_read_rules(place, written, links, fleet, own, objects, topics),
+        security=read_security(place.at("security"), written.security, table, folder or Path()),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
         metrics=read_metrics(place.at("metrics"), written.metrics),
     )

@@ -16,6 +16,14 @@ from zacoustic.core.values.encoding import TYPED_ENCODINGS
 from zacoustic.core.values.types import SCALAR_TYPES, FieldSpec
 from zacoustic.ros.interfaces import DEFAULT_DISTRO
 from zacoustic.ros.overlays import Overlay, OverlayField
+from zacoustic.seal.spec import (
+    DEFAULT_OVERLAP_S,
+    LARGEST_PAD_BYTES,
+    LEAST_PAD_BYTES,
+    LONGEST_OVERLAP_S,
+    Mode,
+    Strong,
+)
 
 ALLOWED: Final = {
     "address": "an address, 1..254",
@@ -98,6 +106,15 @@ ALLOWED: Final = {
     "length": "a number, 1..65535",
     "max_length": "a number, 1..65535",
     "default": "a value of the field's type",
+    "security": "{ key, mode, strong, pad, overlap_s, lives, emergency }",
+    "key": "a text, the key file that `zacoustic key new` has made",
+    "mode": ", ".join(mode.value for mode in Mode),
+    "strong": f"a list of {', '.join(each.value for each in Strong)}",
+    "pad": f"a list of lengths of frames, {LEAST_PAD_BYTES}..{LARGEST_PAD_BYTES}, ascending",
+    "overlap_s": f"seconds, 0..{LONGEST_OVERLAP_S:.0f}",
+    "lives": "a text, the folder of the life records",
+    "emergency": "{ unsealed }",
+    "unsealed": "a list of names of topics",
     "ranging": "a list of { to, every_s }",
     "to": "the address of another node",
     "by": "the address of a node",
@@ -331,6 +348,32 @@ class RangingEntry(Entry, frozen=True, kw_only=True):
     """Address of the measuring node; default: the node that reads the file."""
 
 
+class EmergencyEntry(Entry, frozen=True, kw_only=True):
+    """What a node does for those who have no key."""
+
+    unsealed: tuple[str, ...] = ()
+    """Topics whose samples are also taken from frames without a seal: anybody can send them."""
+
+
+class SecurityEntry(Entry, frozen=True, kw_only=True):
+    """The seal of frames."""
+
+    key: str
+    """Key file of the fleet, relative to this file."""
+    mode: str = Mode.ENCRYPT.value
+    """Encrypted, or readable for everybody and not to be forged."""
+    strong: tuple[str, ...] = tuple(each.value for each in Strong)
+    """What gets a tag of eight bytes in place of four."""
+    pad: tuple[int, ...] | None = None
+    """Frames have only these lengths, bytes; default: none is padded."""
+    overlap_s: float = DEFAULT_OVERLAP_S
+    """How long after its start a node opens frames of the former generation of the key, s."""
+    lives: str = "lives"
+    """Folder of the life records, relative to this file; never copied, never put back."""
+    emergency: EmergencyEntry | None = None
+    """What a node does for those who have no key; default: nothing."""
+
+
 class Section(Entry, frozen=True, kw_only=True):
     """The section `plugins.acoustic`."""
 
@@ -366,6 +409,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """Each node is heard at least this often, s; default: no heartbeats."""
     lost_after_s: float | None = None
     """A node that was not heard for so long is lost, s; default: never."""
+    security: SecurityEntry | None = None
+    """The seal of frames; default: frames are neither encrypted nor authenticated."""
     permit_log: str | None = None
     """File to which each emission is appended, relative to this file; default: none."""
     metrics: str | None = None
@@ -382,6 +427,8 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "ranging": RangingEntry,
     "quiet": QuietEntry,
     "objects": ObjectsEntry,
+    "security": SecurityEntry,
+    "emergency": EmergencyEntry,
     "ros": RosEntry,
     "streams.ros": StreamRosEntry,
     "overlays": Overlay,

@@ -7,6 +7,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
 from zacoustic.core.wire.seal import STRONG_TAG_BYTES, TAG_BYTES, Way
 from zacoustic.seal.keys import FleetKey
+from zacoustic.seal.spec import Mode
 
 
 class FleetCipher:
@@ -14,10 +15,14 @@ class FleetCipher:
 
     Args:
         key: The key; where it has a former secret, frames of that generation are opened too.
+        mode: What happens to records. In `Mode.AUTHENTICATE` they are associated data and stay as
+            they are; a frame of the other mode is refused.
     """
 
-    def __init__(self, key: FleetKey) -> None:
+    def __init__(self, key: FleetKey, *, mode: Mode = Mode.ENCRYPT) -> None:
         self.generation = key.generation
+        self._encrypts = mode is Mode.ENCRYPT
+        self._opens_former = True
 
         @cache
         def cipher(address: int, strong: bool, former: bool) -> AESCCM | None:
@@ -28,21 +33,39 @@ class FleetCipher:
 
         self._cipher = cipher
 
+    def end_overlap(self) -> None:
+        """Open no frame of the former generation any more."""
+        self._opens_former = False
+
     def seal(self, way: Way, nonce: bytes, records: bytes, associated: bytes) -> bytes:
-        """Return the encrypted records and the tag."""
+        """Return the records, encrypted in `Mode.ENCRYPT`, and the tag."""
         cipher = self._cipher(way.source, way.strong, False)
         assert cipher is not None  # there is a secret of the present generation
-        return cipher.encrypt(nonce, records, associated)
+        if self._encrypts:
+            return cipher.encrypt(nonce, records, associated)
+        return records + cipher.encrypt(nonce, b"", _covered(associated, records))
 
     def open(
         self, generation: int, way: Way, nonce: bytes, body: bytes, associated: bytes
     ) -> bytes | None:
         """Return the records; None where no known key of this generation made the tag."""
         former = generation != self.generation & 1
+        if former and not self._opens_former:
+            return None
         cipher = self._cipher(way.source, way.strong, former)
         if cipher is None:
             return None
         try:
-            return cipher.decrypt(nonce, body, associated)
+            if self._encrypts:
+                return cipher.decrypt(nonce, body, associated)
+            tag_bytes = STRONG_TAG_BYTES if way.strong else TAG_BYTES
+            records = body[:-tag_bytes]
+            cipher.decrypt(nonce, body[-tag_bytes:], _covered(associated, records))
         except InvalidTag:
             return None
+        return records
+
+
+def _covered(associated: bytes, records: bytes) -> bytes:
+    """Return both as associated data; the length parts them, so no byte can change sides."""
+    return bytes((len(associated),)) + associated + records

@@ -12,6 +12,7 @@ version of the wire, generation and address: nodes share no key, so their counte
 import hashlib
 import hmac
 import os
+import re
 import secrets
 import stat
 from pathlib import Path
@@ -19,16 +20,18 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.errors import ZacousticError
+from zacoustic.errors import ConfigError
 
 WIRE_VERSION: Final = 2
 SECRET_BYTES: Final = 32
 KEY_BYTES: Final = 16
 LAST_GENERATION: Final = 0xFFFF
 _FINGERPRINT_BYTES: Final = 4
+_NAME_BYTES: Final = 64
+_NAMES: Final = f"1..{_NAME_BYTES} bytes of text that can be printed"
 
 
-class KeyFileError(ZacousticError):
+class KeyFileError(ConfigError):
     """A key file that cannot be used."""
 
 
@@ -71,17 +74,13 @@ class FleetKey(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         Raises:
             KeyFileError: There is no next generation.
         """
-        if self.generation == LAST_GENERATION:
-            raise KeyFileError(
-                f"{self.network}: generation {self.generation} is the last one",
-                hint="make a key with another network name: zacoustic key new",
-            )
-        return FleetKey(
-            network=self.network,
-            generation=self.generation + 1,
-            secret=secrets.token_bytes(SECRET_BYTES),
-            former=self.secret,
+        return msgspec.structs.replace(
+            new_key(self.network, after=self.generation), former=self.secret
         )
+
+    def settled(self) -> "FleetKey":
+        """Return the key without the generation before."""
+        return msgspec.structs.replace(self, former=None)
 
     def _info(self, use: str, generation: int | None = None) -> bytes:
         network = self.network.encode()
@@ -90,9 +89,29 @@ class FleetKey(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return f"zacoustic {use}".encode() + bytes((0, len(network))) + network + numbers
 
 
-def new_key(network: str) -> FleetKey:
-    """Draw the key of a new fleet."""
-    return FleetKey(network=network, generation=0, secret=secrets.token_bytes(SECRET_BYTES))
+def new_key(network: str, *, after: int = -1) -> FleetKey:
+    """Draw a key.
+
+    Args:
+        network: Name of the network, 1…64 bytes.
+        after: The last generation that this network has had; −1: it had none.
+
+    Raises:
+        KeyFileError: The name is too long, or there is no next generation.
+    """
+    if not _is_name(network):
+        raise KeyFileError(f'network "{network}"; allowed: {_NAMES}')
+    if after >= LAST_GENERATION:
+        raise KeyFileError(
+            f"{network}: generation {after} is the last one",
+            hint="make a key with another network name: zacoustic key new",
+        )
+    return FleetKey(network=network, generation=after + 1, secret=secrets.token_bytes(SECRET_BYTES))
+
+
+def is_fingerprint(text: str) -> bool:
+    """Tell whether a text can be the fingerprint of a key."""
+    return re.fullmatch(r"[0-9a-f]{8}", text) is not None
 
 
 def expand(secret: bytes, info: bytes, size_bytes: int) -> bytes:
@@ -118,7 +137,7 @@ def read_key(path: Path) -> FleetKey:
         raise KeyFileError(
             f"{path}: {error.strerror}", hint="make one with `zacoustic key new`"
         ) from error
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+    if os.name == "posix" and mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise KeyFileError(
             f"{path}: others may read it, mode {mode:04o}; allowed: 0600",
             hint=f"chmod 600 {path}, and rotate the key if somebody may have read it",
@@ -134,10 +153,10 @@ def read_key(path: Path) -> FleetKey:
                 f"{path}: {name} has {len(secret)} bytes; allowed: {SECRET_BYTES}",
                 hint="put back a copy of it",
             )
-    if not 0 <= key.generation <= LAST_GENERATION or not 1 <= len(key.network.encode()) <= 64:
+    if not 0 <= key.generation <= LAST_GENERATION or not _is_name(key.network):
         raise KeyFileError(
-            f"{path}: generation or network is out of range; allowed: 0…{LAST_GENERATION}, "
-            "1…64 bytes",
+            f"{path}: generation or network is out of range; allowed: 0..{LAST_GENERATION}, "
+            f"{_NAMES}",
             hint="put back a copy of it",
         )
     return key
@@ -168,3 +187,7 @@ def write_key(path: Path, key: FleetKey, *, replace: bool = False) -> None:
         raise KeyFileError(f"{path}: {error.strerror}", hint="choose another folder") from error
     finally:
         beside.unlink(missing_ok=True)
+
+
+def _is_name(network: str) -> bool:
+    return network.isprintable() and 1 <= len(network.encode()) <= _NAME_BYTES

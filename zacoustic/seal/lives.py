@@ -131,6 +131,14 @@ class Lives:
             LifeError: There is a record, and it is not behind; or it cannot be written.
         """
         found = self.find()
+        if found.generation is not None and found.generation > self._key.generation:
+            # Lives of that generation would begin at 0 again, when its key comes back.
+            raise LifeError(
+                f"{self._folder}: node {self._address} has started with generation "
+                f"{found.generation} of the key, and the key file has {self._key.generation}",
+                hint="put the present key file on this computer, or make a key with another "
+                "network name",
+            )
         last = -1 if after is None else after
         same = found.generation == self._key.generation
         if same and found.life is not None and found.life >= last:
