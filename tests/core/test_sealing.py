@@ -182,7 +182,8 @@ def test_another_computer_with_the_same_key_and_address_silences_the_older_one()
     assert seal.overhear_own(ahead, way, DIGEST) is Refusal.CLONE
     assert not seal.may_seal
     younger = sender(5, address=2)
-    assert younger.overhear_own(echo, way, DIGEST) is None and younger.may_seal
+    assert younger.overhear_own(echo, way, DIGEST) is None
+    assert younger.may_seal
 
 
 def test_a_new_key_begins_lives_anew_and_its_first_frame_says_so() -> None:

@@ -30,7 +30,7 @@ from zacoustic.config.sections import (
     Section,
     TypeEntry,
 )
-from zacoustic.config.security import read_security
+from zacoustic.config.security import read_security, seal_rules
 from zacoustic.config.streams import Fleet, check_address, read_streams
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import fault_of_name
@@ -210,6 +210,7 @@ def config_from_mapping(
     )
     table = read_streams(place.at("streams"), len(written.streams), fleet, ros)
     check_model(place.at("model"), table)
+    security = read_security(place.at("security"), written.security, table, folder or Path())
     return Config(
         source=source,
         address=own,
@@ -222,8 +223,8 @@ def config_from_mapping(
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
         ros=ros.config() if ros.streams else None,
-        rules=_read_rules(place, written, links, fleet, own, objects, topics),
-        security=read_security(place.at("security"), written.security, table, folder or Path()),
+        rules=_read_rules(place, written, links, fleet, own, objects, topics, security),
+        security=security,
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
         metrics=read_metrics(place.at("metrics"), written.metrics),
     )
@@ -329,6 +330,7 @@ def _read_rules(
     own: int,
     objects: ObjectLimits,
     topics: AllowedTopics | None,
+    security: SecuritySpec | None,
 ) -> TransmitRules:
     """Read the settings of transmission."""
     own_links = read_link_rules(place, written, links, fleet)
@@ -345,6 +347,8 @@ def _read_rules(
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
         links=own_links if any(each.name for each in links) else (),
         routes=read_routes(place.at("streams"), written.links, links),
+        sealing=seal_rules(security),
+        port=own_links[0].port if own_links else None,
     )
 
 

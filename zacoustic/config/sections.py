@@ -22,6 +22,7 @@ from zacoustic.seal.spec import (
     LEAST_PAD_BYTES,
     LONGEST_OVERLAP_S,
     Mode,
+    Seals,
     Strong,
 )
 
@@ -65,6 +66,7 @@ ALLOWED: Final = {
     "memory_bytes": "a number of bytes, not less than max_bytes",
     "exclusive": "true, false",
     "max_airtime": "a share, above 0, at most 1",
+    "port": "0..127, another one for each link, and the same at both ends",
     "commands_from": "a list of addresses; [] for nobody",
     "permit_log": "a text, the file to append to",
     "metrics": 'a text, "PORT" or "HOST:PORT"',
@@ -106,10 +108,11 @@ ALLOWED: Final = {
     "length": "a number, 1..65535",
     "max_length": "a number, 1..65535",
     "default": "a value of the field's type",
-    "security": "{ key, mode, strong, pad, overlap_s, lives, emergency }",
+    "security": "{ key, mode, seal, strong, pad, overlap_s, lives, emergency }",
     "key": "a text, the key file that `zacoustic key new` has made",
     "mode": ", ".join(mode.value for mode in Mode),
     "strong": f"a list of {', '.join(each.value for each in Strong)}",
+    "seal": "transmit, receive",
     "pad": f"a list of lengths of frames, {LEAST_PAD_BYTES}..{LARGEST_PAD_BYTES}, ascending",
     "overlap_s": f"seconds, 0..{LONGEST_OVERLAP_S:.0f}",
     "lives": "a text, the folder of the life records",
@@ -173,6 +176,9 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     """Medium access, read by `zacoustic.config.access`; default: the link's."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air there; default: the section's."""
+    port: int | None = None
+    """Number of the link in what is sealed, the same at all nodes; default: its place in the
+    list."""
 
 
 class TypeEntry(Entry, frozen=True, kw_only=True):
@@ -362,6 +368,8 @@ class SecurityEntry(Entry, frozen=True, kw_only=True):
     """Key file of the fleet, relative to this file."""
     mode: str = Mode.ENCRYPT.value
     """Encrypted, or readable for everybody and not to be forged."""
+    seal: str = Seals.ALL.value
+    """What the node transmits: everything, or nothing, and then it needs no journal."""
     strong: tuple[str, ...] = tuple(each.value for each in Strong)
     """What gets a tag of eight bytes in place of four."""
     pad: tuple[int, ...] | None = None

@@ -10,6 +10,7 @@ from pathlib import Path
 from zacoustic.config.later import check_word
 from zacoustic.config.problems import SECTION_PATH, Place
 from zacoustic.config.sections import ALLOWED, SecurityEntry
+from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.seal.spec import (
@@ -17,6 +18,7 @@ from zacoustic.seal.spec import (
     LEAST_PAD_BYTES,
     LONGEST_OVERLAP_S,
     Mode,
+    Seals,
     SecuritySpec,
     Strong,
 )
@@ -39,6 +41,7 @@ def read_security(
     if entry is None:
         return None
     check_word(place.at("mode"), entry.mode, tuple(mode.value for mode in Mode))
+    check_word(place.at("seal"), entry.seal, tuple(each.value for each in Seals))
     for index, word in enumerate(entry.strong):
         check_word(place.at("strong").at(index), word, tuple(each.value for each in Strong))
     _check_lengths(place.at("pad"), entry.pad or ())
@@ -53,7 +56,19 @@ def read_security(
         strong=frozenset(map(Strong, entry.strong)),
         pad=entry.pad or (),
         overlap_s=entry.overlap_s,
+        only_opens=Seals(entry.seal) is Seals.NONE,
         unsealed=_read_topics(place.at("emergency").at("unsealed"), unsealed, table),
+    )
+
+
+def seal_rules(security: SecuritySpec | None) -> SealRules:
+    """Return what an engine has to know of it."""
+    if security is None:
+        return SealRules()
+    return SealRules(
+        strong=frozenset(each.value for each in security.strong),
+        pad_bytes=security.pad,
+        unsealed=security.unsealed,
     )
 
 

@@ -117,6 +117,27 @@ class Lives:
         self._write(life)
         return life
 
+    def reach(self, life: int) -> None:
+        """Write down that a later life has begun, in a process that has begun one before.
+
+        Raises:
+            LifeError: It is none that comes later, or cannot be written.
+        """
+        found = self.find()
+        is_later = (
+            found.generation == self._key.generation
+            and found.life is not None
+            and found.life < life <= LAST_LIFE
+        )
+        if not is_later:
+            raise LifeError(
+                f"{self._folder}: node {self._address} is in life {found.life}, and cannot go on "
+                f"in life {life}",
+                hint="restart the node; behind life "
+                f"{LAST_LIFE} the key is to be rotated: zacoustic key rotate",
+            )
+        self._write(life)
+
     def join(self, after: int | None = None) -> int:
         """Make the record of a node that has none, or cannot be read.
 

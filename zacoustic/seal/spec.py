@@ -24,6 +24,15 @@ class Mode(Enum):
     """Everybody can read them, nobody without a key can make them."""
 
 
+class Seals(Enum):
+    """Which frames a node seals."""
+
+    ALL = "transmit"
+    """Whatever it has to say."""
+    NONE = "receive"
+    """It transmits nothing, and opens what it hears: so it needs no journal."""
+
+
 class Strong(Enum):
     """What gets the tag of eight bytes."""
 
@@ -52,5 +61,7 @@ class SecuritySpec(msgspec.Struct, frozen=True, kw_only=True):
     """Lengths of frames, bytes, ascending: each is padded to the next of them; empty: none is."""
     overlap_s: float = DEFAULT_OVERLAP_S
     """How long after its start a node opens frames of the former generation of the key, s."""
+    only_opens: bool = False
+    """The node opens frames and transmits none."""
     unsealed: frozenset[int] = frozenset()
     """Topics, by stream id, whose samples are also taken from frames without a seal."""

@@ -7,9 +7,9 @@ arises in the engine itself.
 import msgspec
 
 from zacoustic.core.base.linktypes import ONE_LINK, LinkState, ModemRead, PeerMeasured
+from zacoustic.core.peers.alarms import SealAlarm
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.doubt import JournalDoubted
-from zacoustic.core.peers.alarms import SealAlarm
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.profiles.entities import RosEntitySeen

@@ -8,7 +8,6 @@ from zacoustic.core.base.trace import TraceSink
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.seal import Cipher
 
 
 class MakeEngine(Protocol):
@@ -24,7 +23,6 @@ class MakeEngine(Protocol):
         rules: TransmitRules,
         stored: Mapping[str, bytes],
         trace: TraceSink | None,
-        cipher: Cipher | None = None,
     ) -> Engine:
         """Return a new engine."""
         ...

@@ -49,6 +49,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     sealing: SealRules = SealRules()
     """Which frames get the long tag, and what is padded, where there is a key."""
 
+    port: int | None = None
+    """As `LinkRules.port`, where there is one link."""
     links: tuple[LinkRules, ...] = ()
     """The links, the first one for what names none; empty: one, with the rules above."""
     routes: dict[int, str] = {}
@@ -56,7 +58,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
 
     def on_one_link(self) -> "TransmitRules":
         """Return these rules for a node that has one link, by which all streams go."""
-        return msgspec.structs.replace(self, links=(), routes={})
+        port = self.links[0].port if self.links else self.port
+        return msgspec.structs.replace(self, links=(), routes={}, port=port)
 
     @property
     def of_links(self) -> tuple[LinkRules, ...]:
@@ -65,7 +68,9 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: Two links have one name, or a stream goes by a link that is not there.
         """
-        one = LinkRules(name=ONE_LINK, access=self.access, max_airtime=self.max_airtime)
+        one = LinkRules(
+            name=ONE_LINK, access=self.access, max_airtime=self.max_airtime, port=self.port
+        )
         links = self.links or (one,)
         names = [each.name for each in links]
         for name in names:

@@ -40,6 +40,8 @@ class SealRules(msgspec.Struct, frozen=True, kw_only=True):
     """Which of `KINDS` get the long tag."""
     pad_bytes: tuple[int, ...] = ()
     """Lengths that frames are filled up to, ascending, bytes; empty: to none."""
+    unsealed: frozenset[int] = frozenset()
+    """Topics, by stream id, whose samples are also taken from frames without a seal."""
 
 
 class Closing(msgspec.Struct, frozen=True):

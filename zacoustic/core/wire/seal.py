@@ -29,6 +29,7 @@ from typing import Final, Protocol
 import msgspec
 
 LAST_LIFE: Final = 0xF7FF
+LAST_PORT: Final = 127
 LAST_COUNTER: Final = (1 << 21) - 1
 NEVER_FIRST: Final = 0xBF
 SHORT_HEAD_BYTES: Final = 1

@@ -50,7 +50,6 @@ from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.envelope import Opened
 from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
 
-
 _REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
 """Whoever says these again has not got the answer."""
 
