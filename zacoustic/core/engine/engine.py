@@ -116,6 +116,7 @@ class Engine:
         )
         self.stats = node.stats
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
+        self._seal = node.seal
         self._journal, self._timers = journal, timers = node.journal, node.timers
         self.measurements = node.measurements
         """What was measured of peers and modem; to be read only."""
@@ -391,6 +392,11 @@ class Engine:
     # Getters
 
     @property
+    def seal_failure(self) -> str:
+        """Why no frame of this node is sealed, and none transmitted; empty: it is not so."""
+        return self._seal.failure if self._seal is not None else ""
+
+    @property
     def epoch(self) -> int:
         """The current boot epoch."""
         return self._handshake.epoch
@@ -495,6 +501,8 @@ class Engine:
     def peers(self) -> dict[int, bool]:
         """Return the nodes heard so far, and whether each has confirmed our table."""
         known = self._handshake.peers()
+        if self._handshake.is_sealed:
+            return {each: peer.shares(self._handshake.digest) for each, peer in known.items()}
         return {address: peer.confirmed_us for address, peer in known.items()}
 
     # Below the methods above

@@ -85,6 +85,7 @@ __all__ = [
     "ResultReceived",
     "RosEntitySeen",
     "SampleReceived",
+    "SealAlarm",
     "SilenceChanged",
     "StreamOverridden",
     "StreamsDiffer",

@@ -465,6 +465,14 @@ class Handshake:
             or peer.rows.get(stream.stream_id) == stream.digest
         )
 
+    def misses_reference(self, source: int, now: int) -> None:
+        """Tell a node that something of it is not held here, which it takes to be.
+
+        Without a seal it would not be understood at all before both know of each other.
+        """
+        if self.is_sealed:
+            self._ask(self._peers[source], _ASK_HELLO, now)
+
     def differs(self, address: int, stream_id: int) -> bool:
         """Tell whether a node is known to define a stream in another way."""
         peer = self._peers.get(address)

@@ -134,7 +134,16 @@ class Seal:
     @property
     def may_seal(self) -> bool:
         """A frame can be sealed: this life is none beyond the last, and nobody else has it."""
-        return self._life <= LAST_LIFE and not self.is_cloned
+        return not self.failure
+
+    @property
+    def failure(self) -> str:
+        """Why nothing can be sealed, one line; empty: it can."""
+        if self.is_cloned:
+            return "another computer has the key and the address of this node"
+        if self._life > LAST_LIFE:
+            return "there is no life of this node that a frame may be sealed in"
+        return ""
 
     @property
     def is_exhausted(self) -> bool:

@@ -21,5 +21,6 @@ __all__ = [
     "PackedCodec",
     "PayloadCodec",
     "PayloadError",
+    "ReferenceUnknownError",
     "TypedCodec",
 ]
