@@ -53,6 +53,7 @@ class Receiver:
         self.disk: dict[str, bytes] = {}
         self.handed_on: list[bytes] = []
         self.refused: list[Refusal] = []
+        self.now = 0
         self.start()
 
     def start(self) -> None:
@@ -64,7 +65,7 @@ class Receiver:
         def hand_on(inside: Inside, now: int) -> None:
             self.handed_on.append(inside.records)
 
-        refusal = self.seal.open(frame, way, DIGEST, 0, hand_on)
+        refusal = self.seal.open(frame, way, DIGEST, self.now, hand_on)
         if refusal is not None:
             self.refused.append(refusal)
 
@@ -210,9 +211,9 @@ def frames_of(seal: Seal, rng: random.Random) -> Iterator[tuple[bytes, Way, byte
         number += 1
         now += rng.randrange(1, 20) * SECOND
         destination, strong = rng.choice((2, 255)), rng.random() < 0.2
-        records = rng.randbytes(6) + number.to_bytes(4, "big")
-        frame = seal.seal(records, destination, DIGEST, now, strong=strong)
-        yield frame, Way(seal._address, destination), records
+        records, port = rng.randbytes(6) + number.to_bytes(4, "big"), rng.randrange(2)
+        frame = seal.seal(records, destination, DIGEST, now, port=port, strong=strong)
+        yield frame, Way(seal._address, destination, port), records
 
 
 def test_nothing_is_handed_on_twice_whenever_a_receiver_is_killed(
@@ -228,6 +229,7 @@ def test_nothing_is_handed_on_twice_whenever_a_receiver_is_killed(
         for _ in range(rng.randrange(1, 60)):
             frame, way, _ = next(frames)
             sent.append((frame, way))
+            receiver.now += rng.choice((SECOND // 10, SECOND, 8 * SECOND))
             if rng.random() >= 0.3:
                 receiver.take(frame, way)
             for old_frame, old_way in rng.choices(sent[-2000:], k=10):

@@ -14,7 +14,7 @@ counters from 0 on are tried. Whoever has lost more than that in a row waits for
 the disk for every frame would wear it out. So windows have two ways to be kept:
 
 - *exact*: highest counter and what is open before it are on the disk before the frame is handed on.
-  So are strong frames, and all that is acted on: after a power cut the next command is heard.
+  So are strong frames, and those that come rarely: after a power cut the next command is heard.
 - *ahead*: the disk has a mark that is up to `AHEAD` above the highest. The next life refuses all up
   to the mark; it loses at most so many frames that it never had.
 
@@ -65,9 +65,10 @@ class Mark(msgspec.Struct, frozen=True, array_like=True):
             window: What was opened.
             more: And so many counters after it.
         """
-        return self.start == window.start and self.highest >= min(
-            window.highest + more, LAST_COUNTER
-        )
+        if self.start != window.start or self.highest < min(window.highest + more, LAST_COUNTER):
+            return False
+        opened = window.seen << self.highest - window.highest
+        return not opened & ~self.seen & _ALL
 
 
 class Window:

@@ -46,6 +46,8 @@ from zacoustic.core.wire.seal import (
 LONG_EVERY: Final = 16
 LONG_EVERY_S: Final = 300.0
 _LONG_EVERY_NS: Final = seconds_to_ns(LONG_EVERY_S)
+_RARE_NS: Final = seconds_to_ns(5.0)
+"""Frames that come no closer have marks that are exact."""
 _MARK_PREFIX: Final = "seal/"
 _MARK = msgspec.msgpack.Decoder(Mark)
 
@@ -123,6 +125,7 @@ class Seal:
         self._windows: dict[Way, Window] = {}
         self._given: dict[Way, Mark] = {}
         """Marks that were given to the journal,"""
+        self._given_at: dict[Way, int] = {}
         self._safe: dict[Way, Mark] = {}
         """and those of them that it has written."""
         self._floors: dict[int, int] = {}
@@ -249,15 +252,14 @@ class Seal:
                 refusal = Refusal.FORGED
                 continue
             if start < floor:
-                refusal = Refusal.FORMER_LIFE
-            elif not window.is_new(start, counter):
-                refusal = Refusal.REPLAYED
-            else:
-                window.note(start, counter)
-                self._windows[way] = window
-                self._floors[way.source] = start
-                self._keep(way, window, partial(then, opened), now)
-                return None
+                return Refusal.FORMER_LIFE
+            if not window.is_new(start, counter):
+                return Refusal.REPLAYED
+            window.note(start, counter)
+            self._windows[way] = window
+            self._floors[way.source] = start
+            self._keep(way, window, partial(then, opened), now)
+            return None
         return refusal
 
     def overhear_own(self, frame: bytes, way: Way, own_digest: bytes) -> Refusal | None:
@@ -309,7 +311,13 @@ class Seal:
             self._write(way, window.mark, then)
             return
         given, safe = self._given.get(way), self._safe.get(way)
+        given_at = self._given_at.get(way)
+        if given_at is None or now - given_at >= _RARE_NS:
+            self._given_at[way] = now
+            self._write(way, window.mark, then)
+            return
         if given is None or not given.covers(window, AHEAD // 2):
+            self._given_at[way] = now
             ahead = min(window.highest + AHEAD, LAST_COUNTER)
             waits = None if safe is not None and safe.covers(window) else then
             self._write(way, Mark(window.start, ahead), waits)
