@@ -1,6 +1,7 @@
 """What a frame begins with, so that its hearers know by which table it is written.
 
-It begins with nothing where all hearers have confirmed this life of the node; else:
+It begins with nothing where the policy of the fleet (`zacoustic.core.peers.agreementpolicy`) allows
+that, mostly because all hearers have confirmed this life of the node; else:
 
 =========  ============================  ===========================================================
 HELLO      epoch, digest; 8 bytes        who hears it may never have heard of us, or asks for it
@@ -16,10 +17,10 @@ for long may make more of it.
 """
 
 from collections import Counter
-from typing import Final
 
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.peers.agreementpolicy import AgreementPolicy, Hearers, Opening
 from zacoustic.core.peers.peer import Peer
 from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.peers.states import Agreement
@@ -34,12 +35,6 @@ from zacoustic.core.wire.agreement import (
     Tag,
 )
 
-HELLO_EVERY: Final = 8
-"""On broadcast one frame of this many carries a HELLO until all have confirmed: one byte a frame,
-on average."""
-SEALED_EVERY: Final = 16
-"""The same of sealed frames, to all and to whoever has another table."""
-
 
 class Introductions:
     """Introduces one node to the hearers of its frames.
@@ -49,18 +44,25 @@ class Introductions:
         epoch: Its boot epoch, 0…65535.
         table: Its stream table.
         peers: What is known of the others.
-        sealed: Frames are sealed: the seal says which life and which table they are of.
+        policy: Says when that is needed.
     """
 
     def __init__(
-        self, address: int, epoch: int, table: StreamTable, peers: Peers, *, sealed: bool = False
+        self,
+        address: int,
+        epoch: int,
+        table: StreamTable,
+        peers: Peers,
+        policy: AgreementPolicy,
     ) -> None:
-        self._is_sealed = sealed
         self._address = address
         self._table = table
         self._peers = peers
+        self._policy = policy
         self._since_hello = PerPeer(peers, Counter[str])
-        """Frames since the last HELLO, by destination and link."""
+        """Marked frames since the last HELLO, that included, by destination and link."""
+        self._hellos = PerPeer(peers, Counter[str])
+        """Frames of this epoch with a HELLO, by destination and link."""
         self.unit_ns = 0
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
@@ -73,6 +75,7 @@ class Introductions:
         self.epoch = (self.epoch + 1) & 0xFFFF
         self.digest = self._table.digest
         self._since_hello.clear()
+        self._hellos.clear()
         self.is_told = False
 
     def begin_frame(self, destination: int) -> None:
@@ -93,31 +96,21 @@ class Introductions:
             now: The instant.
             urgent: The record must be in this frame: never displace it by a HELLO.
         """
-        if self._is_sealed:
-            return self._sealed_introduction(link, destination, room_bytes, now, urgent=urgent)
         receivers = self._receivers(destination, now)
-        silent = [peer for peer in receivers if not peer.confirmed_us]
-        asked = self.introduces(link, destination)
-        # Without a list nobody knows who hears a broadcast, whoever has confirmed.
-        is_known = bool(receivers) and (destination != BROADCAST or bool(self._table.nodes))
-        if is_known and not silent and not asked:
+        opening = self._opening(link, destination, receivers)
+        fits = room_bytes >= HELLO_BYTES
+        if self._policy.is_sealed and (opening is Opening.BARE or (urgent and not fits)):
+            self._since_hello[destination][link] += 1
+            return b""
+        if opening is Opening.BARE:
             return b""
         tag = Tag(self.epoch).encode()
-        fits = room_bytes >= HELLO_BYTES
-        if asked:
-            wanted = fits or not urgent
-        elif is_known and all(
-            peer.differs_from(self.digest) or peer.agreement is Agreement.PROVISIONAL
-            for peer in silent
-        ):
-            wanted = False
-        else:
-            turn = self._since_hello[destination][link] % HELLO_EVERY == 0
-            wanted = (fits and (turn or destination != BROADCAST)) or (turn and not urgent)
-        if not wanted:
+        if opening is Opening.TAG or not (fits or (opening is Opening.HELLO and not urgent)):
             self._since_hello[destination][link] += 1
             return tag
+        asked = self.introduces(link, destination)
         self._since_hello[destination][link] = 1
+        self._hellos[destination][link] += 1
         self.is_told = True
         if destination != BROADCAST and not asked and receivers[0].shares(self.digest):
             return tag + self._early_confirm(destination, receivers[0], now)
@@ -131,27 +124,18 @@ class Introductions:
         return self._peers[destination].owes_hello
 
     def is_due(self, link: str, destination: int) -> bool:
-        """Tell whether a sealed frame to `destination` is to say which table this node has.
-
-        So does the first of a life and one of `SEALED_EVERY`, where it is not known that whoever
-        hears it has the same one.
-        """
-        if not self._is_sealed:
+        """Tell whether a sealed frame to `destination` is to say which table this node has."""
+        if not self._policy.is_sealed:
             return False
-        if self.introduces(link, destination):
-            return True
-        since = self._since_hello[destination][link]
-        is_turn = since == 0 or since >= SEALED_EVERY
-        return is_turn and (
-            destination == BROADCAST or not self._peers[destination].shares(self.digest)
-        )
+        receivers = [self._peers[destination]] if destination != BROADCAST else []
+        return self._opening(link, destination, receivers) is Opening.HELLO
 
     def reaches_others(self, destination: int) -> bool:
         """Tell whether somebody who hears frames to `destination` is known to have another table.
 
         Of a sealed frame they find out; where its records end they do not.
         """
-        if not self._is_sealed:
+        if not self._policy.is_sealed:
             return False
         if destination != BROADCAST:
             return self._peers[destination].differs_from(self.digest)
@@ -159,7 +143,7 @@ class Introductions:
 
     def is_unconfirmed(self, destination: int, now: int) -> bool:
         """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
-        if self._is_sealed:
+        if self._policy.is_sealed:
             return False
         receivers = self._receivers(destination, now)
         return not receivers or any(
@@ -176,18 +160,6 @@ class Introductions:
 
     # Below the methods above
 
-    def _sealed_introduction(
-        self, link: str, destination: int, room_bytes: int, now: int, *, urgent: bool
-    ) -> bytes:
-        """Return a HELLO where one is due."""
-        if not self.is_due(link, destination) or (urgent and room_bytes < HELLO_BYTES):
-            self._since_hello[destination][link] += 1
-            return b""
-        self._since_hello[destination][link] = 1
-        self.is_told = True
-        self._introduced(link, destination, now)
-        return Hello(WIRE_VERSION, self.epoch, self.digest).encode()
-
     def _introduced(self, link: str, destination: int, now: int) -> None:
         """Take note that whoever waits for a HELLO gets one."""
         to_all = destination == BROADCAST
@@ -195,6 +167,34 @@ class Introductions:
             if peer.owes_hello and (not to_all or peer.link == link):
                 peer.owes_hello = False
                 peer.answer_pause.use(now, self.unit_ns)
+
+    def _opening(self, link: str, destination: int, receivers: list[Peer]) -> Opening:
+        """Return what a frame begins with; a HELLO that was asked for goes in any case."""
+        if self.introduces(link, destination):
+            return Opening.HELLO
+        return self._policy.opening(
+            to_all=destination == BROADCAST,
+            hearers=self._hearers(destination, receivers),
+            since_hello=self._since_hello[destination][link],
+            hellos=self._hellos[destination][link],
+        )
+
+    def _hearers(self, destination: int, receivers: list[Peer]) -> Hearers:
+        """Return what those that a frame is for know of this node."""
+        # Without a list nobody knows who hears a broadcast, whoever has confirmed.
+        if not receivers or (destination == BROADCAST and not self._table.nodes):
+            return Hearers.UNKNOWN
+        if self._policy.is_sealed:
+            shares = all(peer.shares(self.digest) for peer in receivers)
+            return Hearers.AGREED if shares else Hearers.UNKNOWN
+        silent = [peer for peer in receivers if not peer.confirmed_us]
+        if not silent:
+            return Hearers.AGREED
+        is_told = all(
+            peer.differs_from(self.digest) or peer.agreement is Agreement.PROVISIONAL
+            for peer in silent
+        )
+        return Hearers.TOLD if is_told else Hearers.UNKNOWN
 
     def _early_confirm(self, address: int, peer: Peer, now: int) -> bytes:
         """Say to a node that we know its table, and share it."""

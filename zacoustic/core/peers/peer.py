@@ -49,6 +49,10 @@ class Peer:
         self.epoch: int | None = None
         """The last epoch that it has told, or None."""
         self.digest = b""
+        self.missed_epoch: int | None = None
+        """The epoch of its last TAG, where no HELLO of that was heard."""
+        self.marked = 0
+        """Frames with that TAG."""
         self.settled_at = 0
         self.rows: dict[int, bytes] = {}
         self.agreement = AGREEMENT.first

@@ -15,12 +15,14 @@ from zacoustic.core.base.journal import BOOT_KEY, LIFE_KEY, JournalPort, stored_
 from zacoustic.core.base.linkids import LinkIds
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
+from zacoustic.core.peers.agreementpolicy import POLICIES, SEALED
 from zacoustic.core.peers.alarms import SealAlarms
 from zacoustic.core.peers.bootepoch import BootEpoch
-from zacoustic.core.peers.contact import Contact, ContactRules
+from zacoustic.core.peers.contact import Contact
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.measurements import Measurements
+from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Reception
 from zacoustic.core.peers.sealing import Seal
@@ -44,7 +46,7 @@ class NodeContext:
         epoch: Its boot epoch, 0…65535.
         rng: Source of all randomness; one number is drawn from it.
         stored: What the journal has kept from earlier lives.
-        contact: What the config says of nodes that are not heard.
+        rules: How the other nodes are treated.
         emit: Takes events.
         cipher: Has the keys of the fleet; None: frames are not sealed.
         sealing: What the config says of sealing.
@@ -57,7 +59,7 @@ class NodeContext:
         epoch: int,
         rng: random.Random,
         stored: Mapping[str, bytes],
-        contact: ContactRules,
+        rules: PeerRules,
         emit: Callable[[Any], None],
         cipher: Cipher | None = None,
         sealing: SealRules = _SEALING,
@@ -90,11 +92,15 @@ class NodeContext:
         self.sealing = sealing
         """What the config says of sealing."""
         self.handshake = Handshake(
-            address, epoch, table, self.peers, self.generators.of("handshake"),
-            sealed=self.seal is not None,
-        )  # fmt: skip
+            address,
+            epoch,
+            table,
+            self.peers,
+            self.generators.of("handshake"),
+            SEALED if cipher is not None else POLICIES[rules.agreement],
+        )
         """What is agreed with the others."""
-        self.contact = Contact(address, contact, self.peers, self.timers, emit)
+        self.contact = Contact(address, rules.contact, self.peers, self.timers, emit)
         """Who is lost."""
         self.epoch = BootEpoch(self.handshake, self.journal, self.seal)
         """The boot epoch."""

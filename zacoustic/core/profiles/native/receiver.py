@@ -97,7 +97,9 @@ class Receiver:
             if reason in _REPEATED:
                 self._reception.came_again(heard.source)
         if heard.streams and heard.epoch is not None:
-            self._handshake.heard_introduced(heard.source, heard.epoch, now)
+            self._handshake.heard_introduced(
+                heard.source, heard.epoch, now, unicast=heard.is_unicast
+            )
         self._reception.read(heard.source, now)
         return tuple(heard.streams)
 
