@@ -1,15 +1,24 @@
 """Is the seal of a node in order: key file, life records, journal?"""
 
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
 
 import msgspec
 
 from zacoustic.config import Config
+from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
 from zacoustic.errors import ConfigError
 from zacoustic.link.contract import Finding
 from zacoustic.seal.keyring import Keyring, open_keyring
 from zacoustic.text.safetext import one_line
+
+LEAST_MTU_BYTES: Final = LONG_HEAD_BYTES + STRONG_TAG_BYTES + 4
+"""A link with shorter frames cannot carry a sealed command."""
+_COUNTS: Final = re.compile(r" \([0-9]+\)")
+
+Findings = Iterator[Finding]
 
 
 class KeyCheck(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,10 +69,11 @@ def check_keys(config: Config, fingerprint: str | None = None) -> KeyCheck:
                     cure=error.hint or "put back a copy of the key file",
                 )
             )
-    if ring is not None:
+    if ring is not None and config.security is not None:
         findings += _of_fingerprint(ring, fingerprint)
-        findings += _of_lives(ring, config.address)
-        findings += _of_journal(config)
+        if not config.security.only_opens:
+            findings += _of_lives(ring, config.address)
+            findings += _of_journal(config)
         found = ring.lives.find()
         life = found.life if found.generation == ring.key.generation else None
     return KeyCheck(
@@ -75,6 +85,84 @@ def check_keys(config: Config, fingerprint: str | None = None) -> KeyCheck:
         life=life,
         findings=tuple(findings),
     )
+
+
+def check_room(config: Config, mtu_bytes: int) -> Findings:
+    """See whether sealed frames fit a link, and the lengths of `pad` too.
+
+    Args:
+        config: Of the node.
+        mtu_bytes: Largest frame of the link.
+    """
+    if config.security is None:
+        return
+    if mtu_bytes < LEAST_MTU_BYTES:
+        yield Finding(
+            what=f"the link takes frames of {mtu_bytes} bytes; a sealed one needs "
+            f"{LEAST_MTU_BYTES}",
+            why="head and tag take up to 13 bytes: no command, and hardly anything else, fits",
+            cure="use another link, or leave security out and see what docs/security.md says then",
+        )
+    longest_bytes = max(config.security.pad, default=0)
+    if longest_bytes > mtu_bytes:
+        yield Finding(
+            what=f"{config.source}: plugins.acoustic.security.pad: {longest_bytes}; the link takes "
+            f"frames of {mtu_bytes} bytes",
+            why="frames between the two lengths go as long as they are, and tell what they are",
+            cure=f"make the longest one {mtu_bytes}",
+        )
+
+
+def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | None) -> Findings:
+    """Judge what the running gateway says of its seal.
+
+    Args:
+        config: Of the node.
+        health: Documents of the gateway, by name.
+        fingerprint: Of the key file here; None: it cannot be read, or there is none.
+    """
+    seal = health.get("seal")
+    if not isinstance(seal, Mapping):
+        if config.security is not None:
+            yield Finding(
+                what="the running gateway does not seal its frames, and this file says that it "
+                "does",
+                why="nobody with a key takes its frames, and it obeys anybody",
+                cure="restart the gateway with this file",
+            )
+        return
+    if config.security is None:
+        yield Finding(
+            what="the running gateway seals its frames, and this file does not say so",
+            why="after its next start nobody with a key takes its frames",
+            cure="see which of the two files is right",
+        )
+    elif fingerprint is not None and seal.get("fingerprint") != fingerprint:
+        yield Finding(
+            what=f"the running gateway has the key {seal.get('fingerprint')}, generation "
+            f"{seal.get('generation')}; the key file has {fingerprint}",
+            why="what the key file says does not hold yet",
+            cure="restart the gateway, or put back the key file that it runs with",
+        )
+    if seal.get("failure"):
+        yield Finding(
+            what=f"the running gateway seals no frame: {seal['failure']}",
+            why="it transmits nothing",
+            cure="zacoustic key check FILE says what is missing",
+        )
+    events = health.get("events")
+    told = events.get("events") if isinstance(events, Mapping) else None
+    texts = [
+        str(each.get("text"))
+        for each in (told if isinstance(told, Sequence) else ())
+        if isinstance(each, Mapping) and each.get("event") == "seal"
+    ]
+    for text in dict.fromkeys(_COUNTS.sub("", each) for each in texts):
+        yield Finding(
+            what=f"the running gateway has refused frames: {text}",
+            why="one end has another key, another generation or none; or somebody lies",
+            cure="compare `zacoustic key show` of both ends",
+        )
 
 
 def as_text(check: KeyCheck) -> str:
@@ -93,7 +181,7 @@ def as_text(check: KeyCheck) -> str:
     return "\n".join(map(one_line, lines))
 
 
-def _of_fingerprint(ring: Keyring, wanted: str | None) -> Iterator[Finding]:
+def _of_fingerprint(ring: Keyring, wanted: str | None) -> Findings:
     if wanted is not None and wanted != ring.key.fingerprint:
         yield Finding(
             what=f"{ring.key.network}: the key has the fingerprint {ring.key.fingerprint}, "
@@ -103,7 +191,7 @@ def _of_fingerprint(ring: Keyring, wanted: str | None) -> Iterator[Finding]:
         )
 
 
-def _of_lives(ring: Keyring, address: int) -> Iterator[Finding]:
+def _of_lives(ring: Keyring, address: int) -> Findings:
     found = ring.lives.find()
     folder = ring.lives.paths[0].parent
     if found.generation is None:
@@ -134,7 +222,7 @@ def _of_lives(ring: Keyring, address: int) -> Iterator[Finding]:
         )
 
 
-def _of_journal(config: Config) -> Iterator[Finding]:
+def _of_journal(config: Config) -> Findings:
     if config.journal is None:
         yield Finding(
             what=f"{config.source}: plugins.acoustic.journal: is missing",
