@@ -34,7 +34,7 @@ _NAMES = Names(by=KnownBy.USERS, programs=("planner",), operators=("console",))
 _KEYS = ("mine/x", "auv1/nav", "auv1/text", "fleet/shore/status", "fleet/auv1/status")
 
 
-class Island:
+class Guarded:
     """Node 1 with the settings that `acl` prints, and its clients."""
 
     def __init__(self, port: int) -> None:
@@ -50,7 +50,7 @@ class Island:
 
 
 @asynccontextmanager
-async def island(channel: Channel, folder: Path, **more: Any) -> AsyncIterator[Island]:
+async def guarded(channel: Channel, folder: Path, **more: Any) -> AsyncIterator[Guarded]:
     port = free_port()
     settings = zenoh_config("router", listen=port)
     config = config_of(1, settings, SECTION)
@@ -60,7 +60,7 @@ async def island(channel: Channel, folder: Path, **more: Any) -> AsyncIterator[I
     users = {"dictionary_file": str(folder / "users.txt")}
     settings.insert_json5("transport/auth/usrpwd", json.dumps(users))
     async with Gateway(config, link=channel.medium.link(1)):
-        yield Island(port)
+        yield Guarded(port)
 
 
 async def _settled(session: zenoh.Session) -> None:
@@ -76,7 +76,7 @@ def test_a_program_publishes_its_own_topics_and_nobody_elses(tmp_path: Path) -> 
     async def scene() -> None:
         channel = Channel()
         async with (
-            island(channel, tmp_path, opened=("mine/**",)) as here,
+            guarded(channel, tmp_path, opened=("mine/**",)) as here,
             local_network(2, channel) as beyond,
         ):
             with (
@@ -114,7 +114,7 @@ def test_a_program_publishes_its_own_topics_and_nobody_elses(tmp_path: Path) -> 
 def test_a_program_calls_what_the_gateway_serves_and_cannot_serve_it(tmp_path: Path) -> None:
     async def scene() -> None:
         channel = Channel()
-        async with island(channel, tmp_path) as here, local_network(2, channel) as beyond:
+        async with guarded(channel, tmp_path) as here, local_network(2, channel) as beyond:
             with (
                 here.client("planner") as program,
                 here.client("console") as other,
@@ -148,7 +148,7 @@ def test_a_program_calls_what_the_gateway_serves_and_cannot_serve_it(tmp_path: P
 def test_only_an_operator_commands(tmp_path: Path) -> None:
     async def scene() -> None:
         channel = Channel()
-        async with island(channel, tmp_path) as here:
+        async with guarded(channel, tmp_path) as here:
             with here.client("planner") as program, here.client("console") as operator:
                 command = "@acoustic/1/silence?command=begin;for_s=60"
                 refused = await get(program, command)

@@ -27,8 +27,9 @@ HELLO_EVERY: Final = 8
 """On broadcast one marked frame of this many carries a HELLO: one byte a frame, on average."""
 _FIRST_HELLO_GAPS: Final = (0, 2, 4)
 _HELLO_GAP: Final = 16
-_ASK_AFTER: Final = 5
+_ASK_AFTER: Final = 12
 _SHORT_PAUSE_UNITS: Final = 2
+_PAUSE_UNITS_A_NODE: Final = 4
 
 
 class AgreementMethod(enum.Enum):
@@ -71,10 +72,11 @@ class AgreementPolicy(Protocol):
 
     @property
     def speaks_to_all(self) -> bool:
-        """What is owed to one node for the sake of agreement is told to all who hear it.
+        """What a broadcast frame gives cause to say is told to all, without haste.
 
-        Questions, their answers and rows go in broadcast frames, so a question of another node is
-        not asked a second time, and a row that differs is not answered by everybody's own.
+        Questions, their answers and rows go in broadcast frames then, so a question of another node
+        is not asked a second time, and a row that differs is not answered by everybody's own. Who
+        hears that a node has restarted says HELLO with the next one.
         """
 
     def opening(self, *, to_all: bool, hearers: Hearers, since_hello: int, hellos: int) -> Opening:
@@ -100,7 +102,7 @@ class AgreementPolicy(Protocol):
         """
 
     def longest_pause_units(self, nodes: int) -> int:
-        """Return within how many units what is owed gets a frame of its own.
+        """Return within how many units what is told to all gets a frame of its own.
 
         Args:
             nodes: How many the table lists.
@@ -137,9 +139,9 @@ class Confirming:
 class Tagging:
     """`AgreementMethod.TAG`: broadcasts say whose they are, always, and nobody confirms them.
 
-    A life begins with HELLO, TAG, HELLO, so that few miss both, and after two more HELLOs has one
-    in sixteen frames. Whoever has heard five frames without one asks; once, since in the end it
-    comes by itself.
+    A life begins with HELLO, TAG, HELLO, so that few miss both. After a third one in its seventh
+    frame there is one in sixteen, and in the next frame after another node has restarted. Whoever
+    has heard twelve frames without one asks; once, since in the end it comes by itself.
     """
 
     is_sealed: Final = False
@@ -164,7 +166,7 @@ class Tagging:
 
     def longest_pause_units(self, nodes: int) -> int:
         """See `AgreementPolicy`: all who have missed something may want to speak at once."""
-        return max(_SHORT_PAUSE_UNITS, 4 * nodes)
+        return max(_SHORT_PAUSE_UNITS, _PAUSE_UNITS_A_NODE * nodes)
 
 
 class Sealed:

@@ -233,9 +233,7 @@ class Handshake:
         speak = self._speak_next(link)
         if speak is None or speak[0] > now:
             return None
-        peer = self._peers[speak[1]]
-        to_all = self._policy.speaks_to_all and not peer.owes_confirm
-        destination = BROADCAST if to_all else speak[1]
+        destination = BROADCAST if self._peers[speak[1]].speaks_to_all else speak[1]
         return Offer(destination=destination, owed_first=True, rides=True)
 
     def _speak_next(self, link: str) -> tuple[int, int] | None:
@@ -269,9 +267,10 @@ class Handshake:
 
     # What this node hears
 
-    def begin_frame(self, source: int, now: int) -> None:
+    def begin_frame(self, source: int, now: int, *, unicast: bool) -> None:
         """A frame arrived; what it says follows."""
         peer = self._peers[source]
+        peer.heard_alone = unicast
         peer.confirms_now = False
         peer.ripen(now)
 
@@ -314,6 +313,7 @@ class Handshake:
             peer.speak_at = None
         is_new_epoch = peer.epoch != hello.epoch
         if (peer.epoch, peer.digest) != (hello.epoch, digest):
+            self._note_restart(peer)
             peer.begin_life(Change.NEW_LIFE)
             peer.epoch, peer.digest = hello.epoch, digest
             peer.settled_at = now + self.settling_ns
@@ -340,6 +340,7 @@ class Handshake:
         peer.marked = peer.marked + 1 if peer.missed_epoch == epoch else 1
         peer.missed_epoch = epoch
         is_asked = _ASK_HELLO in peer.questions
+        self._note_restart(peer)
         # What is known of it may be of a life that is over: better to know nothing.
         peer.begin_life(Change.STRAY_TAG)
         peer.epoch, peer.digest = None, b""
@@ -514,6 +515,11 @@ class Handshake:
 
     # Below the methods above
 
+    def _note_restart(self, peer: Peer) -> None:
+        """A node that was known begins another life, and knows nothing of this one."""
+        if peer.epoch is not None and self._policy.speaks_to_all:
+            self.introductions.restarted(peer.link)
+
     def _heard_question(self, ask: Ask, now: int) -> None:
         """Somebody asks another node: if that answers to all, this node need not ask as well."""
         peer = self._peers.get(ask.address)
@@ -574,10 +580,14 @@ class Handshake:
 
     def _speak_soon(self, peer: Peer, earliest: int) -> None:
         """Give what is owed a frame of its own, unless one goes anyway before."""
-        longest_ns = self._policy.longest_pause_units(len(self._table.nodes)) * self._unit_ns
-        at = earliest + self._rng.randrange(self._unit_ns // 2, longest_ns + 1)
+        to_all = self._policy.speaks_to_all and not peer.heard_alone
+        shortest_ns, longest_ns = self._unit_ns // 2, 2 * self._unit_ns
+        if to_all:
+            longest_ns = self._policy.longest_pause_units(len(self._table.nodes)) * self._unit_ns
+            shortest_ns = longest_ns // 2
+        at = earliest + self._rng.randrange(shortest_ns, longest_ns + 1)
         if peer.speak_at is None or at < peer.speak_at:
-            peer.speak_at = at
+            peer.speak_at, peer.speaks_to_all = at, to_all
 
     def _controls(
         self, address: int, peer: Peer, now: int, *, unicast: bool

@@ -63,6 +63,8 @@ class Introductions:
         """Marked frames since the last HELLO, that included, by destination and link."""
         self._hellos = PerPeer(peers, Counter[str])
         """Frames of this epoch with a HELLO, by destination and link."""
+        self._newcomers: set[str] = set()
+        """Links on which somebody has restarted since the last HELLO to all."""
         self.unit_ns = 0
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
@@ -77,6 +79,10 @@ class Introductions:
         self._since_hello.clear()
         self._hellos.clear()
         self.is_told = False
+
+    def restarted(self, link: str) -> None:
+        """Somebody has forgotten this node: say HELLO in the next frame to all on that link."""
+        self._newcomers.add(link)
 
     def begin_frame(self, destination: int) -> None:
         """Nothing has been said in the frame that is composed now."""
@@ -111,6 +117,8 @@ class Introductions:
         asked = self.introduces(link, destination)
         self._since_hello[destination][link] = 1
         self._hellos[destination][link] += 1
+        if destination == BROADCAST:
+            self._newcomers.discard(link)
         self.is_told = True
         if destination != BROADCAST and not asked and receivers[0].shares(self.digest):
             return tag + self._early_confirm(destination, receivers[0], now)
@@ -170,7 +178,8 @@ class Introductions:
 
     def _opening(self, link: str, destination: int, receivers: list[Peer]) -> Opening:
         """Return what a frame begins with; a HELLO that was asked for goes in any case."""
-        if self.introduces(link, destination):
+        is_for_newcomers = destination == BROADCAST and link in self._newcomers
+        if is_for_newcomers or self.introduces(link, destination):
             return Opening.HELLO
         return self._policy.opening(
             to_all=destination == BROADCAST,

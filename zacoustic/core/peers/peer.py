@@ -69,6 +69,8 @@ class Peer:
         """It knows that we have confirmed it."""
         self.confirms_now = False
         """The frame that is read now says that it knows our present epoch, and shares our table."""
+        self.heard_alone = False
+        """The frame that is read now is for this node alone."""
         self.is_being_confirmed = False
         """The frame that is composed now says so to it."""
         self.told_differing: set[int] = set()
@@ -77,6 +79,8 @@ class Peer:
         self.owed_rows: dict[int, None] = {}
         self.questions: dict[int, None] = {}
         self.speak_at: int | None = None
+        self.speaks_to_all = False
+        """What is said at that instant is said to all."""
         self.answers_within_ns = 0
         """How long its answers take behind a device that decides when it transmits, as measured."""
         self.answered_at = 0

@@ -81,7 +81,7 @@ class Receiver:
     ) -> tuple[int, ...]:
         """Take one frame apart; returns the streams of what was in it."""
         heard = self._heard(opened, received, port, now)
-        self._handshake.begin_frame(heard.source, now)
+        self._handshake.begin_frame(heard.source, now, unicast=heard.is_unicast)
         if opened.life is not None:
             self._handshake.authentic(heard.source, opened.life, opened.digest, now)
             heard.epoch = opened.life
