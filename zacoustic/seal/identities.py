@@ -227,6 +227,12 @@ def broadcast_key(identity: Identity, members: Members, source: int) -> bytes | 
     return expand(secret, info, KEY_BYTES)
 
 
+def nobodys_key(identity: Identity, members: Members, destination: int) -> bytes:
+    """Return the key of frames for a node that is not in the list: no other node has it."""
+    info = key_info("nobody", members.network, members.generation) + bytes((destination,))
+    return expand(identity.private, info, KEY_BYTES)
+
+
 def read_identity(path: Path) -> Identity:
     """Read the file of an identity.
 
