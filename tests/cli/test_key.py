@@ -8,6 +8,7 @@ import pytest
 
 from zacoustic.app.cli import main
 from zacoustic.config import read_config
+from zacoustic.core.wire.seal import Way
 from zacoustic.seal.keyring import open_keyring
 from zacoustic.seal.keys import FleetKey, read_key
 from zacoustic.seal.spec import SecuritySpec
@@ -146,8 +147,8 @@ def test_rejoin_explains_the_danger_and_acts_only_when_it_is_accepted(
     assert lives.begin() > 41
 
 
-def _security(fleet: Path) -> SecuritySpec:
-    security = read_config(fleet, address=2).security
+def _security(fleet: Path, address: int = 2) -> SecuritySpec:
+    security = read_config(fleet, address=address).security
     assert security is not None
     return security
 
@@ -209,3 +210,59 @@ def test_check_of_a_node_without_seal_or_journal_says_so(
     code, text = _printed(capsys, *check)
     assert (code, "plugins.acoustic.security: is missing" in text) == (1, True)
     assert main(["key", "rejoin", "2", "--config", str(fleet), "--never", "--yes"]) == 2
+
+
+def test_identities_are_enrolled_rotated_and_revoked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys = tmp_path / "keys"
+    keys.mkdir()
+    listed = keys / "fleet.members"
+    for address in (1, 2, 3):
+        new = ("key", "new", str(keys / f"n{address}.identity"), "--network", "harbour")
+        assert main([*new, "--identity", str(address), "--members", str(listed)]) == 0
+        assert main([*new, "--identity", str(address), "--members", str(listed)]) == 2
+    assert main([*new, "--identity", "3"]) == 2
+    code, text = _printed(capsys, "key", "show", str(listed), "--json")
+    told = json.loads(text)
+    assert (code, told["members"], told["unheard"], told["generation"]) == (0, [1, 2, 3], [], 0)
+
+    assert main(["key", "rotate", str(listed)]) == 0
+    code, text = _printed(capsys, "key", "show", str(listed))
+    assert "generation 1" in text
+    assert "opens generation 0 too" in text
+    (keys / "n3.identity").unlink()
+    code, text = _printed(capsys, "key", "revoke", str(listed), "2")
+    assert code == 0
+    assert "members: 1, 3" in text
+    assert "not everybody opens broadcasts of node 3" in text
+    code, text = _printed(capsys, "key", "revoke", str(listed), "2")
+    assert code == 2
+    assert "node 2 is not in the list; allowed: 1, 3" in text
+
+
+def test_a_node_with_an_identity_seals_with_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    listed = tmp_path / "fleet.members"
+    for address in (1, 2):
+        new = ("key", "new", str(tmp_path / f"n{address}.identity"), "--network", "harbour")
+        assert main([*new, "--identity", str(address), "--members", str(listed)]) == 0
+    rings = {}
+    for address in (1, 2):
+        path = tmp_path / f"n{address}.json5"
+        key = f'security: {{ key: "n{address}.identity", members: "fleet.members" }}'
+        path.write_text(_CONFIG.replace('security: { key: "fleet.key" }', key))
+        rings[address] = open_keyring(_security(path, address), address)
+    way, number = Way(1, 2), bytes(13)
+    body = rings[1].cipher.seal(way, number, b"records", b"head")
+    assert rings[2].cipher.open(0, way, number, body, b"head") == b"records"
+    assert main(["key", "rejoin", "2", "--config", str(path), "--never", "--yes"]) == 0
+    assert main(["key", "check", str(path), "--address", "2"]) == 0
+    code, text = _printed(capsys, "key", "check", str(path), "--address", "1")
+    assert code == 1
+    assert "is of node 2; allowed: of node 1" in text
+    assert main(["key", "revoke", str(listed), "2"]) == 0
+    code, text = _printed(capsys, "key", "check", str(path), "--address", "2")
+    assert code == 1
+    assert "plugins.acoustic.security.members: harbour: node 2 is not in the list" in text

@@ -388,13 +388,13 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "security",
         "fleet.key",
-        '.security: "fleet.key"; allowed: { key, mode, seal, strong, pad, overlap_s',
+        '.security: "fleet.key"; allowed: { key, members, mode, seal, strong, pad',
     ),
     ("security", {"key": ""}, '.security.key: ""; allowed: a text, the key file that'),
     (
         "security",
         {"key": "k", "keys": 1},
-        ".security.keys: unknown key; allowed: key, mode, seal, strong",
+        ".security.keys: unknown key; allowed: key, members, mode, seal",
     ),
     ("security", {"key": "~nobody-at-all/k"}, '.security.key: "~nobody-at-all/k"; allowed: a text'),
     (

@@ -110,8 +110,9 @@ ALLOWED: Final = {
     "length": "a number, 1..65535",
     "max_length": "a number, 1..65535",
     "default": "a value of the field's type",
-    "security": "{ key, mode, seal, strong, pad, overlap_s, lives, emergency }",
+    "security": "{ key, members, mode, seal, strong, pad, overlap_s, lives, emergency }",
     "key": "a text, the key file that `zacoustic key new` has made",
+    "members": "a text, the list that `zacoustic key new --identity` has made",
     "mode": ", ".join(mode.value for mode in Mode),
     "strong": f"a list of {', '.join(each.value for each in Strong)}",
     "seal": "transmit, receive",
@@ -367,7 +368,9 @@ class SecurityEntry(Entry, frozen=True, kw_only=True):
     """The seal of frames."""
 
     key: str
-    """Key file of the fleet, relative to this file."""
+    """Key file of the fleet, or identity of this node, relative to this file."""
+    members: str | None = None
+    """List of members, where nodes have identities; default: `key` is the fleet's."""
     mode: str = Mode.ENCRYPT.value
     """Encrypted, or readable for everybody and not to be forged."""
     seal: str = Seals.ALL.value

@@ -52,6 +52,9 @@ def read_security(
         source=f"{place.source}: {SECTION_PATH}{place.path}",
         key=_path(place.at("key"), entry.key, folder),
         lives=_path(place.at("lives"), entry.lives, folder),
+        members=None
+        if entry.members is None
+        else _path(place.at("members"), entry.members, folder),
         mode=Mode(entry.mode),
         strong=frozenset(map(Strong, entry.strong)),
         pad=entry.pad or (),

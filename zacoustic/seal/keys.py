@@ -16,7 +16,7 @@ import re
 import secrets
 import stat
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import msgspec
 
@@ -29,6 +29,8 @@ LAST_GENERATION: Final = 0xFFFF
 _FINGERPRINT_BYTES: Final = 4
 _NAME_BYTES: Final = 64
 _NAMES: Final = f"1..{_NAME_BYTES} bytes of text that can be printed"
+
+Record = TypeVar("Record", bound=msgspec.Struct)
 
 
 class KeyFileError(ConfigError):
@@ -83,10 +85,7 @@ class FleetKey(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return msgspec.structs.replace(self, former=None)
 
     def _info(self, use: str, generation: int | None = None) -> bytes:
-        network = self.network.encode()
-        number = self.generation if generation is None else generation
-        numbers = bytes((WIRE_VERSION,)) + number.to_bytes(4, "big")
-        return f"zacoustic {use}".encode() + bytes((0, len(network))) + network + numbers
+        return key_info(use, self.network, self.generation if generation is None else generation)
 
 
 def new_key(network: str, *, after: int = -1) -> FleetKey:
@@ -99,14 +98,30 @@ def new_key(network: str, *, after: int = -1) -> FleetKey:
     Raises:
         KeyFileError: The name is too long, or there is no next generation.
     """
-    if not _is_name(network):
-        raise KeyFileError(f'network "{network}"; allowed: {_NAMES}')
+    check_network(network)
     if after >= LAST_GENERATION:
         raise KeyFileError(
             f"{network}: generation {after} is the last one",
             hint="make a key with another network name: zacoustic key new",
         )
     return FleetKey(network=network, generation=after + 1, secret=secrets.token_bytes(SECRET_BYTES))
+
+
+def check_network(network: str) -> None:
+    """Check the name of a network.
+
+    Raises:
+        KeyFileError: It is none.
+    """
+    if not _is_name(network):
+        raise KeyFileError(f'network "{network}"; allowed: {_NAMES}')
+
+
+def key_info(use: str, network: str, generation: int) -> bytes:
+    """Return what parts keys of different uses, networks, generations and versions of the wire."""
+    name = network.encode()
+    numbers = bytes((WIRE_VERSION,)) + generation.to_bytes(4, "big")
+    return f"zacoustic {use}".encode() + bytes((0, len(name))) + name + numbers
 
 
 def is_fingerprint(text: str) -> bool:
@@ -129,24 +144,7 @@ def read_key(path: Path) -> FleetKey:
     Raises:
         KeyFileError: There is none, others may read it, or it is damaged; never shows its content.
     """
-    try:
-        with path.open("rb") as file:
-            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
-            content = file.read()
-    except OSError as error:
-        raise KeyFileError(
-            f"{path}: {error.strerror}", hint="make one with `zacoustic key new`"
-        ) from error
-    if os.name == "posix" and mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise KeyFileError(
-            f"{path}: others may read it, mode {mode:04o}; allowed: 0600",
-            hint=f"chmod 600 {path}, and rotate the key if somebody may have read it",
-        )
-    try:
-        key = msgspec.json.decode(content, type=FleetKey)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        # What msgspec says names places and types, never values.
-        raise KeyFileError(f"{path}: no key file: {error}", hint="put back a copy of it") from None
+    key = read_private(path, FleetKey)
     for name, secret in (("secret", key.secret), ("former", key.former)):
         if secret is not None and len(secret) != SECRET_BYTES:
             raise KeyFileError(
@@ -162,8 +160,43 @@ def read_key(path: Path) -> FleetKey:
     return key
 
 
+def read_private(path: Path, record: type[Record]) -> Record:
+    """Read a record from a file that nobody else may read.
+
+    Raises:
+        KeyFileError: There is none, others may read it, or it is damaged; never shows its content.
+    """
+    try:
+        with path.open("rb") as file:
+            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+            content = file.read()
+    except OSError as error:
+        raise KeyFileError(
+            f"{path}: {error.strerror}", hint="make one with `zacoustic key new`"
+        ) from error
+    if os.name == "posix" and mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise KeyFileError(
+            f"{path}: others may read it, mode {mode:04o}; allowed: 0600",
+            hint=f"chmod 600 {path}, and rotate the key if somebody may have read it",
+        )
+    try:
+        return msgspec.json.decode(content, type=record)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        # What msgspec says names places and types, never values.
+        raise KeyFileError(f"{path}: no key file: {error}", hint="put back a copy of it") from None
+
+
 def write_key(path: Path, key: FleetKey, *, replace: bool = False) -> None:
     """Write a key file that only its owner can read; never half of one.
+
+    Raises:
+        KeyFileError: There is one already, or it cannot be written.
+    """
+    write_private(path, key, replace=replace)
+
+
+def write_private(path: Path, record: msgspec.Struct, *, replace: bool = False) -> None:
+    """Write a record into a file that only its owner can read; never half of it.
 
     Raises:
         KeyFileError: There is one already, or it cannot be written.
@@ -172,7 +205,7 @@ def write_key(path: Path, key: FleetKey, *, replace: bool = False) -> None:
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     try:
         with os.fdopen(os.open(beside, flags, 0o600), "wb") as file:
-            file.write(msgspec.json.format(msgspec.json.encode(key), indent=2) + b"\n")
+            file.write(msgspec.json.format(msgspec.json.encode(record), indent=2) + b"\n")
             file.flush()
             os.fsync(file.fileno())
         if replace:

@@ -20,13 +20,12 @@ import os
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
 import msgspec
 
 from zacoustic.core.wire.seal import LAST_LIFE
 from zacoustic.errors import ZacousticError
-from zacoustic.seal.keys import FleetKey
 
 COPIES: Final = 3
 _MAGIC: Final = b"ZAL1"
@@ -37,6 +36,18 @@ _SIZE_BYTES: Final = len(_MAGIC) + _NAME_BYTES + 4 + 4 + _CHECK_BYTES
 
 class LifeError(ZacousticError):
     """It is not known, or cannot be written, which life this start may use."""
+
+
+class Generation(Protocol):
+    """What lives are counted for."""
+
+    @property
+    def network(self) -> str:
+        """Name of the network."""
+
+    @property
+    def generation(self) -> int:
+        """Of its keys."""
 
 
 class Found(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,11 +65,11 @@ class Lives:
 
     Args:
         folder: Where they are; made when there is none.
-        key: Of the fleet.
+        key: Of the fleet, or its list of members.
         address: The node.
     """
 
-    def __init__(self, folder: Path, key: FleetKey, address: int) -> None:
+    def __init__(self, folder: Path, key: Generation, address: int) -> None:
         self._folder = folder
         self._key = key
         self._address = address

@@ -50,9 +50,11 @@ class SecuritySpec(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     """Where it was written, for errors: ``fleet.json5: plugins.acoustic.security``."""
     key: Path
-    """The key file of the fleet."""
+    """The key file of the fleet, or the identity of this node."""
     lives: Path
     """Folder of the life records."""
+    members: Path | None = None
+    """The list of members, where nodes have identities; None: the fleet has one key."""
     mode: Mode = Mode.ENCRYPT
     """Encrypted, or readable."""
     strong: frozenset[Strong] = frozenset(Strong)

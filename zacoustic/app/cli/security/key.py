@@ -51,11 +51,21 @@ class NewKey(Command):
         parser.add_argument(
             "--force", action="store_true", help="in place of a key that is there: that is lost"
         )
+        parser.add_argument(
+            "--identity", type=int, metavar="ADDRESS",
+            help="not a key of the fleet, but one of this node alone; with --members",
+        )  # fmt: skip
+        parser.add_argument(
+            "--members", type=Path, metavar="LIST", help="the list that its public half is put on"
+        )
         add_json(parser)
         parser.epilog = (
             "copy the file to each node over a wire or by hand, never by mail; whoever can read\n"
             "it can read and command the fleet\n\n"
-            "example:\n  zacoustic key new fleet.key --network harbour"
+            "examples:\n"
+            "  zacoustic key new fleet.key --network harbour\n"
+            "  zacoustic key new keys/auv1.identity --network harbour --identity 2 \\\n"
+            "      --members keys/fleet.members"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -64,9 +74,21 @@ class NewKey(Command):
         Raises:
             ConfigError: There is one already, or it cannot be written.
         """
+        from zacoustic.app.tools.security import members
         from zacoustic.app.tools.security.keyreport import as_text, report_on
         from zacoustic.seal.keys import new_key, write_key
 
+        if (arguments.identity is None) != (arguments.members is None):
+            raise ConfigError("--identity and --members; allowed: both or none of them")
+        if arguments.identity is not None:
+            if arguments.force:
+                raise ConfigError("--force; allowed: not with --identity")
+            listed = members.enrol(
+                arguments.key, arguments.members, arguments.network, arguments.identity
+            )
+            report = members.report_on(arguments.members, listed)
+            print_result(report, members.as_text, as_json=arguments.json)
+            return EXIT_OK
         key = new_key(arguments.network, after=_generation(arguments))
         write_key(arguments.key, key, replace=arguments.force)
         print_result(report_on(arguments.key, key), as_text, as_json=arguments.json)
@@ -81,7 +103,9 @@ class ShowKey(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the file."""
-        parser.add_argument("key", metavar="KEYFILE", type=Path, help="the key file")
+        parser.add_argument(
+            "key", metavar="KEYFILE", type=Path, help="the key file, or the list of members"
+        )
         add_json(parser)
         parser.epilog = "example:\n  zacoustic key show fleet.key"
 
@@ -91,9 +115,16 @@ class ShowKey(Command):
         Raises:
             ConfigError: The file cannot be used.
         """
+        from zacoustic.app.tools.security import members
         from zacoustic.app.tools.security.keyreport import as_text, report_on
         from zacoustic.seal.keys import read_key
 
+        if members.is_list(arguments.key):
+            from zacoustic.seal.identities import read_members
+
+            report = members.report_on(arguments.key, read_members(arguments.key))
+            print_result(report, members.as_text, as_json=arguments.json)
+            return EXIT_OK
         key = read_key(arguments.key)
         print_result(report_on(arguments.key, key), as_text, as_json=arguments.json)
         return EXIT_OK
@@ -107,7 +138,9 @@ class RotateKey(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the file, and whether the overlap ends."""
-        parser.add_argument("key", metavar="KEYFILE", type=Path, help="the key file")
+        parser.add_argument(
+            "key", metavar="KEYFILE", type=Path, help="the key file, or the list of members"
+        )
         parser.add_argument(
             "--end-overlap", action="store_true",
             help="no new generation: take the former one out of the file, when all nodes have this",
@@ -126,10 +159,16 @@ class RotateKey(Command):
         Raises:
             ConfigError: The file cannot be used, or there is no next generation.
         """
+        from zacoustic.app.tools.security import members
         from zacoustic.app.tools.security.keyreport import as_text, report_on
         from zacoustic.seal.keys import read_key, write_key
 
         path = arguments.key.resolve()  # of a link the file behind it
+        if members.is_list(path):
+            listed = members.rotate(path, end_overlap=arguments.end_overlap)
+            report = members.report_on(arguments.key, listed)
+            print_result(report, members.as_text, as_json=arguments.json)
+            return EXIT_OK
         key = read_key(path)
         if arguments.end_overlap and key.former is None:
             raise ConfigError(f"{arguments.key}: has no former generation; allowed: leave it")
@@ -140,26 +179,36 @@ class RotateKey(Command):
 
 
 class RevokeKey(Command):
-    """Says how a lost node is shut out."""
+    """Shuts a lost node out."""
 
     name = "revoke"
-    summary = "shut a lost node out: what a key allows, and what it does not"
+    summary = "shut a lost node out: the next generation of a list of members, without it"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file and node."""
-        parser.add_argument("key", metavar="KEYFILE", type=Path, help="the key file")
+        parser.add_argument("key", metavar="LIST", type=Path, help="the list of members")
         parser.add_argument("address", metavar="ADDRESS", type=int, help="the lost node")
         add_json(parser)
-        parser.epilog = "example:\n  zacoustic key revoke fleet.key 2"
+        parser.epilog = (
+            "identities that lie beside the list wrap their broadcasts for those that are left;\n"
+            "copy the list to all of them. Until a node has it, it listens to the lost one\n\n"
+            "example:\n  zacoustic key revoke keys/fleet.members 2"
+        )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Explain, and change nothing.
+        """Rewrite the list, and print who is left.
 
         Raises:
-            ConfigError: The file cannot be used, or has no members to take one out of.
+            ConfigError: The file cannot be used, or is a fleet key, which has no members.
         """
+        from zacoustic.app.tools.security import members
         from zacoustic.seal.keys import read_key
 
+        if members.is_list(arguments.key):
+            left = members.revoke(arguments.key, arguments.address)
+            report = members.report_on(arguments.key, left)
+            print_result(report, members.as_text, as_json=arguments.json)
+            return EXIT_OK
         key = read_key(arguments.key)
         raise ConfigError(
             f"{arguments.key}: {key.network} has one key for all nodes; node {arguments.address} "
