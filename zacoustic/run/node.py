@@ -5,6 +5,7 @@ recording and the permit log are opened, and an engine is made of what the journ
 whenever one has raised. This is told here once.
 """
 
+import asyncio
 import logging
 import random
 import time
@@ -21,6 +22,7 @@ from zacoustic.core.base.trace import TraceSink
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.errors import ConfigError
 from zacoustic.link.contract import Link
 from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.hostclock import HostClock
@@ -29,6 +31,8 @@ from zacoustic.run.journal.thread import recover, release
 from zacoustic.run.permitlog import PermitLog, open_permit_log
 from zacoustic.run.replacement.intact import Intact
 from zacoustic.run.runner import LinkRunner
+from zacoustic.run.sealing import NodeSeal, open_seal
+from zacoustic.seal.spec import SecuritySpec
 
 if TYPE_CHECKING:
     from zacoustic.run.recording.live import LiveRecording
@@ -62,6 +66,8 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
     """Where instants come from; the same as the link's."""
     host: HostClock = msgspec.field(default_factory=HostClock)
     """The clock of the computer."""
+    security: SecuritySpec | None = None
+    """How its frames are sealed; None: they are not."""
 
     async def prepare(self, record: OpenRecording | None = None) -> "PreparedNode":
         """Begin a boot epoch of the journal, and open recording and permit log.
@@ -72,6 +78,13 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: One of them cannot be used; nothing is left open.
         """
+        seal = None if self.security is None else open_seal(self.security, self.address)
+        if seal is not None and self.journal is None and not seal.only_opens:
+            raise ConfigError(
+                f"{seal.source}: node {self.address} has no journal",
+                hint='give "journal": a folder, where it keeps which frames it has opened; or '
+                '"seal": "receive", and it opens frames and transmits none',
+            )
         async with AsyncExitStack() as failing:
             if self.journal is None:
                 state = MemoryJournal().recover()
@@ -83,7 +96,7 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
                 failing.push_async_callback(recording.close)
             permit_log = open_permit_log(self.permits)
             failing.pop_all()
-        return PreparedNode(self, state, permit_log, recording)
+        return PreparedNode(self, state, permit_log, recording, seal)
 
 
 class PreparedNode:
@@ -94,6 +107,7 @@ class PreparedNode:
         state: What the journal has kept.
         permit_log: Takes each emission, or None.
         recording: Makes its engines, or None.
+        seal: Seals its frames, or None.
     """
 
     def __init__(
@@ -102,8 +116,11 @@ class PreparedNode:
         state: JournalState,
         permit_log: PermitLog | None,
         recording: "LiveRecording | None",
+        seal: NodeSeal | None = None,
     ) -> None:
         self.parts = parts
+        self.seal = seal
+        """Seals its frames, or None."""
         self._state = state
         self._permit_log = permit_log
         self.recording = recording
@@ -118,12 +135,17 @@ class PreparedNode:
         """
         parts = self.parts
         renew = partial(self._renew, trace)
+        epoch, journal = self._state.boot_epoch, parts.journal
+        if self.seal is not None:
+            epoch = self.seal.epoch
+            journal = None if journal is None else self.seal.keep_lives(journal)
+            self.seal.begin(asyncio.get_running_loop())
         runner = LinkRunner(
-            Intact(renew, self._state.boot_epoch, self._state.entries),
+            Intact(renew, epoch, self._state.entries),
             parts.link,
             beside=parts.beside,
             clocks=NodeClocks(parts.clock, parts.host, stated_error_s=parts.rules.clock_error_s),
-            journal=parts.journal,
+            journal=journal,
             permit_log=self._permit_log,
         )
         self._has_runner = True
@@ -163,6 +185,7 @@ class PreparedNode:
             stored=parts.host.named(stored),
             rules=parts.rules,
             trace=trace,
+            cipher=None if self.seal is None else self.seal.cipher,
         )
 
 

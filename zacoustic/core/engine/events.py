@@ -6,6 +6,7 @@ Each is defined where it arises; this module has their union, and the events of 
 import msgspec
 
 from zacoustic.core.base.linktypes import ONE_LINK, LinkState, ModemRead, PeerMeasured
+from zacoustic.core.peers.alarms import SealAlarm
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.doubt import JournalDoubted
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
@@ -83,6 +84,7 @@ __all__ = [
     "ResultReceived",
     "RosEntitySeen",
     "SampleReceived",
+    "SealAlarm",
     "SilenceChanged",
     "StreamOverridden",
     "StreamsDiffer",
@@ -139,6 +141,7 @@ Event = (
     | LinkStateChanged
     | JournalStateChanged
     | JournalDoubted
+    | SealAlarm
     | EngineRestarted
     | TransportEvent
 )
