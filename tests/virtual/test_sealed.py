@@ -97,8 +97,8 @@ def test_nothing_is_said_in_a_day_in_which_nothing_happens() -> None:
     assert sum(stats.frames_transmitted for stats in network.stats()) == 0
 
 
-def obeys_after_power_cut(seed: int) -> None:
-    """Cut the power of a vehicle at some instant, and see that it obeys the first command."""
+def executes_after_power_cut(seed: int) -> None:
+    """Cut the power of a vehicle at some instant, and see that it executes the first command."""
     rng = random.Random(seed)
     network = VirtualNetwork(line(0, rng.uniform(50, 1500)), table(), build=SealedFleet())
     for number in range(rng.randrange(12)):
@@ -119,9 +119,9 @@ def obeys_after_power_cut(seed: int) -> None:
     assert network.engine(1).stats.transmitted[ARM] == before + 1, f"seed {seed}"
 
 
-def test_the_first_command_after_a_power_cut_is_obeyed(count: Callable[[int], int]) -> None:
+def test_the_first_command_after_a_power_cut_is_executed(count: Callable[[int], int]) -> None:
     for seed in range(count(1_000)):
-        obeys_after_power_cut(seed)
+        executes_after_power_cut(seed)
 
 
 def test_a_dense_publisher_and_a_restarted_listener_understand_each_other_again() -> None:
