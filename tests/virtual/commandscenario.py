@@ -12,6 +12,7 @@ from typing import Any, Final
 import msgspec
 
 from tests.virtual.fleet import line, settling_s
+from tests.virtual.judged import JudgedScenario
 from zacoustic.channel.profiles import profile_named
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.qos import Priority, Qos, Reliability
@@ -78,8 +79,8 @@ class Hush(msgspec.Struct):
     """Frames after its beginning."""
 
 
-class CommandScenario:
-    """One story.
+class CommandScenario(JudgedScenario):
+    """One random scenario.
 
     Args:
         seed: Everything follows from it.
@@ -87,12 +88,10 @@ class CommandScenario:
 
     def __init__(self, seed: int) -> None:
         self._rng = rng = random.Random(f"orders/{seed}")
-        self.seed = seed
-        self.violations: list[str] = []
+        super().__init__(seed)
         self.given: dict[tuple[int, int, int], Given] = {}
         """By giver, its life and the call id."""
         self.executed: list[Executed] = []
-        self.outcomes: dict[str, int] = {}
         self.crashes: list[int] = []
         self._serials: dict[tuple[int, int], int] = {}
         self._hush: Hush | None = None
@@ -119,7 +118,7 @@ class CommandScenario:
         )
 
     def run(self) -> list[str]:
-        """Tell the story; returns what must not have happened."""
+        """Run it; returns what must not have happened."""
         rng, network = self._rng, self.network
         for giver in GIVERS:
             at_s = rng.uniform(0, 60)
@@ -354,12 +353,6 @@ class CommandScenario:
             and each.at <= before
             for each in self.executed
         )
-
-    def _count(self, outcome: str) -> None:
-        self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
-
-    def _complain(self, what: str) -> None:
-        self.violations.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
 
     def _weather(self, seed: int, modem: Modem) -> Scenario:
         rng, busy_s = self._rng, self._busy_s

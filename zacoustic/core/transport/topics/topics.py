@@ -88,7 +88,6 @@ class Topics:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
         self.copied.use_link(times)
         self.sending.use_link(settling_ns)
-        self.receiving.use_link(times)
 
     def link_up(self, now: int) -> None:
         """The link is up: go on with what was begun."""
