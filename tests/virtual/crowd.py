@@ -12,6 +12,7 @@ from typing import Final
 
 import msgspec
 
+from tests.virtual.sealed import SealedFleet
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.engine.engine import Engine
@@ -26,6 +27,8 @@ from zacoustic.testing import VirtualNetwork
 
 OFF: Final = "off"
 """In place of a method: nothing but the reports."""
+SEALED: Final = "sealed"
+"""In place of a method: the fleet has a key."""
 AGREEMENT: Final = (Cause.HELLO, Cause.CONFIRM, Cause.ASK, Cause.TABLE)
 """What agreement costs."""
 REPORT_BYTES: Final = 10
@@ -104,7 +107,7 @@ def run_crowd(
 
     Args:
         seed: Everything follows from it: places, instants, the channel.
-        method: Word of an `AgreementMethod`, or `OFF`.
+        method: Word of an `AgreementMethod`, or `OFF`, or `SEALED`.
         nodes: How many.
         period_s: Each node reports once in it, at an instant of its own each time, s.
         length_s: How long, s.
@@ -137,14 +140,16 @@ def run_crowd(
             arrived[event.source, address] += 1
 
     is_off = method == OFF
-    agreement = AgreementMethod.CONFIRM if is_off else AgreementMethod(method)
+    is_open = method not in (OFF, SEALED)
+    agreement = AgreementMethod(method) if is_open else AgreementMethod.CONFIRM
+    make = partial(Engine, transports=[Plain])
     network = VirtualNetwork(
         scenario,
         table,
         deliver=deliver,
         digest=False,
         rules=TransmitRules(agreement=agreement),
-        build=partial(Engine, transports=[Plain]),
+        build=SealedFleet(make=make) if method == SEALED else make,
     )
 
     def report(address: int) -> None:
