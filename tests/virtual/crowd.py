@@ -29,6 +29,8 @@ OFF: Final = "off"
 """In place of a method: nothing but the reports."""
 SEALED: Final = "sealed"
 """In place of a method: the fleet has a key."""
+SEALED_OFF: Final = "sealed off"
+"""The same, and nothing but the reports."""
 AGREEMENT: Final = (Cause.HELLO, Cause.CONFIRM, Cause.ASK, Cause.TABLE)
 """What agreement costs."""
 REPORT_BYTES: Final = 10
@@ -107,7 +109,7 @@ def run_crowd(
 
     Args:
         seed: Everything follows from it: places, instants, the channel.
-        method: Word of an `AgreementMethod`, or `OFF`, or `SEALED`.
+        method: Word of an `AgreementMethod`, `OFF`, `SEALED` or `SEALED_OFF`.
         nodes: How many.
         period_s: Each node reports once in it, at an instant of its own each time, s.
         length_s: How long, s.
@@ -139,8 +141,8 @@ def run_crowd(
         if isinstance(event, SampleReceived | Told):
             arrived[event.source, address] += 1
 
-    is_off = method == OFF
-    is_open = method not in (OFF, SEALED)
+    is_off, is_sealed = method in (OFF, SEALED_OFF), method in (SEALED, SEALED_OFF)
+    is_open = not is_off and not is_sealed
     agreement = AgreementMethod(method) if is_open else AgreementMethod.CONFIRM
     make = partial(Engine, transports=[Plain])
     network = VirtualNetwork(
@@ -149,7 +151,7 @@ def run_crowd(
         deliver=deliver,
         digest=False,
         rules=TransmitRules(agreement=agreement),
-        build=SealedFleet(make=make) if method == SEALED else make,
+        build=SealedFleet(make=make) if is_sealed else make,
     )
 
     def report(address: int) -> None:
