@@ -5,9 +5,9 @@
 
 Ten bytes from each node to all others once a period, at an instant of its own each time, in a
 square of 3 km of sea, from a cold start, for an hour; mean and 95 % interval over the seeds, each
-the mean over all pairs of nodes. What a seal adds is no agreement, so a fleet with a key stands
-beside one whose reports are sealed and nothing else (`--agreement sealed`). Exits 1 when a fleet delivers too little, or agreement takes too
-many bytes.
+the mean over all pairs of nodes. A seal is no agreement: a fleet with a key (`--agreement sealed`)
+stands beside one whose reports are sealed and nothing else. Exits 1 when a fleet delivers too
+little, or agreement takes too many bytes.
 """
 
 import argparse
