@@ -469,9 +469,10 @@ class Handshake:
 
     def may_measure(self, source: int, stream: Stream) -> bool:
         """Tell whether a record of a node ends where this node's table says, in a sealed frame."""
-        peer = self._peers[source]
+        peer = self._peers.get(source)
         return (
-            peer.shares(self.digest)
+            peer is None
+            or peer.shares(self.digest)
             or stream.is_built_in
             or peer.rows.get(stream.stream_id) == stream.digest
         )
