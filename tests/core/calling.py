@@ -11,7 +11,9 @@ NODES = {1: "shore", 2: "auv"}
 TYPES = TypeTable([TypeSpec(name="N", fields=(FieldSpec(name="n", type="uint8", range=(0, 9)),))])
 
 
-def fleet(server: int = 2, *, journal: bool = True, name: str = "arm", nodes: int = 2) -> StreamTable:
+def fleet(
+    server: int = 2, *, journal: bool = True, name: str = "arm", nodes: int = 2
+) -> StreamTable:
     return StreamTable(
         [
             ServiceSpec(stream_id=20, name=name, server=server, timeout_s=10, journal=journal),

@@ -25,7 +25,7 @@ from zacoustic.core.engine.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.transport.actions.events import GoalFailed, GoalReceived, ResultReceived
@@ -184,7 +184,9 @@ class Work:
                 self._got(node, goal.client, fleet.GOTO, _ticket(event.value))
                 self.network.at(
                     self.network.now / NS_PER_S,
-                    lambda: self.network.apply(node, lambda engine, now: _pursue(engine, goal, now)),
+                    lambda: self.network.apply(
+                        node, lambda engine, now: _pursue(engine, goal, now)
+                    ),
                 )
             case DeliveryEnded():
                 self._ended(node, event.delivery_id, event.outcome.value)

@@ -49,7 +49,10 @@ def test_goals_of_nobody_are_not_taken_and_those_of_all_are_bounded() -> None:
         taken = end.got(GoalReceived)
         assert len(taken) == most
         dropped = end.engine.stats.dropped
-        assert dropped.get("too_many_goals", 0) + dropped.get("stranger", 0) == 12 * len(SOURCES) - most
+        assert (
+            dropped.get("too_many_goals", 0) + dropped.get("stranger", 0)
+            == 12 * len(SOURCES) - most
+        )
         assert len(end.journal) <= most + 10
         if nodes:
             assert {event.goal.client for event in taken} == {2}

@@ -143,8 +143,7 @@ class Receiver:
             return isinstance(item, Fragment)
         stream = self._table.get(item.stream_id)
         is_best_effort = stream is not None and (
-            isinstance(stream.spec, TopicSpec)
-            and stream.qos.reliability is Reliability.BEST_EFFORT
+            isinstance(stream.spec, TopicSpec) and stream.qos.reliability is Reliability.BEST_EFFORT
         )
         return item.prefixes.acknowledged is None and not is_best_effort
 
