@@ -19,6 +19,7 @@ from zacoustic.core.peers.bootepoch import BootEpoch
 from zacoustic.core.peers.contact import Contact, ContactRules
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.lives import Lives
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Reception
@@ -74,6 +75,8 @@ class NodeContext:
             address, epoch, table, self.peers, self.generators.of("handshake")
         )
         """What is agreed with the others."""
+        self.lives = Lives(table, stored, self.journal, self.peers)
+        """Which lives of others are over."""
         self.contact = Contact(address, contact, self.peers, self.timers, emit)
         """Who is lost."""
         self.epoch = BootEpoch(self.handshake, self.journal)
@@ -114,6 +117,8 @@ class Context:
         """Whether something of former lives is forgotten."""
         self.handshake = node.handshake
         """What is agreed with the others."""
+        self.lives = node.lives
+        """Which lives of others are over."""
         self.epoch = node.epoch
         """The boot epoch of the node."""
         self.reception = Reception()
@@ -122,7 +127,7 @@ class Context:
         """Records that wait for a frame."""
         self.pacers = Pacers(node.peers, partial(node.handshake.introduce, link))
         """When something may be repeated to the others."""
-        Statements(self.handshake, self.peers, self.reception)
+        Statements(self.handshake, self.peers, self.lives, self.reception)
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)
 

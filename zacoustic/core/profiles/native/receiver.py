@@ -25,6 +25,7 @@ out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or of a former life
 ``too_many_calls        more requests or goals of one client than two lives of it can have
 too_many_goals``
+``former_life``         a request or goal of a life of its client that is over: played back
 ``suspended``           a request or goal that may be older than this life, while it is in question
                         whether this node has forgotten some; it is repeated
 ``old_cancel``          a cancel of a goal, or its refusal, before the last one

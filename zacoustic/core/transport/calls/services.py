@@ -68,6 +68,7 @@ class Services:
         self._queue = context.queue
         self._repeater = repeater
         self._handshake = context.handshake
+        self._lives = context.lives
         self._epoch = context.epoch
         self._timers = context.timers
         self._stats = context.stats
@@ -192,6 +193,8 @@ class Services:
             return "not_publisher"
         if stream.is_built_in and not introduced:
             return "unconfirmed"  # it may be of a former life of its sender
+        if self._lives.is_over(source, key.epoch):
+            return "former_life"
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 
     def peer_forgotten(self, address: int, now: int) -> None:
