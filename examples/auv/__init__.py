@@ -18,7 +18,7 @@ the time that it is told, so the same dive runs in real time between processes a
 `zenohshore`, `expedition`,     emulated modems; the scripted dive there
 `headless`
 `setpoints`, `fates`,           the console: set-points at a rate that the water carries, and what
-`linkwatch`, `desk`,            became of them; what the gateway tells of link and water; everything
+`linkwatch`, `controlstation`,  became of them; what the gateway tells of link and water; everything
 `readout`, `drawing`, `ladder`, the operator does and reads; pictures; its page, its looks and keys;
 `look`, `page`, `console`       and all of that with the processes behind it
 ==============================  ====================================================================

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Any, Final
 
-from examples.auv.desk import Desk
+from examples.auv.controlstation import ControlStation
 from examples.auv.expedition import Expedition, expedition
 from examples.auv.page import Page
 from examples.auv.session import open_session
@@ -29,7 +29,7 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
     if (trouble := _why_not(port)) is not None:
         sys.stderr.write(f"{trouble}\n")
         return 1
-    desk = Desk(Shore())
+    station = ControlStation(Shore())
     stack = contextlib.AsyncExitStack()
     working: list[asyncio.Task[None]] = []
 
@@ -41,9 +41,11 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
             session = await asyncio.to_thread(open_session, running.shore_endpoint)
             stack.enter_context(session)
             print("the vehicle is in the water", flush=True)
-            await attend(desk, ZenohShore(session, desk.shore, desk.watch, ros=ros), running)
+            await attend(
+                station, ZenohShore(session, station.shore, station.watch, ros=ros), running
+            )
         except ZacousticError as error:
-            _note_trouble(desk, error)
+            _note_trouble(station, error)
 
     async def start() -> None:
         working.append(asyncio.create_task(work()))
@@ -56,7 +58,7 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
         await stack.aclose()
 
     def root() -> None:
-        Page(desk)
+        Page(station)
 
     serve_page(
         root,
@@ -68,28 +70,28 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
         message_history_length=_HISTORY,
     )
     print("stopped", flush=True)
-    return 1 if desk.trouble else 0
+    return 1 if station.trouble else 0
 
 
-async def attend(desk: Desk, carrier: ZenohShore, running: Expedition) -> None:
-    """Carry words between the desk and Zenoh, until it is cancelled.
+async def attend(station: ControlStation, carrier: ZenohShore, running: Expedition) -> None:
+    """Carry words between the station and Zenoh, until it is cancelled.
 
     Also when a process has died: the page must stay true about the others.
     """
-    desk.carrier, desk.cancel = carrier, carrier.cancel_goal
-    desk.watch.answered_at_s = desk.now_s
+    station.carrier, station.cancel = carrier, carrier.cancel_goal
+    station.watch.answered_at_s = station.now_s
     while True:
         carrier.ask_gateway()
-        carrier.drain(desk.now_s)
-        desk.tick()
-        if running.failed.done() and not desk.trouble:
-            _note_trouble(desk, running.failed.exception())
+        carrier.drain(station.now_s)
+        station.tick()
+        if running.failed.done() and not station.trouble:
+            _note_trouble(station, running.failed.exception())
         await asyncio.sleep(_PERIOD_S)
 
 
-def _note_trouble(desk: Desk, error: BaseException | None) -> None:
-    desk.trouble = one_line(error)
-    sys.stderr.write(f"{desk.trouble}\n")
+def _note_trouble(station: ControlStation, error: BaseException | None) -> None:
+    station.trouble = one_line(error)
+    sys.stderr.write(f"{station.trouble}\n")
 
 
 def _why_not(port: int) -> str | None:

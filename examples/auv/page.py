@@ -1,7 +1,7 @@
 """The console as a web page; NiceGUI brings everything that the browser needs, nothing is loaded.
 
 Keys: arrows turn and tilt, `+` and `-` thrust, `0` puts all to zero, space stops. All pages show
-the same desk: what one moves the others see.
+the same station: what one moves the others see.
 """
 
 import base64
@@ -15,7 +15,7 @@ from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import GenericEventArguments
 
 from examples.auv import look, readout
-from examples.auv.desk import Desk
+from examples.auv.controlstation import ControlStation
 from examples.auv.drawing import (
     MAP_PX,
     PROFILE_PX,
@@ -67,14 +67,14 @@ _KEYS: Final = {
 
 
 class Page:
-    """One browser's view of the desk.
+    """One browser's view of the station.
 
     Args:
-        desk: What it shows and does.
+        station: What it shows and does.
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, station: ControlStation) -> None:
+        self._station = station
         self._photo_at_s = -math.inf
         self._sizes: dict[str, Size] = {}
         self._sliders: dict[str, ui.slider] = {}
@@ -98,34 +98,36 @@ class Page:
 
     def refresh(self) -> None:
         """Show the present state."""
-        desk = self._desk
-        now_s, shore = desk.now_s, desk.shore
+        station = self._station
+        now_s, shore = station.now_s, station.shore
         estimate = shore.estimate(now_s)
-        self._banner.beat(readout.alarm(desk), taken=self._orders_taken)
+        self._banner.beat(readout.alarm(station), taken=self._orders_taken)
         self._show_head()
         self._show_why()
         self._map.set_content(
-            map_of(shore, estimate, desk.waypoints, self._target(), self._sizes["map"])
+            map_of(shore, estimate, station.waypoints, self._target(), self._sizes["map"])
         )
         self._profile.set_content(
-            profile_of(shore, now_s, desk.wanted_depth, self._sizes["profile"])
+            profile_of(shore, now_s, station.wanted_depth, self._sizes["profile"])
         )
         self._attitude.set_content(attitude_of(shore.nav))
-        self._values.set_content(look.values_table(readout.values(desk)))
+        self._values.set_content(look.values_table(readout.values(station)))
         self._show_photo()
-        self._orders.set_content(look.orders_table(readout.order_lines(desk)))
-        watch, unix_s = desk.watch, desk.unix_s
+        self._orders.set_content(look.orders_table(readout.order_lines(station)))
+        watch, unix_s = station.watch, station.unix_s
         self._ladder.set_content(
             ladder_of(watch.frames(unix_s), watch.propagation_s, unix_s, self._sizes["ladder"])
         )
-        water = look.lines_table(readout.water_lines(desk), "nothing waits, nothing is on its way")
+        water = look.lines_table(
+            readout.water_lines(station), "nothing waits, nothing is on its way"
+        )
         self._queue.set_content(water)
-        self._link.set_content(look.lines_table(readout.link_lines(desk), ""))
-        self._hint.set_text(readout.steering_hint(desk))
+        self._link.set_content(look.lines_table(readout.link_lines(station), ""))
+        self._hint.set_text(readout.steering_hint(station))
         for joint in JOINTS:
-            wanted = desk.setpoints.wanted.get(joint.topic, 0.0) / joint.factor
+            wanted = station.setpoints.wanted.get(joint.topic, 0.0) / joint.factor
             self._sliders[joint.topic].value = round(wanted, 3) + 0.0
-            self._fates[joint.topic].set_text(readout.setpoint_line(desk, joint.topic))
+            self._fates[joint.topic].set_text(readout.setpoint_line(station, joint.topic))
 
     # Panels
 
@@ -225,7 +227,7 @@ class Page:
         self._sliders[joint.topic], self._fates[joint.topic] = slider, fate
 
     def _missions(self) -> None:
-        desk = self._desk
+        station = self._station
         ui.label("Mission; a click on the map fills in north and east").classes("caption")
         self._why = ui.label().classes("why").mark("why")
         with ui.element("div").classes("fields za-live"):
@@ -235,14 +237,14 @@ class Page:
             self._north = _field("north m", 60, -2000, 2000)
             self._east = _field("east m", 160, -2000, 2000)
         with ui.element("div").classes("strip za-live").style("margin-top: 8px"):
-            self._button("arm", lambda: desk.arm(True))
-            self._button("disarm", lambda: desk.arm(False))
-            self._button("by hand", desk.by_hand)
-            self._button("photo", desk.photo)
+            self._button("arm", lambda: station.arm(True))
+            self._button("disarm", lambda: station.arm(False))
+            self._button("by hand", station.by_hand)
+            self._button("photo", station.photo)
         with ui.element("div").classes("strip za-live").style("margin-top: 6px"):
             self._button("hold", self._hold)
             self._button("go to", self._goto)
-            self._button("cancel", desk.cancel_goal)
+            self._button("cancel", station.cancel_goal)
 
     def _button(self, text: str, act: Callable[[], object]) -> None:
         made = ui.button(text, on_click=lambda: self._do(act), color="blue-grey-9")
@@ -251,23 +253,23 @@ class Page:
     # What is shown
 
     def _show_head(self) -> None:
-        desk = self._desk
-        self._mode.set_text(readout.mode(desk))
-        self._age.set_content(look.report_age(readout.report_age_s(desk)))
-        is_old = readout.is_report_old(desk)
+        station = self._station
+        self._mode.set_text(readout.mode(station))
+        self._age.set_content(look.report_age(readout.report_age_s(station)))
+        is_old = readout.is_report_old(station)
         self._age.classes(add="bad" if is_old else "good", remove="good" if is_old else "bad")
-        heard_at, link = desk.watch.heard_at_unix_s, readout.link_state(desk)
-        heard_s = None if heard_at is None else desk.unix_s - heard_at
+        heard_at, link = station.watch.heard_at_unix_s, readout.link_state(station)
+        heard_s = None if heard_at is None else station.unix_s - heard_at
         self._heard.set_content(look.link_and_vehicle(link, heard_s))
-        is_lost = desk.watch.lost_since_unix_s is not None or link != "up"
+        is_lost = station.watch.lost_since_unix_s is not None or link != "up"
         self._heard.classes(add="bad" if is_lost else "good", remove="good" if is_lost else "bad")
-        self._trouble.set_text(desk.trouble)
-        is_starting = desk.carrier is None and not desk.trouble
-        self._notice.set_text(readout.why_disabled(desk) if is_starting else "")
+        self._trouble.set_text(station.trouble)
+        is_starting = station.carrier is None and not station.trouble
+        self._notice.set_text(readout.why_disabled(station) if is_starting else "")
 
     def _show_why(self) -> None:
         """Disable buttons without effect, with the reason."""
-        why = readout.why_disabled(self._desk)
+        why = readout.why_disabled(self._station)
         self._why.set_text(f"disabled: {why}" if why else "")
         self._stop_button.classes(add="dead" if why else "", remove="" if why else "dead")
         for each in self._hands_off:
@@ -276,19 +278,19 @@ class Page:
                 each.props(f'title="disabled: {html_text(why)}"' if why else "", remove="title")
 
     def _show_photo(self) -> None:
-        desk = self._desk
-        self._photo_line.set_text(readout.photo_line(desk))
-        self._photo_progress.set_text(readout.photo_progress(desk))
-        share = readout.photo_share(desk)
+        station = self._station
+        self._photo_line.set_text(readout.photo_line(station))
+        self._photo_progress.set_text(readout.photo_progress(station))
+        share = readout.photo_share(station)
         bar = (
             "" if share is None else f'<div class="bar"><div style="width:{share:.0%}"></div></div>'
         )
         self._bar.set_content(bar)
-        if not desk.shore.photos:
+        if not station.shore.photos:
             self._picture.set_content("no photo yet")
-        elif desk.shore.photo_came_at_s != self._photo_at_s:
-            self._photo_at_s = desk.shore.photo_came_at_s
-            coded = base64.b64encode(desk.shore.photos[-1]).decode()
+        elif station.shore.photo_came_at_s != self._photo_at_s:
+            self._photo_at_s = station.shore.photo_came_at_s
+            coded = base64.b64encode(station.shore.photos[-1]).decode()
             self._picture.set_content(f'<img alt="photo" src="data:image/png;base64,{coded}">')
 
     # What is done
@@ -302,7 +304,7 @@ class Page:
 
     def _moved(self, joint: Joint, value: float) -> None:
         told = value * joint.factor
-        setpoints = self._desk.setpoints
+        setpoints = self._station.setpoints
         # A slider that follows other pages sends nothing.
         if (
             self._banner.is_current()
@@ -312,7 +314,7 @@ class Page:
 
     def _key(self, event: GenericEventArguments) -> None:
         key = event.args
-        if readout.why_disabled(self._desk) or not self._banner.is_current():
+        if readout.why_disabled(self._station) or not self._banner.is_current():
             return
         if key == "0":
             for slider in self._sliders.values():
@@ -325,16 +327,16 @@ class Page:
 
     def _stop(self, event: GenericEventArguments) -> None:
         """Stop; the page's number of the press comes back when it was accepted."""
-        self._desk.stop()
+        self._station.stop()
         if isinstance(event.args, int):
             self._orders_taken = event.args
         self.refresh()
 
     def _clicked(self, event: GenericEventArguments) -> None:
-        desk = self._desk
+        station = self._station
         x, y = event.args
-        estimate = desk.shore.estimate(desk.now_s)
-        view = view_of(desk.shore, estimate, desk.waypoints, self._sizes["map"])
+        estimate = station.shore.estimate(station.now_s)
+        view = view_of(station.shore, estimate, station.waypoints, self._sizes["map"])
         north, east = view.where(x, y)
         self._north.value, self._east.value = round(north), round(east)
         self.refresh()
@@ -348,14 +350,14 @@ class Page:
         if None in (depth, heading, speed):
             ui.notify("hold needs depth, heading and speed", type="warning")
             return
-        self._desk.hold(depth, heading, speed)
+        self._station.hold(depth, heading, speed)
 
     def _goto(self) -> None:
         target, depth, speed = self._target(), self._depth.value, self._speed.value
         if target is None or depth is None or speed is None:
             ui.notify("go to needs north, east, depth and speed", type="warning")
             return
-        self._desk.goto(Waypoint(*target, depth, speed))
+        self._station.goto(Waypoint(*target, depth, speed))
 
 
 def _field(label: str, value: float, least: float, most: float) -> ui.number:

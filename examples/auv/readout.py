@@ -1,6 +1,6 @@
-"""The values at the desk: each with its age, reported or predicted.
+"""The values at the station: each with its age, reported or predicted.
 
-Functions of the desk that return lines and tables as text; how they look is the page's business.
+Functions of the station that return lines and tables as text; how they look is the page's business.
 An age is that at the source: how long ago the vehicle had the value, not how long it has been here.
 """
 
@@ -9,7 +9,7 @@ from typing import Final
 
 import msgspec
 
-from examples.auv.desk import CONFIRMED, Desk, Order
+from examples.auv.controlstation import CONFIRMED, ControlStation, Order
 from examples.auv.fates import Fate
 from examples.auv.linkwatch import Frame
 from examples.auv.messages import ELEVATOR, RUDDER, STOP, THRUST, Mode
@@ -65,63 +65,63 @@ def ago(seconds: float) -> str:
 
 
 def short(stream: str) -> str:
-    """Return the desk's name of a stream."""
+    """Return the station's name of a stream."""
     return _SHORT.get(stream, stream.rpartition("/")[2])
 
 
 # What is dead
 
 
-def alarm(desk: Desk) -> Alarm | None:
+def alarm(station: ControlStation) -> Alarm | None:
     """Return why no command reaches the vehicle now; None: it may."""
-    if desk.carrier is None:
-        return Alarm(f"NOT SENT: {desk.trouble}") if desk.trouble else None
-    if desk.gateway_gone_at_s is not None:
-        return Alarm("NOT SENT: gateway gone", desk.now_s - desk.gateway_gone_at_s)
-    link, down_at_s = desk.watch.documents.get("link"), desk.watch.down_at_s
+    if station.carrier is None:
+        return Alarm(f"NOT SENT: {station.trouble}") if station.trouble else None
+    if station.gateway_gone_at_s is not None:
+        return Alarm("NOT SENT: gateway gone", station.now_s - station.gateway_gone_at_s)
+    link, down_at_s = station.watch.documents.get("link"), station.watch.down_at_s
     if link is not None and down_at_s is not None:
-        return Alarm(f"NOT SENT: link {link['state']}", desk.now_s - down_at_s)
+        return Alarm(f"NOT SENT: link {link['state']}", station.now_s - down_at_s)
     if link is not None and link.get("silent"):
         why = link.get("why_silent") or "ordered, or a quiet window"
         return Alarm(f"NOT SENT: silence is kept, {why}")
     return None
 
 
-def why_disabled(desk: Desk) -> str:
+def why_disabled(station: ControlStation) -> str:
     """Return why only a stop can be commanded now; empty: anything can."""
-    dead = alarm(desk)
+    dead = alarm(station)
     if dead is not None:
         return dead.text.removeprefix("NOT SENT: ")
-    return "modems, gateways and vehicle start" if desk.carrier is None else ""
+    return "modems, gateways and vehicle start" if station.carrier is None else ""
 
 
 # The vehicle
 
 
-def mode(desk: Desk) -> str:
+def mode(station: ControlStation) -> str:
     """Say who steers, as the vehicle has reported."""
-    nav = desk.shore.nav
+    nav = station.shore.nav
     return "not heard yet" if nav is None else nav.mode.value
 
 
-def report_age_s(desk: Desk) -> float | None:
+def report_age_s(station: ControlStation) -> float | None:
     """Return how old the newest report is; None: there is none."""
-    return None if desk.shore.nav is None else desk.now_s - desk.shore.nav_made_at_s
+    return None if station.shore.nav is None else station.now_s - station.shore.nav_made_at_s
 
 
-def is_report_old(desk: Desk) -> bool:
+def is_report_old(station: ControlStation) -> bool:
     """Tell whether several reports have not come."""
-    age_s = report_age_s(desk)
+    age_s = report_age_s(station)
     return age_s is None or age_s > OLD_REPORTS * NAV_PERIOD_S
 
 
-def values(desk: Desk) -> list[Value]:
+def values(station: ControlStation) -> list[Value]:
     """Return what the vehicle has reported, and what it probably is now."""
-    shore, now_s = desk.shore, desk.now_s
+    shore, now_s = station.shore, station.now_s
     estimate, nav, status = shore.estimate(now_s), shore.nav, shore.status
     found: list[Value] = []
     if nav is not None and estimate is not None:
-        age_s, is_old = estimate.age_s, is_report_old(desk)
+        age_s, is_old = estimate.age_s, is_report_old(station)
         rows = (
             (
                 "depth",
@@ -152,26 +152,26 @@ def values(desk: Desk) -> list[Value]:
 # Orders
 
 
-def order_lines(desk: Desk) -> list[OrderLine]:
+def order_lines(station: ControlStation) -> list[OrderLine]:
     """Return the outcomes of the commands, newest first."""
     return [
-        OrderLine(each.text, desk.now_s - each.at_s, *_outcome(desk, each))
-        for each in reversed(desk.orders)
+        OrderLine(each.text, station.now_s - each.at_s, *_outcome(station, each))
+        for each in reversed(station.orders)
     ]
 
 
-def setpoint_line(desk: Desk, topic: str) -> str:
+def setpoint_line(station: ControlStation, topic: str) -> str:
     """Say what became of the set-point of a joint; empty: nothing is wanted."""
-    setpoints: Setpoints = desk.setpoints
+    setpoints: Setpoints = station.setpoints
     if topic in setpoints.waiting:
-        return f"goes in {setpoints.due_in_s(desk.now_s):.0f} s"
-    fate = desk.watch.fates.of(topic) if topic in setpoints.wanted else None
+        return f"goes in {setpoints.due_in_s(station.now_s):.0f} s"
+    fate = station.watch.fates.of(topic) if topic in setpoints.wanted else None
     return "" if fate is None else fate.value
 
 
-def steering_hint(desk: Desk) -> str:
+def steering_hint(station: ControlStation) -> str:
     """Say why set-points do nothing now; empty: they count, as far as it is known."""
-    nav = desk.shore.nav
+    nav = station.shore.nav
     match None if nav is None else nav.mode:
         case Mode.MANUAL | None:
             return ""
@@ -186,21 +186,21 @@ def steering_hint(desk: Desk) -> str:
 # Link, queue and channel
 
 
-def link_state(desk: Desk) -> str:
+def link_state(station: ControlStation) -> str:
     """Return the state of the modem's link, as far as anybody knows it."""
-    if desk.gateway_gone_at_s is not None:
+    if station.gateway_gone_at_s is not None:
         return "not known, gateway gone"
-    return str(desk.watch.documents.get("link", {}).get("state", "not heard yet"))
+    return str(station.watch.documents.get("link", {}).get("state", "not heard yet"))
 
 
-def link_lines(desk: Desk) -> list[Line]:
+def link_lines(station: ControlStation) -> list[Line]:
     """Say how good the link is."""
-    watch, unix_s = desk.watch, desk.unix_s
+    watch, unix_s = station.watch, station.unix_s
     link = watch.documents.get("link")
     if link is None:
         return [Line("modem", "not heard yet")]
-    if desk.gateway_gone_at_s is not None:
-        gone_s = desk.now_s - desk.gateway_gone_at_s
+    if station.gateway_gone_at_s is not None:
+        gone_s = station.now_s - station.gateway_gone_at_s
         return [Line("modem", "not known: the gateway is gone", gone_s, is_bad=True)]
     found = [Line("modem", link["state"], is_bad=link["state"] != "up")]
     heard_at = watch.heard_at_unix_s
@@ -213,10 +213,10 @@ def link_lines(desk: Desk) -> list[Line]:
         found.append(Line("range", text, unix_s - measured["measured_at_unix_s"]))
     if heard_at is not None:
         found.append(Line("signal", _signal(watch.metrics), unix_s - heard_at))
-    came, due = _reports(desk)
+    came, due = _reports(station)
     if due:
         found.append(Line("reports", f"{came} of {due} in 2 min", is_bad=2 * came < due))
-    share = watch.airtime_share(desk.now_s)
+    share = watch.airtime_share(station.now_s)
     if share is not None:
         found.append(Line("own airtime", f"{share:.0%} of a minute"))
     lost = "" if watch.loss is None else f", {watch.loss:.0%} of ours lost"
@@ -225,12 +225,12 @@ def link_lines(desk: Desk) -> list[Line]:
     return found
 
 
-def water_lines(desk: Desk) -> list[Line]:
+def water_lines(station: ControlStation) -> list[Line]:
     """Return the frames on the channel, and what waits."""
-    watch = desk.watch
+    watch = station.watch
     found = [
         Line(_content(frame), f"in the water, there in {left_s:.1f} s")
-        for frame, left_s in watch.in_water(desk.unix_s)
+        for frame, left_s in watch.in_water(station.unix_s)
     ]
     for each in watch.waiting():
         if each.unacknowledged > each.queued:
@@ -238,28 +238,28 @@ def water_lines(desk: Desk) -> list[Line]:
         else:
             text = f"{each.queued} in the queue"
         found.append(Line(short(each.stream), text, is_bad=each.stream == STOP))
-    if (share := photo_share(desk)) is not None:
+    if (share := photo_share(station)) is not None:
         found.append(Line("photo", f"comes, {share:.0%} is here"))
     found += [
         Line(f"{short(topic)} {value:g}", "waits here: one set-point in 3 s")
-        for topic, value in desk.setpoints.waiting.items()
+        for topic, value in station.setpoints.waiting.items()
     ]
     return found
 
 
-def photo_line(desk: Desk) -> str:
+def photo_line(station: ControlStation) -> str:
     """Say how old the photo is that is shown."""
-    if not desk.shore.photos:
+    if not station.shore.photos:
         return ""
-    came = f"came {ago(desk.now_s - desk.shore.photo_came_at_s)} ago"
-    if desk.photo_asked_at_s is None:
+    came = f"came {ago(station.now_s - station.shore.photo_came_at_s)} ago"
+    if station.photo_asked_at_s is None:
         return came
-    return f"{came}, asked for {ago(desk.now_s - desk.photo_asked_at_s)} ago"
+    return f"{came}, asked for {ago(station.now_s - station.photo_asked_at_s)} ago"
 
 
-def photo_progress(desk: Desk) -> str:
+def photo_progress(station: ControlStation) -> str:
     """Say how much of the next photo is here; empty: none is on its way."""
-    arriving = desk.watch.arriving(desk.now_s)
+    arriving = station.watch.arriving(station.now_s)
     if not arriving:
         return ""
     first = arriving[0]
@@ -269,9 +269,9 @@ def photo_progress(desk: Desk) -> str:
     return f"{first.done_bytes / 1000:.1f} of {first.total_bytes / 1000:.1f} kB{left}"
 
 
-def photo_share(desk: Desk) -> float | None:
+def photo_share(station: ControlStation) -> float | None:
     """Return which share of the photo is here; None: none is on its way."""
-    arriving = desk.watch.arriving(desk.now_s)
+    arriving = station.watch.arriving(station.now_s)
     if not arriving:
         return None
     total_bytes = arriving[0].total_bytes
@@ -286,39 +286,39 @@ def _metres(sigma: float) -> str:
     return f"{sigma:.1f} m" if sigma < 10 else f"{sigma:.0f} m"
 
 
-def _outcome(desk: Desk, order: Order) -> tuple[str, str]:
+def _outcome(station: ControlStation, order: Order) -> tuple[str, str]:
     answer = order.answer
     if answer is None:
         if order.is_confirmed:
             return CONFIRMED, "good"
-        return _fate(desk, order, Fate.GIVEN if order.fate is None else order.fate)
-    if not answer.ended and desk.gateway_gone_at_s is not None:
+        return _fate(station, order, Fate.GIVEN if order.fate is None else order.fate)
+    if not answer.ended and station.gateway_gone_at_s is not None:
         return "not known: the gateway is gone", "bad"
     if answer.ended:
         return ("done", "good") if answer.is_good else (answer.text or "failed", "bad")
     if not answer.accepted:
         return "not answered yet", "waiting"
-    return f"accepted, under way{_distance_left(desk)}", "waiting"
+    return f"accepted, under way{_distance_left(station)}", "waiting"
 
 
-def _fate(desk: Desk, order: Order, fate: Fate) -> tuple[str, str]:
+def _fate(station: ControlStation, order: Order, fate: Fate) -> tuple[str, str]:
     """Say what became of a sample: what waits behind something dead is not on its way."""
-    dead = alarm(desk)
+    dead = alarm(station)
     if fate.is_over or dead is None:
         return fate.value, "bad" if fate in (Fate.LOST, Fate.NOT_SENT) else "waiting"
     why = dead.text.removeprefix("NOT SENT: ")
-    dead_at_s = math.inf if dead.since_s is None else desk.now_s - dead.since_s
+    dead_at_s = math.inf if dead.since_s is None else station.now_s - dead.since_s
     if fate is Fate.UNDER_WAY and order.at_s < dead_at_s:
         return f"not known: it was on its way when this began: {why}", "bad"
     kept = "; the gateway keeps it" if fate is Fate.UNDER_WAY else ""
     return f"NOT SENT: {why}{kept}", "bad"
 
 
-def _distance_left(desk: Desk) -> str:
-    estimate = desk.shore.estimate(desk.now_s)
-    if estimate is None or not desk.waypoints:
+def _distance_left(station: ControlStation) -> str:
+    estimate = station.shore.estimate(station.now_s)
+    if estimate is None or not station.waypoints:
         return ""
-    goal = desk.waypoints[-1]
+    goal = station.waypoints[-1]
     metres = ((goal.north - estimate.north) ** 2 + (goal.east - estimate.east) ** 2) ** 0.5
     return f", about {metres:.0f} m left"
 
@@ -334,11 +334,11 @@ def _signal(metrics: dict[str, float | None]) -> str:
     return ", ".join(parts) or "not measured"
 
 
-def _reports(desk: Desk) -> tuple[int, int]:
+def _reports(station: ControlStation) -> tuple[int, int]:
     """Return how many reports of the last minutes are here, and how many were made."""
-    track, now_s = desk.shore.track, desk.now_s
+    track, now_s = station.shore.track, station.now_s
     # The newest may still be under way.
-    until_s = now_s - desk.watch.way_s - NAV_PERIOD_S
+    until_s = now_s - station.watch.way_s - NAV_PERIOD_S
     since_s = max(until_s - REPORTS_WINDOW_S, track[0][0] if track else until_s)
     came = sum(1 for made_at_s, _ in track if since_s < made_at_s <= until_s)
     due = max(0, round((until_s - since_s) / NAV_PERIOD_S))

@@ -104,9 +104,12 @@ class UdpLink(Link, asyncio.DatagramProtocol):
             self._ear.setblocking(False)
             loop = asyncio.get_running_loop()
             self._transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._ear)
-        except OSError as error:
+        except BaseException as error:
             self._ear.close()
-            raise LinkOpenError(f"udp/{self._here[0]}:{self._here[1]}: {error}") from error
+            self._mouth.close()
+            if isinstance(error, OSError):
+                raise LinkOpenError(f"udp/{self._here[0]}:{self._here[1]}: {error}") from error
+            raise
         self._receiver = receiver
         receiver.state_changed(LinkState.UP)
 
@@ -199,8 +202,12 @@ def _join(ear: socket.socket, group: Place, interface: str) -> socket.socket:
     ear.bind(group)
     ear.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
     mouth = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    if interface:
-        mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(interface))
-    mouth.setblocking(False)
-    mouth.connect(group)
+    try:
+        if interface:
+            mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(interface))
+        mouth.setblocking(False)
+        mouth.connect(group)
+    except OSError:  # such as a network that is not there yet
+        mouth.close()
+        raise
     return mouth

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from examples.auv.__main__ import main
-from examples.auv.desk import Desk
+from examples.auv.controlstation import ControlStation
 from examples.auv.fates import Fate
 from examples.auv.messages import (
     ARM,
@@ -26,7 +26,7 @@ from examples.auv.messages import (
     Setpoint,
 )
 from examples.auv.shore import Shore
-from tests.auv.desks import Clock, desk_at, nav, topics
+from tests.auv.stations import Clock, nav, station_at, topics
 
 if TYPE_CHECKING:
     from nicegui.testing import User
@@ -37,8 +37,8 @@ ROOT = Path(__file__).parents[2]
 
 
 @asynccontextmanager
-async def visitor(desk: Desk) -> "AsyncIterator[tuple[User, list[Page]]]":
-    """Open the page of a desk without a browser; gives who does, and the pages that there are."""
+async def visitor(station: ControlStation) -> "AsyncIterator[tuple[User, list[Page]]]":
+    """Open the page of a station without a browser; gives the visitor, and the pages."""
     pytest.importorskip("nicegui")
     from nicegui.testing.user_simulation import user_simulation
 
@@ -47,7 +47,7 @@ async def visitor(desk: Desk) -> "AsyncIterator[tuple[User, list[Page]]]":
     pages: list[Page] = []
 
     def root() -> None:
-        pages.append(Page(desk))
+        pages.append(Page(station))
 
     async with user_simulation(root) as user:
         await user.open("/")
@@ -59,17 +59,17 @@ def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
     from nicegui.events import GenericEventArguments
 
     clock = Clock()
-    desk, carrier = desk_at(clock)
+    station, carrier = station_at(clock)
 
     async def visit() -> None:
-        async with visitor(desk) as (user, pages):
+        async with visitor(station) as (user, pages):
             await user.should_see("not heard yet")
             user.find("arm").click()
             assert await until(lambda: ARM in topics(carrier))
             slider: Any = next(iter(user.find(marker="thrust", kind=ui.slider).elements))
             rudder: Any = next(iter(user.find(marker="rudder", kind=ui.slider).elements))
             slider.value = 15.0
-            desk.tick()
+            station.tick()
             assert (THRUST, Setpoint(-15.0)) in carrier.said
             await user.should_see(Fate.GIVEN.value)
 
@@ -80,17 +80,17 @@ def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
             for key in ("+", "ArrowRight", "ArrowRight", "ArrowLeft", "x"):
                 press(key)
             assert (slider.value, rudder.value) == (17.0, 1.0)
-            assert desk.setpoints.wanted[RUDDER] == pytest.approx(math.radians(1.0))
+            assert station.setpoints.wanted[RUDDER] == pytest.approx(math.radians(1.0))
             press("0")
             assert (slider.value, rudder.value) == (0.0, 0.0)
             press("-")
-            assert desk.setpoints.wanted[THRUST] == 2.0
+            assert station.setpoints.wanted[THRUST] == 2.0
             user.find("hold").click()
             assert await until(lambda: HOLD in topics(carrier))
-            desk.shore.hear(NAV, nav(), clock.now_s)
+            station.shore.hear(NAV, nav(), clock.now_s)
             pages[0].refresh()
             assert slider.value == 0  # the autopilot steers: what it showed does not hold
-            assert not desk.setpoints.wanted
+            assert not station.setpoints.wanted
             await user.should_see("the autopilot steers")
             await user.should_see("goto")
             await user.should_see("12.3 m")
@@ -110,13 +110,13 @@ def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
 
 
 def test_page_says_that_everything_starts_and_then_what_has_died() -> None:
-    desk = Desk(Shore(), Clock())
+    station = ControlStation(Shore(), Clock())
 
     async def visit() -> None:
-        async with visitor(desk) as (user, pages):
+        async with visitor(station) as (user, pages):
             await user.should_see("vehicle start")
             user.find("STOP").click()  # there is nothing to be stopped, and nothing fails
-            desk.trouble = "gateway 1 ended with code 1"
+            station.trouble = "gateway 1 ended with code 1"
             pages[0].refresh()
             await user.should_see("gateway 1 ended")
             await user.should_not_see("vehicle start")
@@ -125,21 +125,21 @@ def test_page_says_that_everything_starts_and_then_what_has_died() -> None:
 
 
 def test_what_one_page_moves_the_other_shows() -> None:
-    desk, _ = desk_at(Clock())
+    station, _ = station_at(Clock())
 
     async def visit() -> None:
-        async with visitor(desk) as (user, pages):
+        async with visitor(station) as (user, pages):
             await user.open("/")
             here, there = (page._sliders[THRUST] for page in pages[-2:])
             here.value = 9.0
             pages[-1].refresh()
             assert there.value == 9.0
-            assert desk.setpoints.wanted == {THRUST: -9.0}
-            desk.setpoints.reset()
+            assert station.setpoints.wanted == {THRUST: -9.0}
+            station.setpoints.reset()
             for page in pages[-2:]:
                 page.refresh()
             assert (here.value, there.value) == (0.0, 0.0)
-            assert desk.setpoints.wanted == {}  # following is not moving
+            assert station.setpoints.wanted == {}  # following is not moving
 
     asyncio.run(visit())
 

@@ -18,45 +18,45 @@ from examples.auv.messages import (
 )
 from examples.auv.shore import Shore
 from examples.auv.start import NAV_PERIOD_S
-from tests.auv.desks import LINK, UNIX_S, Clock, desk_at, frame, nav, streams
+from tests.auv.stations import LINK, UNIX_S, Clock, frame, nav, station_at, streams
 
 
 def test_what_is_in_the_water_is_told_until_it_has_arrived() -> None:
     clock = Clock()
-    desk, _ = desk_at(clock)
-    desk.watch.take("link", LINK, clock.now_s)
-    desk.watch.take("peers", {"2": {"metrics": {"propagation_s": 1.0}}}, clock.now_s)
+    station, _ = station_at(clock)
+    station.watch.take("link", LINK, clock.now_s)
+    station.watch.take("peers", {"2": {"metrics": {"propagation_s": 1.0}}}, clock.now_s)
     own = frame("out", clock.now_s, STOP)
-    desk.watch.take("channel", {"transmitting": own, "last": []}, clock.now_s)
+    station.watch.take("channel", {"transmitting": own, "last": []}, clock.now_s)
     clock.now_s += 0.5
     heard = frame("in", clock.now_s - 0.4, NAV)
     told = {"transmitting": None, "last": [own | {"outcome": "sent"}, heard]}
-    desk.watch.take("channel", told, clock.now_s)
-    lines = [(each.name, each.text) for each in readout.water_lines(desk)]
+    station.watch.take("channel", told, clock.now_s)
+    lines = [(each.name, each.text) for each in readout.water_lines(station)]
     assert lines == [("stop, 12 bytes", "in the water, there in 0.9 s")]
-    assert len(desk.watch.frames(desk.unix_s)) == 2  # told twice, there once
+    assert len(station.watch.frames(station.unix_s)) == 2  # told twice, there once
     clock.now_s += 1.0
-    assert readout.water_lines(desk) == []
+    assert readout.water_lines(station) == []
     clock.now_s += 100.0
-    assert desk.watch.frames(desk.unix_s) == []
+    assert station.watch.frames(station.unix_s) == []
 
 
 def test_what_was_rejected_never_was_on_the_channel() -> None:
     clock = Clock()
-    desk, _ = desk_at(clock)
+    station, _ = station_at(clock)
     last = [frame("out", clock.now_s, STOP, outcome="rejected")]
-    desk.watch.take("channel", {"transmitting": None, "last": last}, clock.now_s)
-    assert desk.watch.in_water(desk.unix_s) == []
+    station.watch.take("channel", {"transmitting": None, "last": last}, clock.now_s)
+    assert station.watch.in_water(station.unix_s) == []
 
 
 def test_what_waits_is_told() -> None:
     clock = Clock()
-    desk, _ = desk_at(clock)
+    station, _ = station_at(clock)
     both = streams(STOP, waiting=1, delivering=1)["streams"]
     both += streams(RUDDER, waiting=0, delivering=1)["streams"]
-    desk.watch.take("streams", {"streams": both}, clock.now_s)
-    desk.setpoints.set(THRUST, -15.0)
-    said = {each.name: each.text for each in readout.water_lines(desk)}
+    station.watch.take("streams", {"streams": both}, clock.now_s)
+    station.setpoints.set(THRUST, -15.0)
+    said = {each.name: each.text for each in readout.water_lines(station)}
     assert said == {
         "stop": "1 in the queue",
         "rudder": "waits for its acknowledgement",
@@ -66,16 +66,16 @@ def test_what_waits_is_told() -> None:
 
 def test_the_link_is_told_with_the_age_of_each_measurement() -> None:
     clock = Clock()
-    desk, _ = desk_at(clock)
-    assert [each.text for each in readout.link_lines(desk)] == ["not heard yet"]
-    watch = desk.watch
+    station, _ = station_at(clock)
+    assert [each.text for each in readout.link_lines(station)] == ["not heard yet"]
+    watch = station.watch
     watch.take("link", LINK, clock.now_s)
     metrics = {"received_level_db": -96.0, "integrity": 143.0, "snr_db": None}
     peer = {"heard_at_unix_s": UNIX_S + 98.0, "metrics": metrics, "per": 0.25}
     watch.take("peers", {"2": peer}, clock.now_s)
     measured = {"range_m": 1500.3, "propagation_s": 1.0, "measured_at_unix_s": UNIX_S + 70.0}
     watch.take("peer/2/range", measured, clock.now_s)
-    lines = {each.name: each for each in readout.link_lines(desk)}
+    lines = {each.name: each for each in readout.link_lines(station)}
     assert (lines["range"].text, lines["range"].age_s) == ("1500 m, 1.00 s", 30.0)
     assert (lines["signal"].text, lines["signal"].age_s) == ("-96 dB, integrity 143", 2.0)
     assert lines["frames"].text == "3 sent, 9 heard, 25% of ours lost"
@@ -83,7 +83,7 @@ def test_the_link_is_told_with_the_age_of_each_measurement() -> None:
     clock.now_s += 60.0
     watch.take("link", LINK | {"airtime_s": 6.0, "state": "down"}, clock.now_s)
     watch.take("peer/2/lost", {"lost": True, "since_unix_s": UNIX_S + 150.0}, clock.now_s)
-    lines = {each.name: each for each in readout.link_lines(desk)}
+    lines = {each.name: each for each in readout.link_lines(station)}
     assert lines["own airtime"].text == "10% of a minute"
     assert lines["modem"].is_bad
     assert (lines["vehicle"].text, lines["vehicle"].age_s) == ("LOST", 10.0)
@@ -91,13 +91,13 @@ def test_the_link_is_told_with_the_age_of_each_measurement() -> None:
 
 def test_reports_that_did_not_come_are_counted() -> None:
     clock = Clock()
-    desk, _ = desk_at(clock)
-    desk.watch.take("link", LINK, clock.now_s)
+    station, _ = station_at(clock)
+    station.watch.take("link", LINK, clock.now_s)
     for tick in range(60):
         clock.now_s += NAV_PERIOD_S
         if tick % 4:
-            desk.shore.hear(NAV, nav(float(tick)), clock.now_s, way_s=1.0)
-    line = next(each for each in readout.link_lines(desk) if each.name == "reports")
+            station.shore.hear(NAV, nav(float(tick)), clock.now_s, way_s=1.0)
+    line = next(each for each in readout.link_lines(station) if each.name == "reports")
     assert line.text == "18 of 24 in 2 min"
     assert not line.is_bad
 

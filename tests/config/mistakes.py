@@ -5,9 +5,9 @@ LATER = "(a later version will have it)"
 
 MISTAKES: list[tuple[str, object, str]] = [
     # keys
-    ("adress", 2, ".adress: unknown key; allowed: address, nodes, links, types, journal, streams"),
+    ("adress", 2, ".adress: unknown key; allowed: address, nodes, agreement, links, types"),
     ("adress", 2, '(did you mean "address"?)'),
-    ("zzz", 2, ".zzz: unknown key; allowed: address, nodes, links, types, journal, streams"),
+    ("zzz", 2, ".zzz: unknown key; allowed: address, nodes, agreement, links, types, journal"),
     ("journal", 3, ".journal: 3; allowed: a text, the folder of the journal"),
     ("journal", "", '.journal: ""; allowed: a text, the folder of the journal'),
     ("journal", "a\0b", "allowed: a text, the folder of the journal"),
@@ -288,6 +288,8 @@ MISTAKES: list[tuple[str, object, str]] = [
         "never",
         'streams[0].forward: "never"; allowed: always, on_demand',
     ),
+    ("agreement", "tags", '.agreement: "tags"; allowed: confirm, tag'),
+    ("agreement", 2, '.agreement: 2; allowed: "confirm", "tag"'),
     ("heartbeat_s", 0.5, ".heartbeat_s: 0.5; allowed: seconds, 1 or more"),
     ("lost_after_s", 0, ".lost_after_s: 0; allowed: seconds, above 0"),
     ("nodes.0.heartbeat_s", 0, ".nodes[0].heartbeat_s: 0; allowed: seconds, 1 or more"),

@@ -94,6 +94,7 @@ REFUSED = (
         True,
         ".streams[0].type: Pose.x is optional with wire",
     ),
+    ("agreement", "tag", '.agreement: "tag" with wire: "rmw_desert": its ends do not compare'),
     ("heartbeat_s", 60, '.heartbeat_s: 60 with wire: "rmw_desert": nothing on it says that a node'),
     ("lost_after_s", 60, ".lost_after_s: 60 with wire"),
     ("nodes.1.lost_after_s", 60, ".nodes[1].lost_after_s: 60 with wire"),

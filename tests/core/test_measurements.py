@@ -1,6 +1,6 @@
 """Measurements: of each peer the newest of everything, whatever comes late."""
 
-from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
+from zacoustic.core.base.linktypes import ONE_LINK, LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 
@@ -11,7 +11,7 @@ def test_newest_value_of_each_field_is_kept() -> None:
     known = Measurements(Peers())
     known.note(2, LinkMetrics(snr_db=10.0, integrity=120.0), 1)
     known.note(2, LinkMetrics(), 2)
-    known.handle(PeerMeasured(address=2, measured_at=3, metrics=LinkMetrics(snr_db=8.0)))
+    known.handle(PeerMeasured(address=2, measured_at=3, metrics=LinkMetrics(snr_db=8.0)), ONE_LINK)
     assert known.metrics(2) == LinkMetrics(snr_db=8.0, integrity=120.0)
     assert known.addresses() == [2]
     assert (known.metrics(3), known.range(2), known.position(2)) == (None, None, None)
@@ -43,5 +43,6 @@ def test_direction_and_position_are_kept_apart() -> None:
 def test_modem_is_what_it_last_said() -> None:
     known = Measurements(Peers())
     for battery_v in (24.0, 23.5):
-        known.handle(ModemRead(read_at=1, battery_v=battery_v))
-    assert known.modem == ModemRead(read_at=1, battery_v=23.5)
+        known.handle(ModemRead(read_at=1, battery_v=battery_v), ONE_LINK)
+    known.handle(ModemRead(read_at=2), "radio")
+    assert known.modems[ONE_LINK] == ModemRead(read_at=1, battery_v=23.5)

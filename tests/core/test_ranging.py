@@ -347,7 +347,7 @@ def test_measurements_of_nobody_are_dropped_and_readings_of_the_modem_kept() -> 
     end.engine.handle_measurement(ModemRead(read_at=1, battery_v=24.0), end.now)
     end.settle()
     assert end.got(ModemRead) == [ModemRead(read_at=1, battery_v=24.0)]
-    assert end.engine.measurements.modem == ModemRead(read_at=1, battery_v=24.0)
+    assert end.engine.measurements.modems == {"link": ModemRead(read_at=1, battery_v=24.0)}
 
 
 def test_a_range_gives_way_to_what_presses_but_not_for_more_than_a_period() -> None:

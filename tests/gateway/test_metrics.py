@@ -40,6 +40,7 @@ from zacoustic.zenoh.gateway.notices import Started
 from zacoustic_sim.link import SimConfig
 
 Labels = tuple[tuple[str, str], ...]
+LINK: Labels = (("link", "link"),)
 
 
 @asynccontextmanager
@@ -90,8 +91,8 @@ def test_metrics_are_those_of_the_health_report() -> None:
                 assert found["zacoustic_stream_transmitted_records_total", nav] == 0
                 assert found["zacoustic_stream_last_received_timestamp_seconds", nav] > 1.6e9
                 assert ("zacoustic_stream_last_transmitted_timestamp_seconds", nav) not in found
-                assert found["zacoustic_frames_received_total", ()] >= 1
-                assert found["zacoustic_link_up", ()] == 1
+                assert found["zacoustic_frames_received_total", LINK] >= 1
+                assert found["zacoustic_link_up", LINK] == 1
                 assert found["zacoustic_silent", ()] == 0
                 assert found["zacoustic_journal_kept", ()] == 0
                 peer: Labels = (("peer", "2"),)
@@ -105,8 +106,8 @@ def test_metrics_are_those_of_the_health_report() -> None:
                 photo: Labels = (("outcome", "delivered"), ("stream", "auv1/photo"))
                 vehicle.put("auv1/photo", b"x")
                 while (
-                    not (await scrape(url))["zacoustic_frames_received_total", ()]
-                    > found["zacoustic_frames_received_total", ()]
+                    not (await scrape(url))["zacoustic_frames_received_total", LINK]
+                    > found["zacoustic_frames_received_total", LINK]
                 ):
                     pass
                 assert (await scrape(url))["zacoustic_stream_deliveries_total", photo] == 0

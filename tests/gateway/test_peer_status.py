@@ -22,10 +22,10 @@ from tests.gateway.networks import (
     until,
     zenoh_config,
 )
+from zacoustic.core.base.linktypes import ONE_LINK, LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.peers.contact import Contact, ContactRules
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
@@ -170,13 +170,17 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     contact = Contact(1, rules, peers, timers, lambda event: None)
     engine = Engine(address=1, table=StreamTable(), epoch=1, rng=random.Random(1))
     knows = SimpleNamespace(
-        measurements=known, contact=contact, deadlines=engine.deadlines, address=1
+        measurements=known,
+        contact=contact,
+        deadlines=engine.deadlines,
+        address=1,
+        links=engine.links,
     )
     runner: Any = SimpleNamespace(engine=knows)
     peer_status = PeerStatus(runner, clock=lambda: now, unix_s=lambda: unix_s)
     assert peer_status.documents() == {}
     delay = LinkMetrics(propagation_s=0.5)
-    known.handle(PeerMeasured(address=2, measured_at=97 * NS_PER_S, metrics=delay))
+    known.handle(PeerMeasured(address=2, measured_at=97 * NS_PER_S, metrics=delay), ONE_LINK)
     before = peer_status.documents()
     assert before == {
         "peer/2/range": {
@@ -188,7 +192,7 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     }
     now, unix_s = 200 * NS_PER_S, 1100.4
     assert peer_status.documents() == before
-    known.handle(PeerMeasured(address=2, measured_at=now, metrics=delay))
+    known.handle(PeerMeasured(address=2, measured_at=now, metrics=delay), ONE_LINK)
     after: Any = peer_status.documents()["peer/2/range"]
     assert after["measured_at_unix_s"] == 1100.4
     contact.begin(190 * NS_PER_S)

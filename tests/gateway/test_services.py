@@ -234,19 +234,19 @@ def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
                 loop.call_soon_threadsafe(rung.set)
 
             handler = QueryHandler(worker, ring, limit=1, closed_text="closed")
-            server.declare_queryable("desk", lambda query: handler.admit(lambda held: None, query))
+            server.declare_queryable("asked", lambda query: handler.admit(lambda held: None, query))
             await fence(server)
-            first = asyncio.ensure_future(get(client, "desk"))
+            first = asyncio.ensure_future(get(client, "asked"))
             await rung.wait()
-            assert (await get(client, "desk")).errors == [
-                "desk: NO_SERVER: 1 queries are held already"
+            assert (await get(client, "asked")).errors == [
+                "asked: NO_SERVER: 1 queries are held already"
             ]
             [(held, _)] = handler.take()
             assert held.refuse(CallFailure.HANDLER, "first")
             assert not held.refuse(CallFailure.HANDLER, "second")
-            assert (await first).errors == ["desk: HANDLER: first"]
+            assert (await first).errors == ["asked: HANDLER: first"]
             handler.close()
-            assert (await get(client, "desk")).errors == ["desk: NO_SERVER: closed"]
+            assert (await get(client, "asked")).errors == ["asked: NO_SERVER: closed"]
             assert (len(handler), handler.refused) == (0, 1)
             await worker.close(limit_s=LIMIT_S)
 

@@ -1,21 +1,32 @@
 """A runner with two links: sound of a simulated medium, and datagrams."""
 
 import asyncio
+import json
+import logging
 import random
+from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
+
+import pytest
 
 from tests.links.udp_pair import locators
 from tests.runtime.loop_checks import run
+from tests.runtime.test_runtime import ScriptedLink
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, LinkStateChanged, SampleReceived
-from zacoustic.core.linktypes import LinkState
+from zacoustic.core.linktypes import LinkState, ModemRead
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.link import registry
+from zacoustic.errors import ConfigError, LinkOpenError
+from zacoustic.link import Link, LinkReceiver, registry
+from zacoustic.run.clocks import NodeClocks
+from zacoustic.run.hostclock import HostClock
+from zacoustic.run.permitlog import PermitLog
 from zacoustic.run.runner import LinkRunner
 from zacoustic_sim.medium import SimMedium
 
@@ -33,6 +44,27 @@ def table() -> StreamTable:
     )
 
 
+def two_nodes() -> SimMedium:
+    nodes = tuple(NodeSpec(address=n, position=(100.0 * n, 0.0, 20.0)) for n in (1, 2))
+    return SimMedium(Scenario(nodes=nodes, channel="none"), time_scale=50.0)
+
+
+class Absent(ScriptedLink):
+    """Cannot be opened, some times."""
+
+    def __init__(self, *failures: Exception) -> None:
+        super().__init__()
+        self.failures = list(failures)
+        self.attempts = 0
+
+    async def open(self, receiver: LinkReceiver) -> None:
+        self.attempts += 1
+        receiver.state_changed(LinkState.OPENING, f"attempt {self.attempts}")
+        if self.failures:
+            raise self.failures.pop(0)
+        await super().open(receiver)
+
+
 def publish(stream_id: int, value: bytes, engine: Engine, now: int) -> int:
     return engine.publish(stream_id, value, now)
 
@@ -40,13 +72,11 @@ def publish(stream_id: int, value: bytes, engine: Engine, now: int) -> int:
 class Side:
     """A runner with both links, and what it has told."""
 
-    def __init__(self, address: int, medium: SimMedium, radio: str) -> None:
+    def __init__(self, address: int, medium: SimMedium, radio: Link, **more: Any) -> None:
         engine = Engine(
             address=address, table=table(), epoch=address, rng=random.Random(1), rules=RULES
         )
-        self.runner = LinkRunner(
-            engine, medium.link(address), beside={"radio": registry.create(radio, address)}
-        )
+        self.runner = LinkRunner(engine, medium.link(address), beside={"radio": radio}, **more)
         self.events: list[Event] = []
         self.changed = asyncio.Event()
 
@@ -58,24 +88,45 @@ class Side:
         self.changed.set()
 
     async def got(self, stream_id: int) -> Any:
-        while True:
-            for event in self.events:
-                if isinstance(event, SampleReceived) and event.stream_id == stream_id:
-                    return event.value
+        def samples() -> list[Any]:
+            return [
+                event.value
+                for event in self.events
+                if isinstance(event, SampleReceived) and event.stream_id == stream_id
+            ]
+
+        await self.until(lambda: bool(samples()))
+        return samples()[0]
+
+    async def up(self, *links: str) -> None:
+        """Wait until these links are up."""
+        await self.until(lambda: {name for name, state in self.states() if state} >= {*links})
+
+    def states(self) -> list[tuple[str, bool]]:
+        """Return which link went up or down, in order."""
+        return [
+            (each.link, each.state is LinkState.UP)
+            for each in self.events
+            if isinstance(each, LinkStateChanged)
+        ]
+
+    async def until(self, holds: Callable[[], bool]) -> None:
+        while not holds():
             self.changed.clear()
             await self.changed.wait()
 
 
 def test_runner_drives_an_engine_on_two_links() -> None:
     async def scenario() -> None:
-        nodes = tuple(NodeSpec(address=n, position=(100.0 * n, 0.0, 20.0)) for n in (1, 2))
-        medium = SimMedium(Scenario(nodes=nodes, channel="none"), time_scale=50.0)
+        medium = two_nodes()
         radios = locators(settings="&latency_s=0.01")
-        near, far = (Side(n, medium, radio) for n, radio in zip((1, 2), radios, strict=True))
+        near, far = (
+            Side(n, medium, registry.create(radio, n))
+            for n, radio in zip((1, 2), radios, strict=True)
+        )
         await near.start()
         await far.start()
-        states = [event for event in near.events if isinstance(event, LinkStateChanged)]
-        assert {each.link for each in states if each.state is LinkState.UP} == {"sound", "radio"}
+        await near.up("sound", "radio")
         for stream_id, value in ((1, b"by sound"), (2, b"by radio")):
             near.runner.apply(partial(publish, stream_id, value))
             assert await far.got(stream_id) == value
@@ -88,5 +139,91 @@ def test_runner_drives_an_engine_on_two_links() -> None:
         await near.runner.close()
         await far.runner.close()
         medium.close()
+
+    run(scenario(), limit_s=30.0)
+
+
+def test_further_link_that_cannot_be_opened_is_told_and_opened_later(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def scenario() -> None:
+        monkeypatch.setattr("zacoustic.run.linkside.FIRST_DELAY_S", 1e-3)
+        medium = two_nodes()
+        reasons = ("no such port", "no such port", "no such port", "the port is in use")
+        radio = Absent(*map(LinkOpenError, reasons))
+        side = Side(1, medium, radio)
+        await side.start()
+        side.runner.apply(partial(publish, 2, b"waits for the radio"))
+        assert not side.states().count(("radio", True))
+        await side.up("sound", "radio")
+        assert (radio.attempts, radio.closed) == (5, 4)
+        assert side.runner.side("radio").detail == "scripted"
+        await side.until(lambda: bool(radio.sent))
+        await side.runner.close()
+        assert radio.closed == 5
+        medium.close()
+
+    with caplog.at_level(logging.WARNING):
+        run(scenario(), limit_s=30.0)
+    assert [each.getMessage() for each in caplog.records] == [
+        "node 1: radio down: no such port",
+        "node 1: radio down: the port is in use",
+    ]
+
+
+def test_close_ends_the_attempts_to_open_a_further_link() -> None:
+    class Slow(Absent):
+        async def open(self, receiver: LinkReceiver) -> None:
+            self.attempts += 1
+            await asyncio.Event().wait()
+
+    async def scenario() -> None:
+        medium = two_nodes()
+        for radio in (Slow(), Absent(LinkOpenError("no such port"))):
+            side = Side(1, medium, radio)
+            await side.start()
+            await side.runner.close()
+            assert (radio.attempts, radio.closed > 0) == (1, True)
+        medium.close()
+
+    run(scenario(), limit_s=30.0)  # no task is left
+
+
+def test_fault_of_a_further_link_stops_the_runner() -> None:
+    async def scenario() -> None:
+        medium = two_nodes()
+        side = Side(
+            1, medium, Absent(LinkOpenError("no such port"), ConfigError("mtu is 3; allowed: 8.."))
+        )
+        await side.start()
+        with pytest.raises(ConfigError, match="mtu is 3"):
+            await side.runner.wait_failed()
+        await side.runner.close()
+        medium.close()
+
+    run(scenario(), limit_s=30.0)
+
+
+def test_permit_log_names_the_link_and_has_the_level_of_its_modem(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        medium = two_nodes()
+        path = tmp_path / "permits"
+        clocks = NodeClocks(host=HostClock())
+        side = Side(1, medium, Absent(), permit_log=PermitLog(path), clocks=clocks)
+        await side.start()
+        await side.up("sound", "radio")
+        first = side.runner.side("sound")
+        first.measured(ModemRead(read_at=1, source_level_db=184.0))
+        for stream_id in (1, 2):
+            side.runner.apply(partial(publish, stream_id, b"x"))
+        reports = side.runner.engine.stats.links
+        await side.until(lambda: all(each.reports for each in reports.values()))
+        await side.runner.close()
+        medium.close()
+        lines = [json.loads(each) for each in path.read_text().splitlines()]
+        assert {(each["link"], each["source_level_db"]) for each in lines} == {
+            ("sound", 184.0),
+            ("radio", None),
+        }
 
     run(scenario(), limit_s=30.0)

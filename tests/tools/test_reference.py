@@ -133,6 +133,7 @@ WHOLE: Final[dict[str, Any]] = {
     "quiet": [{"from": "22:00", "to": "06:00"}],
     "objects": {"max_waiting": 8},
     "heartbeat_s": 60,
+    "agreement": "tag",
     "commands_from": [1],
 }  # fmt: skip
 WRONG: Final[list[tuple[str, Any]]] = [
@@ -166,6 +167,7 @@ WRONG: Final[list[tuple[str, Any]]] = [
     ("quiet.0.from", "24:00"),
     ("objects.max_waiting", 65),
     ("heartbeat_s", 0),
+    ("agreement", "tags"),
     ("commands_from", [300]),
 ]
 

@@ -8,6 +8,9 @@ decoded by another variant shows another ticket, another name, or another value.
 
 import itertools
 import random
+from collections.abc import Mapping
+from functools import partial
+from types import MappingProxyType
 from typing import Any, Final
 
 import msgspec
@@ -16,8 +19,11 @@ from zacoustic.channel.profiles import profile_named
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.core.base.qos import Priority, Qos, Stamp
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, StreamsDiffer
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.peers.agreementpolicy import AgreementMethod
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.values.types import FieldSpec, TypeSpec
@@ -219,6 +225,7 @@ class Trial:
         change: How much tables differ.
         corrupt: Share of the frames that arrive damaged, to the end; for modems that do not check.
         most_restarts: Restarts of each node at most.
+        agreement: What of `AgreementMethod` nodes have, by address; a node without has the default.
     """
 
     def __init__(
@@ -234,6 +241,7 @@ class Trial:
         change: float = 0.4,
         corrupt: float = 0.0,
         most_restarts: int = 3,
+        agreement: Mapping[int, AgreementMethod] = MappingProxyType({}),
     ) -> None:
         rng = random.Random(seed)
         self.end_s = fault_s + calm_s
@@ -261,7 +269,12 @@ class Trial:
             calm_pause_s=60.0 * nodes,
         )
         self._differences = Differences()
-        self._scenario_run = ScenarioRun(drawn, [self._differences, OncePerCall()], digest=True)
+        self._scenario_run = ScenarioRun(
+            drawn,
+            [self._differences, OncePerCall()],
+            digest=True,
+            build=partial(_engine, agreement),
+        )
         self.network = self._scenario_run.network
 
     def run(self) -> None:
@@ -322,6 +335,19 @@ class Trial:
             for at, node, source, stream_id in self.delivered
             if at >= after
         }
+
+
+def _engine(
+    agreement: Mapping[int, AgreementMethod],
+    *,
+    address: int,
+    rules: TransmitRules,
+    **others: Any,
+) -> Engine:
+    """Make the engine of a node that agrees in its own way."""
+    method = agreement.get(address, rules.agreement)
+    rules = msgspec.structs.replace(rules, agreement=method)
+    return Engine(address=address, rules=rules, **others)
 
 
 def _weather(

@@ -47,7 +47,7 @@ def fleet(nodes: int = 2, **settings: Any) -> StreamTable:
     )
 
 
-class Desk:
+class Bench:
     """A network whose node 1 accepts every goal, and what its nodes were told."""
 
     def __init__(
@@ -168,83 +168,83 @@ def test_scenario_finds_it_when_a_provisional_confirm_holds_at_once(
 
 
 def test_goal_is_accepted_fed_and_ended() -> None:
-    desk = Desk()
-    goal = desk.send()
-    desk.run(10)
-    assert desk.of(GoalAnswered) == [GoalAnswered(goal=goal, accepted=True)]
-    assert [event.value for event in desk.of(GoalReceived, 1)] == [b"there"]
-    assert desk.feed(goal, b"half way")
-    desk.run(20)
-    assert [event.value for event in desk.of(FeedbackReceived, 2)] == [b"half way"]
-    assert desk.finish(goal)
-    assert not desk.finish(goal)
-    assert not desk.feed(goal, b"late")
-    desk.run(60)
-    assert desk.of(ResultReceived) == [ResultReceived(goal=goal, status=SUCCEEDED, value=b"done")]
-    desk.run(10_000)
-    assert desk.medium.is_quiet
+    bench = Bench()
+    goal = bench.send()
+    bench.run(10)
+    assert bench.of(GoalAnswered) == [GoalAnswered(goal=goal, accepted=True)]
+    assert [event.value for event in bench.of(GoalReceived, 1)] == [b"there"]
+    assert bench.feed(goal, b"half way")
+    bench.run(20)
+    assert [event.value for event in bench.of(FeedbackReceived, 2)] == [b"half way"]
+    assert bench.finish(goal)
+    assert not bench.finish(goal)
+    assert not bench.feed(goal, b"late")
+    bench.run(60)
+    assert bench.of(ResultReceived) == [ResultReceived(goal=goal, status=SUCCEEDED, value=b"done")]
+    bench.run(10_000)
+    assert bench.medium.is_quiet
     assert (
-        desk.medium.journal(1).entries.keys()
-        == desk.medium.journal(2).entries.keys()
+        bench.medium.journal(1).entries.keys()
+        == bench.medium.journal(2).entries.keys()
         == {"epoch", "life"}
     )
 
 
 def test_rejected_goal_says_why() -> None:
-    desk = Desk(accepts=False)
-    goal = desk.send()
-    desk.run(5)
-    desk.serve(lambda engine, now: engine.actions.reject(goal, now, text="battery low"))
-    desk.run(30)
-    assert desk.of(GoalAnswered) == [
+    bench = Bench(accepts=False)
+    goal = bench.send()
+    bench.run(5)
+    bench.serve(lambda engine, now: engine.actions.reject(goal, now, text="battery low"))
+    bench.run(30)
+    assert bench.of(GoalAnswered) == [
         GoalAnswered(goal=goal, accepted=False, failure=GoalFailure.REJECTED, text="battery low")
     ]
-    assert not desk.serve(lambda engine, now: engine.actions.accept(goal, now))
+    assert not bench.serve(lambda engine, now: engine.actions.accept(goal, now))
 
 
 def test_cancel_overtakes_a_thousand_samples() -> None:
-    desk = Desk()
-    goal = desk.send()
-    desk.run(30)
+    bench = Bench()
+    goal = bench.send()
+    bench.run(30)
     for number in range(1000):
-        desk.medium.publish(2, 1, b"%60d" % number)
-    desk.run(33.3)
-    assert desk.medium.engine(2).pending(1) > 900
-    desk.cancel(goal)
-    desk.run(36)
+        bench.medium.publish(2, 1, b"%60d" % number)
+    bench.run(33.3)
+    assert bench.medium.engine(2).pending(1) > 900
+    bench.cancel(goal)
+    bench.run(36)
     # The frame that is on the air, the next one, and the way: 400 m.
-    assert desk.when(CancelRequested) < 33.3 + 1.0 + 1.0 + 0.3
-    assert desk.medium.engine(2).pending(1) > 900
+    assert bench.when(CancelRequested) < 33.3 + 1.0 + 1.0 + 0.3
+    assert bench.medium.engine(2).pending(1) > 900
 
 
 def test_cancel_is_answered_and_the_goal_ends_canceled() -> None:
-    desk = Desk()
-    goal = desk.send()
-    desk.run(20)
-    assert desk.cancel(goal)
-    desk.run(25)
-    assert len(desk.of(CancelRequested, 1)) == 1
-    desk.answer_cancel(goal, accepted=True)
-    desk.run(30)
-    assert desk.of(CancelAnswered) == [CancelAnswered(goal=goal, accepted=True)]
-    desk.finish(goal, CANCELED, None)
-    desk.run(60)
-    assert desk.of(ResultReceived) == [ResultReceived(goal=goal, status=CANCELED, value=None)]
-    assert not desk.cancel(goal)
+    bench = Bench()
+    goal = bench.send()
+    bench.run(20)
+    assert bench.cancel(goal)
+    bench.run(25)
+    assert len(bench.of(CancelRequested, 1)) == 1
+    bench.answer_cancel(goal, accepted=True)
+    bench.run(30)
+    assert bench.of(CancelAnswered) == [CancelAnswered(goal=goal, accepted=True)]
+    bench.finish(goal, CANCELED, None)
+    bench.run(60)
+    assert bench.of(ResultReceived) == [ResultReceived(goal=goal, status=CANCELED, value=None)]
+    assert not bench.cancel(goal)
 
 
 def test_refused_cancel_may_be_asked_for_again() -> None:
-    desk = Desk()
-    goal = desk.send()
+    bench = Bench()
+    goal = bench.send()
     for at_s in (20, 60):
-        desk.run(at_s)
-        desk.cancel(goal)
-        desk.run(at_s + 5)
-        desk.answer_cancel(goal, accepted=False, text="too deep")
-        desk.run(at_s + 15)
+        bench.run(at_s)
+        bench.cancel(goal)
+        bench.run(at_s + 5)
+        bench.answer_cancel(goal, accepted=False, text="too deep")
+        bench.run(at_s + 15)
     refused = CancelAnswered(goal=goal, accepted=False, text="too deep")
-    assert desk.of(CancelAnswered) == [refused, refused]
-    assert len(desk.of(CancelRequested)) == 2
+    assert bench.of(CancelAnswered) == [refused, refused]
+    assert len(bench.of(CancelRequested)) == 2
 
 
 @pytest.mark.parametrize("restarts", [False, True])
@@ -252,105 +252,105 @@ def test_copies_that_come_an_hour_late_neither_ask_again_nor_answer_another_canc
     restarts: bool,
 ) -> None:
     # Each frame comes at once, and again after any time-out is over.
-    desk = Desk(result_timeout_s=20_000, disturb=lambda source, node, now: (0.0, 600.0, 3600.0))
-    goal = desk.send()
+    bench = Bench(result_timeout_s=20_000, disturb=lambda source, node, now: (0.0, 600.0, 3600.0))
+    goal = bench.send()
     for number in range(6):
         at_s = 20 + 570 * number
-        desk.run(at_s)
+        bench.run(at_s)
         if restarts and number == 3:
-            desk.medium.restart(2)
-        assert desk.cancel(goal)
-        desk.run(at_s + 60)
-        assert len(desk.of(CancelAnswered)) == number  # nobody has answered this one
-        desk.answer_cancel(goal, accepted=number == 5, text="" if number == 5 else str(number))
-        desk.run(at_s + 120)
-    answers = [(event.accepted, event.text) for event in desk.of(CancelAnswered)]
+            bench.medium.restart(2)
+        assert bench.cancel(goal)
+        bench.run(at_s + 60)
+        assert len(bench.of(CancelAnswered)) == number  # nobody has answered this one
+        bench.answer_cancel(goal, accepted=number == 5, text="" if number == 5 else str(number))
+        bench.run(at_s + 120)
+    answers = [(event.accepted, event.text) for event in bench.of(CancelAnswered)]
     assert answers == [(False, str(number)) for number in range(5)] + [(True, "")]
-    desk.run(9000)
-    assert len(desk.of(CancelRequested)) == 6
-    assert len(desk.of(CancelAnswered)) == 6
+    bench.run(9000)
+    assert len(bench.of(CancelRequested)) == 6
+    assert len(bench.of(CancelAnswered)) == 6
     # That it will end is final: whoever asks again is told at once.
-    frames = desk.medium.engine(2).stats.frames_transmitted
-    assert desk.cancel(goal)
-    assert len(desk.of(CancelAnswered)) == 7
-    desk.run(9100)
-    assert desk.medium.engine(2).stats.frames_transmitted == frames
+    frames = bench.medium.engine(2).stats.frames_transmitted
+    assert bench.cancel(goal)
+    assert len(bench.of(CancelAnswered)) == 7
+    bench.run(9100)
+    assert bench.medium.engine(2).stats.frames_transmitted == frames
 
 
 def test_cancel_of_a_client_that_dies_is_not_answered_to_its_next_life() -> None:
-    desk = Desk()
-    goal = desk.send()
-    desk.run(20)
-    desk.cancel(goal)
-    desk.run(25)
-    desk.medium.crash(2)
-    desk.answer_cancel(goal, accepted=False)
-    desk.run(40)
-    desk.medium.start(2)
-    desk.run(41)
-    desk.cancel(goal)
-    desk.run(60)
-    assert len(desk.of(CancelRequested)) == 2
-    assert desk.of(CancelAnswered) == []
-    desk.answer_cancel(goal, accepted=True)
-    desk.run(80)
-    assert desk.of(CancelAnswered) == [CancelAnswered(goal=goal, accepted=True)]
+    bench = Bench()
+    goal = bench.send()
+    bench.run(20)
+    bench.cancel(goal)
+    bench.run(25)
+    bench.medium.crash(2)
+    bench.answer_cancel(goal, accepted=False)
+    bench.run(40)
+    bench.medium.start(2)
+    bench.run(41)
+    bench.cancel(goal)
+    bench.run(60)
+    assert len(bench.of(CancelRequested)) == 2
+    assert bench.of(CancelAnswered) == []
+    bench.answer_cancel(goal, accepted=True)
+    bench.run(80)
+    assert bench.of(CancelAnswered) == [CancelAnswered(goal=goal, accepted=True)]
 
 
 def test_attempts_go_round_after_two_hundred_and_fifty_six() -> None:
-    desk = Desk(result_timeout_s=20_000)
-    goal = desk.send()
-    desk.run(20)
+    bench = Bench(result_timeout_s=20_000)
+    goal = bench.send()
+    bench.run(20)
     for number in range(300):
-        desk.cancel(goal)
-        desk.run(30 + 20 * number)
-        desk.answer_cancel(goal, accepted=False, text=str(number))
-        desk.run(40 + 20 * number)
-    assert [event.text for event in desk.of(CancelAnswered)] == [str(each) for each in range(300)]
-    assert len(desk.of(CancelRequested)) == 300
+        bench.cancel(goal)
+        bench.run(30 + 20 * number)
+        bench.answer_cancel(goal, accepted=False, text=str(number))
+        bench.run(40 + 20 * number)
+    assert [event.text for event in bench.of(CancelAnswered)] == [str(each) for each in range(300)]
+    assert len(bench.of(CancelRequested)) == 300
 
 
 def test_goal_runs_where_hello_of_the_server_was_heard_after_its_confirmation() -> None:
     # A first HELLO is that of a new life, as far as the client knows: it is not confirmed any more.
     # The server took it for confirmed, and said in short what was dropped.
-    desk: Desk | None = None
+    bench: Bench | None = None
 
     def disturb(source: int, node: int, now: int) -> tuple[float, ...]:
-        assert desk is not None
-        confirms = desk.frames[-1][1][0] == CONFIRM_CODE
+        assert bench is not None
+        confirms = bench.frames[-1][1][0] == CONFIRM_CODE
         return () if source == 1 and confirms and now > 60 * NS_PER_S else (0.0,)
 
-    desk = Desk(disturb=disturb, trace=True, timeout_s=60)
+    bench = Bench(disturb=disturb, trace=True, timeout_s=60)
     for number in range(5):
-        desk.medium.at(10 * number, partial(desk.medium.publish, 2, 1, b"x"))
-    desk.run(60)
+        bench.medium.at(10 * number, partial(bench.medium.publish, 2, 1, b"x"))
+    bench.run(60)
     # The server has said nothing but its confirmation.
-    assert [frame for node, frame in desk.frames if node == 1] == [b"\xb5\2\0\1"]
-    goal = desk.send()
-    desk.run(80)
-    assert desk.of(GoalAnswered) == [GoalAnswered(goal=goal, accepted=True)]
-    desk.finish(goal)
-    desk.run(300)
-    assert [event.goal for event in desk.of(ResultReceived)] == [goal]
-    assert len(desk.of(GoalReceived)) == 1
-    frames = desk.medium.engine(1).stats.frames_transmitted
-    desk.run(3000)
-    assert desk.medium.engine(1).stats.frames_transmitted == frames
+    assert [frame for node, frame in bench.frames if node == 1] == [b"\xb5\2\0\1"]
+    goal = bench.send()
+    bench.run(80)
+    assert bench.of(GoalAnswered) == [GoalAnswered(goal=goal, accepted=True)]
+    bench.finish(goal)
+    bench.run(300)
+    assert [event.goal for event in bench.of(ResultReceived)] == [goal]
+    assert len(bench.of(GoalReceived)) == 1
+    frames = bench.medium.engine(1).stats.frames_transmitted
+    bench.run(3000)
+    assert bench.medium.engine(1).stats.frames_transmitted == frames
 
 
 def test_confirm_of_the_client_ends_what_the_server_says_of_itself() -> None:
-    desk = Desk(trace=True)
-    goal = desk.send()
+    bench = Bench(trace=True)
+    goal = bench.send()
     for number in range(4):
-        desk.run(30 * number + 3)
-        desk.feed(goal, b"%d" % number)
-    desk.run(200)
-    said = [frame.hex() for node, frame in desk.frames if node == 1 and frame[-1:].isdigit()]
+        bench.run(30 * number + 3)
+        bench.feed(goal, b"%d" % number)
+    bench.run(200)
+    said = [frame.hex() for node, frame in bench.frames if node == 1 and frame[-1:].isdigit()]
     # Behind a provisional confirm for the client's epoch, 1, as long as that does not know it to be
     # known.
     assert said == ["b10001b5ff00011ea030", "1ea031", "1ea032", "1ea033"]
     # Confirms, and not a record of the client: it has said nothing but its goal.
-    assert {frame[-2:] for node, frame in desk.frames if node == 2} == {b"re", b"\0\1"}
+    assert {frame[-2:] for node, frame in bench.frames if node == 2} == {b"re", b"\0\1"}
 
 
 def test_result_that_did_not_get_through_twice_is_asked_for() -> None:
@@ -361,55 +361,55 @@ def test_result_that_did_not_get_through_twice_is_asked_for() -> None:
         lost[0] -= source == 1
         return () if source == 1 and lost[0] >= 0 else (0.0,)
 
-    desk = Desk(disturb=disturb, trace=True)
-    goal = desk.send()
-    desk.run(60)
+    bench = Bench(disturb=disturb, trace=True)
+    goal = bench.send()
+    bench.run(60)
     lost[0] = 2
-    desk.finish(goal, value=result)
-    desk.run(120)
-    assert [event.value for event in desk.of(ResultReceived)] == [result]
-    whole = [frame for node, frame in desk.frames if node == 1 and frame.endswith(result)]
+    bench.finish(goal, value=result)
+    bench.run(120)
+    assert [event.value for event in bench.of(ResultReceived)] == [result]
+    whole = [frame for node, frame in bench.frames if node == 1 and frame.endswith(result)]
     assert len(whole) == 3
-    claims = [frame for node, frame in desk.frames if node == 2 and frame[1:] == b"\x20"]
+    claims = [frame for node, frame in bench.frames if node == 2 and frame[1:] == b"\x20"]
     assert len(claims) == 1
 
 
 def test_goal_that_was_not_sent_yet_is_cancelled_without_a_frame() -> None:
-    desk = Desk()
-    desk.medium.set_link(2, up=False)
-    goal = desk.send()
-    assert desk.cancel(goal)
-    desk.medium.set_link(2, up=True)
-    desk.run(60)
-    (answered,) = desk.of(GoalAnswered)
+    bench = Bench()
+    bench.medium.set_link(2, up=False)
+    goal = bench.send()
+    assert bench.cancel(goal)
+    bench.medium.set_link(2, up=True)
+    bench.run(60)
+    (answered,) = bench.of(GoalAnswered)
     assert answered.failure is GoalFailure.CANCELLED
-    assert desk.of(GoalReceived) == []
-    assert desk.medium.engine(2).stats.frames_transmitted == 0
+    assert bench.of(GoalReceived) == []
+    assert bench.medium.engine(2).stats.frames_transmitted == 0
 
 
 def test_cancel_that_overtakes_its_goal_prevents_it() -> None:
     lost: list[bool] = [True]
-    desk = Desk(disturb=lambda source, node, now: () if lost[0] else (0.0,))
-    goal = desk.send()
-    desk.run(3)
-    assert desk.medium.engine(2).stats.transmitted == {30: 1}
+    bench = Bench(disturb=lambda source, node, now: () if lost[0] else (0.0,))
+    goal = bench.send()
+    bench.run(3)
+    assert bench.medium.engine(2).stats.transmitted == {30: 1}
     lost[0] = False
-    desk.cancel(goal)
-    desk.run(60)
-    (answered,) = desk.of(GoalAnswered)
+    bench.cancel(goal)
+    bench.run(60)
+    (answered,) = bench.of(GoalAnswered)
     assert (answered.accepted, answered.failure) == (False, GoalFailure.CANCELLED)
-    assert desk.of(GoalReceived) == []
+    assert bench.of(GoalReceived) == []
 
 
 def test_of_feedback_only_the_newest_goes_and_not_more_often_than_allowed() -> None:
-    desk = Desk(feedback_interval_s=5.0)
-    goal = desk.send()
-    desk.run(20)
+    bench = Bench(feedback_interval_s=5.0)
+    goal = bench.send()
+    bench.run(20)
     for number in range(300):
-        desk.medium.at(20 + 0.1 * number, partial(desk.feed, goal, b"%d" % number))
-    desk.run(60)
+        bench.medium.at(20 + 0.1 * number, partial(bench.feed, goal, b"%d" % number))
+    bench.run(60)
     got = [
-        (at, int(event.value)) for _, at, event in desk.told if isinstance(event, FeedbackReceived)
+        (at, int(event.value)) for _, at, event in bench.told if isinstance(event, FeedbackReceived)
     ]
     assert 6 <= len(got) <= 8
     assert [number for _, number in got] == sorted({number for _, number in got})
@@ -422,174 +422,174 @@ def test_of_feedback_only_the_newest_goes_and_not_more_often_than_allowed() -> N
 
 def test_result_is_claimed_after_half_an_hour_of_silence() -> None:
     outage = {"blackouts": [{"node": 1, "from_s": 20, "to_s": 1820}]}
-    desk = Desk(faults=outage)
-    goal = desk.send()
-    desk.medium.at(100, partial(desk.finish, goal))
-    desk.run(1820)
-    assert desk.of(ResultReceived) == []
-    desk.run(2200)
-    assert [event.value for event in desk.of(ResultReceived)] == [b"done"]
+    bench = Bench(faults=outage)
+    goal = bench.send()
+    bench.medium.at(100, partial(bench.finish, goal))
+    bench.run(1820)
+    assert bench.of(ResultReceived) == []
+    bench.run(2200)
+    assert [event.value for event in bench.of(ResultReceived)] == [b"done"]
 
 
 def test_goal_survives_its_client_and_its_server_is_asked() -> None:
-    desk = Desk()
-    goal = desk.send(tag=b"mission 7")
-    desk.run(20)
-    desk.medium.crash(2)
-    desk.run(40)
-    desk.finish(goal)
-    desk.run(60)
-    desk.medium.start(2)
-    desk.run(100)
-    assert desk.of(GoalRecovered) == [GoalRecovered(goal=goal, tag=b"mission 7")]
-    assert [event.goal for event in desk.of(ResultReceived)] == [goal]
-    assert len(desk.of(GoalReceived)) == 1
-    other = desk.send()
-    desk.run(120)
-    assert desk.of(GoalAnswered)[-1] == GoalAnswered(goal=other, accepted=True)
+    bench = Bench()
+    goal = bench.send(tag=b"mission 7")
+    bench.run(20)
+    bench.medium.crash(2)
+    bench.run(40)
+    bench.finish(goal)
+    bench.run(60)
+    bench.medium.start(2)
+    bench.run(100)
+    assert bench.of(GoalRecovered) == [GoalRecovered(goal=goal, tag=b"mission 7")]
+    assert [event.goal for event in bench.of(ResultReceived)] == [goal]
+    assert len(bench.of(GoalReceived)) == 1
+    other = bench.send()
+    bench.run(120)
+    assert bench.of(GoalAnswered)[-1] == GoalAnswered(goal=other, accepted=True)
     assert other.epoch == goal.epoch + 1
 
 
 def test_goal_of_a_former_life_can_be_cancelled() -> None:
-    desk = Desk()
-    goal = desk.send()
-    desk.run(20)
-    desk.medium.restart(2)
-    desk.run(21)
-    desk.cancel(goal)
-    desk.run(40)
-    assert [event.goal for event in desk.of(CancelRequested)] == [goal]
+    bench = Bench()
+    goal = bench.send()
+    bench.run(20)
+    bench.medium.restart(2)
+    bench.run(21)
+    bench.cancel(goal)
+    bench.run(40)
+    assert [event.goal for event in bench.of(CancelRequested)] == [goal]
 
 
 def test_goal_that_ran_when_its_server_died_is_unknown_and_does_not_run_again() -> None:
-    desk = Desk()
-    goal = desk.send()
-    desk.run(20)
-    desk.medium.restart(1)
-    desk.run(60)
-    (failed,) = desk.of(GoalFailed)
+    bench = Bench()
+    goal = bench.send()
+    bench.run(20)
+    bench.medium.restart(1)
+    bench.run(60)
+    (failed,) = bench.of(GoalFailed)
     assert (failed.goal, failed.failure) == (goal, GoalFailure.UNKNOWN)
-    assert len(desk.of(GoalReceived)) == 1
-    assert not desk.finish(goal)
+    assert len(bench.of(GoalReceived)) == 1
+    assert not bench.finish(goal)
 
 
 def test_server_without_a_journal_says_that_it_does_not_know_a_goal() -> None:
-    desk = Desk(journal=False)
-    desk.send()
-    desk.run(20)
-    desk.medium.restart(1)
-    desk.medium.publish(1, 1, b"I am back")
-    desk.run(60)
-    (failed,) = desk.of(GoalFailed)
+    bench = Bench(journal=False)
+    bench.send()
+    bench.run(20)
+    bench.medium.restart(1)
+    bench.medium.publish(1, 1, b"I am back")
+    bench.run(60)
+    (failed,) = bench.of(GoalFailed)
     assert failed.failure is GoalFailure.UNKNOWN
     assert failed.text == "the server does not know it any more"
 
 
 def test_goal_of_which_nothing_is_heard_is_asked_after_and_then_given_up() -> None:
-    desk = Desk(result_timeout_s=600)
-    desk.send()
-    desk.run(650)
-    assert desk.of(GoalFailed) == []  # asked after 300 s, and answered
-    desk.medium.crash(1)
-    desk.run(2000)
-    (failed,) = desk.of(GoalFailed)
+    bench = Bench(result_timeout_s=600)
+    bench.send()
+    bench.run(650)
+    assert bench.of(GoalFailed) == []  # asked after 300 s, and answered
+    bench.medium.crash(1)
+    bench.run(2000)
+    (failed,) = bench.of(GoalFailed)
     assert failed.failure is GoalFailure.TIMED_OUT
-    assert 900 < desk.when(GoalFailed) < 1300
-    assert desk.medium.is_quiet
+    assert 900 < bench.when(GoalFailed) < 1300
+    assert bench.medium.is_quiet
 
 
 def test_goal_is_not_taken_when_its_client_has_given_it_up() -> None:
-    desk = Desk(accepts=False, timeout_s=20)
-    goal = desk.send()
-    desk.run(25)
-    (failed,) = desk.of(GoalFailed)
+    bench = Bench(accepts=False, timeout_s=20)
+    goal = bench.send()
+    bench.run(25)
+    (failed,) = bench.of(GoalFailed)
     assert failed.failure is GoalFailure.TIMED_OUT
-    assert not desk.serve(lambda engine, now: engine.actions.accept(goal, now))
+    assert not bench.serve(lambda engine, now: engine.actions.accept(goal, now))
 
 
 def test_a_goal_that_runs_on_does_not_hold_up_a_hundred_others() -> None:
-    desk = Desk(timeout_s=60)
-    long = desk.send()
-    desk.run(20)
+    bench = Bench(timeout_s=60)
+    long = bench.send()
+    bench.run(20)
     for number in range(100):
-        goal = desk.send(value=b"%d" % number)
-        desk.run(20 + 30 * number + 10)
-        assert desk.finish(goal, value=b"%d" % number)
-        desk.run(20 + 30 * number + 30)
-    assert [event.value for event in desk.of(ResultReceived)] == [b"%d" % n for n in range(100)]
-    assert desk.feed(long, b"still here")
-    desk.finish(long)
-    desk.run(3100)
-    assert desk.of(FeedbackReceived)[-1].goal == long
-    assert desk.of(ResultReceived)[-1].goal == long
-    assert len(desk.of(GoalReceived)) == 101
+        goal = bench.send(value=b"%d" % number)
+        bench.run(20 + 30 * number + 10)
+        assert bench.finish(goal, value=b"%d" % number)
+        bench.run(20 + 30 * number + 30)
+    assert [event.value for event in bench.of(ResultReceived)] == [b"%d" % n for n in range(100)]
+    assert bench.feed(long, b"still here")
+    bench.finish(long)
+    bench.run(3100)
+    assert bench.of(FeedbackReceived)[-1].goal == long
+    assert bench.of(ResultReceived)[-1].goal == long
+    assert len(bench.of(GoalReceived)) == 101
 
 
 def test_more_than_twelve_goals_at_once_are_refused() -> None:
-    desk = Desk(timeout_s=1000)
+    bench = Bench(timeout_s=1000)
     for _ in range(12):
-        desk.send()
+        bench.send()
     with pytest.raises(QueueFullError, match="12 goals for node 1 are under way"):
-        desk.send()
-    desk.run(100)
-    assert len(desk.of(GoalReceived)) == 12
+        bench.send()
+    bench.run(100)
+    assert len(bench.of(GoalReceived)) == 12
 
 
 def test_goal_survives_a_new_epoch_of_its_client() -> None:
-    desk = Desk(tables={1: fleet(), 2: fleet()})
-    goal = desk.send()
-    desk.run(20)
+    bench = Bench(tables={1: fleet(), 2: fleet()})
+    goal = bench.send()
+    bench.run(20)
     extra = TopicSpec(stream_id=2, name="b")
     for node in (1, 2):
-        desk.medium.apply(node, lambda engine, now: engine.declare(extra, now))
-    desk.feed(goal, b"nobody has told the server of the new epoch")
-    desk.run(60)
-    desk.finish(goal)
-    desk.run(120)
-    assert desk.medium.engine(2).epoch > goal.epoch
-    assert desk.of(GoalRecovered) == []
-    assert [event.goal for event in desk.of(ResultReceived)] == [goal]
+        bench.medium.apply(node, lambda engine, now: engine.declare(extra, now))
+    bench.feed(goal, b"nobody has told the server of the new epoch")
+    bench.run(60)
+    bench.finish(goal)
+    bench.run(120)
+    assert bench.medium.engine(2).epoch > goal.epoch
+    assert bench.of(GoalRecovered) == []
+    assert [event.goal for event in bench.of(ResultReceived)] == [goal]
 
 
 def test_stream_that_differs_fails_the_goal() -> None:
     tables = {1: fleet(), 2: fleet(result_timeout_s=10.0)}
-    desk = Desk(tables=tables)
-    desk.send()
-    desk.run(20)
-    (failed,) = desk.of(GoalFailed)
+    bench = Bench(tables=tables)
+    bench.send()
+    bench.run(20)
+    (failed,) = bench.of(GoalFailed)
     assert failed.failure is GoalFailure.TABLE_MISMATCH
     assert failed.text == "node 1 defines stream 30 in another way"
-    desk.send()
-    assert len(desk.of(GoalFailed)) == 2
+    bench.send()
+    assert len(bench.of(GoalFailed)) == 2
 
 
 def test_action_works_between_nodes_that_differ_in_another_stream() -> None:
     other = fleet()
     other.declare(TopicSpec(stream_id=9, name="only here"))
-    desk = Desk(tables={1: fleet(), 2: other})
-    goal = desk.send()
-    desk.run(60)
-    desk.finish(goal)
-    desk.run(120)
-    assert [event.value for event in desk.of(ResultReceived)] == [b"done"]
+    bench = Bench(tables={1: fleet(), 2: other})
+    goal = bench.send()
+    bench.run(60)
+    bench.finish(goal)
+    bench.run(120)
+    assert [event.value for event in bench.of(ResultReceived)] == [b"done"]
 
 
 def test_several_clients_have_goals_of_the_same_number() -> None:
-    desk = Desk(4)
+    bench = Bench(4)
     goals: dict[GoalKey, bytes] = {}
     for node in (2, 3, 4):
         for number in range(3):
             value = b"%d.%d" % (node, number)
 
             def send(node: int = node, value: bytes = value) -> None:
-                goals[desk.send(node, value)] = value
+                goals[bench.send(node, value)] = value
 
-            desk.medium.at(10.0 * node + number, send)
-    desk.run(200)
-    assert {event.goal: event.value for event in desk.of(GoalReceived)} == goals
+            bench.medium.at(10.0 * node + number, send)
+    bench.run(200)
+    assert {event.goal: event.value for event in bench.of(GoalReceived)} == goals
     for goal, value in goals.items():
-        desk.finish(goal, value=b"re " + value)
-    desk.run(400)
-    results = {event.goal: event.value for event in desk.of(ResultReceived)}
+        bench.finish(goal, value=b"re " + value)
+    bench.run(400)
+    results = {event.goal: event.value for event in bench.of(ResultReceived)}
     assert results == {goal: b"re " + value for goal, value in goals.items()}
     assert {goal.number for goal in goals} == {0, 1, 2}

@@ -47,22 +47,10 @@ from zacoustic.errors import ConfigError, LocalError
 PHOTO = random.Random(7).randbytes(3000)
 
 
-def use_all(fleet: TwoLinks, tag: bytes, *, node: int = 2) -> None:
-    """Use every kind of stream on both links."""
-    network = fleet.network
-    for first in (0, BESIDE):
-        network.publish(node, first + FIX, b"fix" + tag)
-        network.publish(node, first + PLAN, b"plan" + tag)
-        network.publish(node, first + KEPT, b"kept" + tag)
-        fleet.call(node, first + ARM, b"arm" + tag)
-        fleet.send_goal(node, first + MOVE, b"move" + tag)
-        network.publish(node, first + PLAN, PHOTO + tag)
-
-
 @pytest.mark.parametrize("nodes", [2, 4])
 def test_each_stream_goes_by_its_link(nodes: int) -> None:
     fleet = TwoLinks(nodes)
-    use_all(fleet, b"1")
+    fleet.use_all(b"1", PHOTO)
     fleet.network.apply(1, lambda engine, now: engine.subscriptions.want(VIEW + BESIDE, now, {2}))
     fleet.network.run(until_s=60.0)
     fleet.network.publish(2, VIEW + BESIDE, b"view")
@@ -92,7 +80,7 @@ def test_each_stream_goes_by_its_link(nodes: int) -> None:
 
 def test_everything_is_booked_once_and_for_its_link() -> None:
     fleet = TwoLinks(3, loss=(0.2, 0.2))
-    use_all(fleet, b"1")
+    fleet.use_all(b"1", PHOTO)
     fleet.network.run(until_s=1200.0)
     for node in fleet.network.addresses:
         whole = fleet.network.engine(node).stats
@@ -122,7 +110,7 @@ def test_loss_of_one_link_changes_no_frame_of_the_other(lost: str) -> None:
             for node in fleet.network.addresses:
                 fleet.network.set_link(node, up=False, link=lost)
         for at_s in (410.0, 500.0):
-            fleet.network.at(at_s, partial(use_all, fleet, str(at_s).encode()))
+            fleet.network.at(at_s, partial(fleet.use_all, str(at_s).encode(), PHOTO))
         fleet.network.run(until_s=900.0)
         runs.append(fleet.sent(kept)[begin:])
         first = 0 if kept == SOUND else BESIDE
@@ -213,13 +201,13 @@ def test_crash_of_a_node_loses_nothing_that_was_kept_on_either_link() -> None:
 
 def test_node_is_forgotten_on_both_links_and_found_again() -> None:
     fleet = TwoLinks()
-    use_all(fleet, b"1")
+    fleet.use_all(b"1", PHOTO)
     fleet.network.run(until_s=300.0)
     fleet.network.apply(1, lambda engine, now: engine.forget(2, now))
     assert fleet.network.engine(1).peers() == {}
     fleet.network.run(until_s=310.0)
     assert not [key for key in fleet.network.journal(1).entries if "/2/" in key]
-    use_all(fleet, b"2")
+    fleet.use_all(b"2", PHOTO)
     fleet.network.run(until_s=900.0)
     for first in (0, BESIDE):
         assert fleet.got(1, first + PLAN)[-2:] == [b"plan2", PHOTO + b"2"]

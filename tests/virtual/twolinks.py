@@ -54,9 +54,11 @@ def fleet(nodes: int = 2) -> StreamTable:
     return StreamTable(streams, nodes={each: f"n{each}" for each in range(1, nodes + 1)})
 
 
-def rules(sound: LinkRules | None = None, **more: Any) -> TransmitRules:
+def rules(
+    sound: LinkRules | None = None, radio: LinkRules | None = None, **more: Any
+) -> TransmitRules:
     """Return rules with both links."""
-    links = (sound or LinkRules(name=SOUND), LinkRules(name=RADIO))
+    links = (sound or LinkRules(name=SOUND), radio or LinkRules(name=RADIO))
     return TransmitRules(links=links, routes=ROUTES, **more)
 
 
@@ -106,6 +108,17 @@ class TwoLinks:
         # As late as datagrams of a network may be: a fifth of a second.
         radio = medium(nodes, apart_m=300.0, profile="ideal", loss=loss[1], seed=seed + 1)
         self.network.add_link(RADIO, radio, modem=RADIO_MODEM)
+
+    def use_all(self, tag: bytes, photo: bytes, *, node: int = 2) -> None:
+        """Use every kind of stream on both links; a photo is larger than a frame."""
+        network = self.network
+        for first in (0, BESIDE):
+            network.publish(node, first + FIX, b"fix" + tag)
+            network.publish(node, first + PLAN, b"plan" + tag)
+            network.publish(node, first + KEPT, b"kept" + tag)
+            self.call(node, first + ARM, b"arm" + tag)
+            self.send_goal(node, first + MOVE, b"move" + tag)
+            network.publish(node, first + PLAN, photo + tag)
 
     def got(self, node: int, stream_id: int) -> list[bytes]:
         """Return the values that a node received of a stream."""

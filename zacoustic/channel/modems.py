@@ -208,9 +208,9 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
     def notices(self, arrival: Arrival) -> bool:
         """Tell whether a modem notices that sound begins."""
         station = self.stations.get(arrival.node)
-        if station is None or station.profile.separates_senders or not self.senses_carrier:
+        if station is None or not self.senses_carrier:
             return False
-        return arrival.snr_db >= station.profile.detection_snr_db
+        return station.profile.notices(arrival.snr_db)
 
     def begin(self, arrival: Arrival, sent: Sound[StationT, FrameT]) -> None:
         """Sound begins at a node."""

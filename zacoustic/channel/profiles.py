@@ -105,6 +105,10 @@ class ModemProfile(msgspec.Struct, frozen=True, kw_only=True):
         )
         return packet_error_rate(bit_error_rate(self.reception, ratio(per_bit_db)), 8 * frame_bytes)
 
+    def notices(self, snr_db: float) -> bool:
+        """Tell whether a receiver notices that a frame begins; `ideal` reports no carrier."""
+        return not self.separates_senders and snr_db >= self.detection_snr_db
+
     def overlaps_band_of(self, other: "ModemProfile") -> bool:
         """Whether this modem hears the other one's sound, as noise at least."""
         return abs(self.frequency_hz - other.frequency_hz) < (

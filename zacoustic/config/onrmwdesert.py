@@ -9,6 +9,7 @@ from zacoustic.core.streams.wireprofile import WireProfile
 
 _WIRE: Final = f'wire: "{WireProfile.RMW_DESERT.value}"'
 _REASONS: Final = {
+    "agreement": "its ends do not compare their tables",
     "heartbeat_s": "nothing on it says that a node is there",
     "lost_after_s": "nothing on it says who sends",
     "ranging": "nothing on it asks a modem for a range",

@@ -11,6 +11,7 @@ import msgspec
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
 from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
+from zacoustic.config.later import check_word
 from zacoustic.config.links import read_link_rules, read_links, read_routes
 from zacoustic.config.metrics import read_metrics
 from zacoustic.config.model import check_model, read_model
@@ -31,6 +32,7 @@ from zacoustic.config.sections import (
     TypeEntry,
 )
 from zacoustic.config.streams import Fleet, check_address, read_streams
+from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import fault_of_name
 from zacoustic.core.streams.table import StreamTable
@@ -336,11 +338,19 @@ def _read_rules(
         max_airtime=own_links[0].max_airtime if own_links else written.max_airtime,
         commands_from=commands_from,
         contact=read_contact(place, written, own),
+        agreement=_read_agreement(place.at("agreement"), written.agreement),
         objects=objects,
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
         links=own_links if any(each.name for each in links) else (),
         routes=read_routes(place.at("streams"), written.links, links),
     )
+
+
+def _read_agreement(place: Place, written: str | None) -> AgreementMethod:
+    if written is None:
+        return AgreementMethod.CONFIRM
+    check_word(place, written, tuple(each.value for each in AgreementMethod))
+    return AgreementMethod(written)
 
 
 def _read_permit_log(place: Place, written: str | None) -> Path | None:

@@ -9,6 +9,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.base.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
+from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S
 from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.streams.wireprofile import WireProfile
@@ -39,6 +40,7 @@ ALLOWED: Final = {
     "turn_s": "seconds, above 0, at most 5.1",
     "idle_s": "seconds, 0 or more",
     "nodes": "a list of { address, name }",
+    "agreement": ", ".join(f'"{method.value}"' for method in AgreementMethod),
     "link": "the name of a link",
     "links": "a list of { locator, … }, with a name each where there are several",
     "types": "a list of { name, fields } or { name, python }",
@@ -338,6 +340,9 @@ class Section(Entry, frozen=True, kw_only=True):
     """Acoustic address of this node; `--address` overrides it."""
     nodes: tuple[NodeEntry, ...] = ()
     """The fleet."""
+    agreement: str | None = None
+    """How nodes come to know that they share a table: `"confirm"` for few nodes, `"tag"` for many;
+    default: `"confirm"`."""
     links: tuple[LinkEntry, ...] = ()
     """The modems, the first one for streams that name none; `--link` overrides them."""
     types: tuple[TypeEntry, ...] = ()

@@ -12,7 +12,9 @@ nothing about streams. Rules, all proven by the conformance battery
 - `capabilities` are set before `state_changed(UP)`, and may be others at a later UP.
 - A lost device is reported as DOWN first, then the ABORTED report of what was under way.
 - A link reconnects by itself and says so (`LinkState`); it queues no frames of its own.
-- After `close` has returned no callback is made; `close` may be called again.
+- After `close` has returned no callback is made; `close` may be called again. A link that was
+  closed, or whose `open` has raised, can be opened again: a node does so until each of its further
+  links is open.
 - `received_at` is stamped where the bytes are read, and never decreases.
 - `measured` reports what the device measures, once it is known. With `measures_range`, that
   includes the propagation delay of each transmission that ended DELIVERED, measured in this very

@@ -1,5 +1,10 @@
-"""One link of a runner: what is known of it, and where what it says goes."""
+"""One link of a runner: what is known of it, and where what it says goes.
 
+A link that was lost comes back by itself. One that cannot be opened does not, so `LinkSide` opens
+it again, after the pauses of a byte stream, and says meanwhile that it is down.
+"""
+
+import asyncio
 from typing import Protocol
 
 from zacoustic.core.base.linktypes import (
@@ -9,6 +14,8 @@ from zacoustic.core.base.linktypes import (
     Transmission,
     TransmitReport,
 )
+from zacoustic.errors import LinkOpenError
+from zacoustic.link.bytestream.stream import FIRST_DELAY_S, LAST_DELAY_S
 from zacoustic.link.contract import Link
 
 
@@ -29,6 +36,9 @@ class SideRunner(Protocol):
 
     def take_measurement(self, side: "LinkSide", measurement: Measurement) -> None:
         """The link has measured something."""
+
+    def fail(self, error: Exception) -> None:
+        """The link has a fault."""
 
 
 class LinkSide:
@@ -56,7 +66,44 @@ class LinkSide:
         """What it transmits now."""
         self.is_foreign_on_air = False
         """That is of a former engine."""
+        self.open_failure = ""
+        """Why it could not be opened; it is tried again."""
         self._runner = runner
+        self._opening: asyncio.Task[None] | None = None
+
+    def keep_opening(self) -> None:
+        """Open the link, again and again until it is open; returns at once."""
+        name = f"opens {self.name}"
+        self._opening = asyncio.get_running_loop().create_task(self._open(), name=name)
+
+    async def close(self) -> None:
+        """Close the link."""
+        task, self._opening = self._opening, None
+        if task is not None:
+            task.cancel()
+            await asyncio.wait([task])
+        await self.link.close()
+
+    async def _open(self) -> None:
+        delay_s = FIRST_DELAY_S
+        try:
+            while not await self._is_opened():
+                await asyncio.sleep(delay_s)
+                delay_s = min(2 * delay_s, LAST_DELAY_S)
+        except Exception as error:  # a fault of the link, or what the config asks of it
+            self._runner.fail(error)
+
+    async def _is_opened(self) -> bool:
+        try:
+            await self.link.open(self)
+        except LinkOpenError as error:
+            await self.link.close()
+            told, self.open_failure = self.open_failure, str(error)
+            if told != self.open_failure:
+                self._runner.take_state(self, LinkState.DOWN, self.open_failure)
+            return False
+        self.open_failure = ""
+        return True
 
     def frame_received(self, frame: ReceivedFrame) -> None:
         """A frame arrived."""
@@ -67,8 +114,9 @@ class LinkSide:
         self._runner.take_report(self, report)
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:
-        """The link went up or down."""
-        self._runner.take_state(self, state, detail)
+        """The link went up or down; an attempt after one that failed says nothing new."""
+        if state is not LinkState.OPENING or not self.open_failure:
+            self._runner.take_state(self, state, detail)
 
     def carrier_changed(self, busy: bool) -> None:
         """Another node is audible, or not any more."""

@@ -7,7 +7,8 @@ when, how loud and how long. One JSON object a line::
      "bytes": 64, "destination": 255, "outcome": "sent"}
 
 `utc` is the beginning; `source_level_db` is dB re 1 µPa at 1 m, null where the modem does not tell.
-`"utc_in_doubt": true` stands in a line whose `utc` nothing has kept right. An `outcome` other than
+`link` has the name of the link where the node has several. `"utc_in_doubt": true` stands in a line
+whose `utc` nothing has kept right. An `outcome` other than
 ``sent``, ``delivered`` and ``not_delivered`` may have been cut short: ``aborted``; what was
 ``rejected`` made no sound and is not in the log.
 
@@ -54,6 +55,8 @@ class Emission(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Address, 255: all."""
     outcome: str
     """How it ended."""
+    link: str = ""
+    """Name of the link, where the node has several."""
     utc_in_doubt: bool = False
     """Nothing kept the clock right."""
 
@@ -100,7 +103,7 @@ class PermitLog:
         """
         if report.outcome is TransmitOutcome.REJECTED:
             return
-        modem = engine.measurements.modem
+        modem = engine.measurements.modems.get(sent.link)
         self.note(
             emission(
                 node=engine.address,
@@ -110,6 +113,7 @@ class PermitLog:
                 frame_bytes=len(sent.frame_bytes),
                 destination=sent.destination,
                 outcome=report.outcome.value,
+                link=sent.link if len(engine.links) > 1 else "",
                 utc_in_doubt=not engine.clock.is_sure,
             )
         )
@@ -149,6 +153,7 @@ def emission(
     frame_bytes: int,
     destination: int,
     outcome: str,
+    link: str = "",
     utc_in_doubt: bool = False,
 ) -> Emission:
     """Make the line of an emission that began at a UTC, ns since 1970."""
@@ -160,6 +165,7 @@ def emission(
         bytes=frame_bytes,
         destination=destination,
         outcome=outcome,
+        link=link,
         utc_in_doubt=utc_in_doubt,
     )
 

@@ -2,7 +2,8 @@
 
 `LinkRunner` does what the contract at the top of `core/engine.py` asks of a driver and nothing
 else. Every input and every command ends in `_service`: poll until dry, arm one timer. There is no
-other task and no polling; an idle engine leaves the process asleep.
+polling, and no other task but those that open further links (`zacoustic.run.linkside`); an idle
+engine leaves the process asleep.
 
 One thread owns the engine, that of the loop. Two things come from elsewhere:
 
@@ -115,7 +116,7 @@ class LinkRunner:
                 journal,
                 committed=self._committed,
                 state_changed=self._journal_changed,
-                fail=self._fail,
+                fail=self.fail,
             )
 
     @property
@@ -138,15 +139,17 @@ class LinkRunner:
         deliver: Callable[[Event], None] | None = None,
         settled: Callable[[], None] | None = None,
     ) -> None:
-        """Open the links and run.
+        """Open the links and run; returns when the first one is open.
+
+        Another one that cannot be opened is reported as down, and opened again until it is there.
 
         Args:
             deliver: Takes each event, on the loop; may call `apply`.
             settled: Called each time when all actions of an input are done.
 
         Raises:
-            LinkOpenError: The link cannot be opened; the runner is closed then.
-            ConfigError: The link cannot do what the config asks of it; the same.
+            LinkOpenError: The first link cannot be opened; the runner is closed then.
+            ConfigError: It cannot do what the config asks of it; the same.
         """
         self._loop = asyncio.get_running_loop()
         self._deliver, self._settled = deliver or _ignore, settled or _nothing
@@ -157,8 +160,10 @@ class LinkRunner:
             self._keep_intact(self._first)
         self._guarded(self._tell_clock)
         try:
-            for side in self.sides:
-                await side.link.open(side)
+            first, *beside = self.sides
+            for side in beside:
+                side.keep_opening()
+            await first.link.open(first)
             self._guarded(self._service)
             if isinstance(self.failure, ZacousticError):
                 raise self.failure
@@ -181,7 +186,7 @@ class LinkRunner:
             try:
                 if self._replacement is not None:
                     await self._replacement.stop()
-                await asyncio.gather(*(side.link.close() for side in self.sides))
+                await asyncio.gather(*(side.close() for side in self.sides))
             finally:
                 if self._journal is not None:
                     await self._journal.close()
@@ -403,10 +408,10 @@ class LinkRunner:
             for step in steps:
                 step()
         except (ConfigError, RangeUnavailableError) as error:
-            self._fail(error)  # the link cannot do what the config asks of it
+            self.fail(error)  # the link cannot do what the config asks of it
         except Exception as error:  # of the engine or the receiver of its events: a bug
             if self._replacement is None:
-                self._fail(error)
+                self.fail(error)
             elif self.failure is None:
                 self._lose_engine(self._replacement, error, frame)
 
@@ -415,7 +420,7 @@ class LinkRunner:
         try:
             step()
         except Exception as error:  # of the link or a file: a bug
-            self._fail(error)
+            self.fail(error)
 
     def _lose_engine(self, next_one: Replacement, error: Exception, frame: bytes | None) -> None:
         """Give the engine up, and have the next one made."""
@@ -484,7 +489,8 @@ class LinkRunner:
     def _is_replacing(self) -> bool:
         return self._replacement is not None and self._replacement.is_under_way
 
-    def _fail(self, error: Exception) -> None:
+    def fail(self, error: Exception) -> None:
+        """Stop running; the error comes out of `wait_failed`."""
         if not isinstance(error, ZacousticError):  # those carry their own message
             _logger.error("node %d: stopped by a fault", self.engine.address, exc_info=error)
         self.failure = error

@@ -14,7 +14,7 @@ gives one trace: `digest` identifies a run in 32 bytes.
 
 What goes wrong is in the scenario (`faults`, `loss`, `links`), or done by hand: `crash`, `start`,
 `set_link`. A node that crashes loses its engine and keeps its journal (`virtualjournal`), its
-clocks (`virtualclock`) and its modem (`virtualmedium`). Its next engine gets what the journal has,
+clocks (`virtualclock`) and its modem (`virtualmodems`). Its next engine gets what the journal has,
 and the boot epoch after the last one that was committed.
 
 The modem of a node is what the scenario's profile says. `Modem` takes from it what the tests want
@@ -49,8 +49,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtualclock import NodeClock
 from zacoustic.testing.virtualfaults import schedule_faults
 from zacoustic.testing.virtualjournal import FULL, VirtualJournal
-from zacoustic.testing.virtualmedium import Disturb, VirtualMedium
-from zacoustic.testing.virtualmodem import Modem
+from zacoustic.testing.virtualmodems import Disturb, Modem, VirtualModems
 from zacoustic.testing.virtualnode import NodeDownError, VirtualNode
 
 # A network may need the lacks of its modems, and the times when a node is down.
@@ -111,11 +110,11 @@ class VirtualNetwork:
         self._agenda = Agenda()
         medium = Medium(scenario)
         self._nodes: dict[int, VirtualNode] = {}
-        self._medium = VirtualMedium(
+        self._medium = VirtualModems(
             self._agenda, medium, modem or Modem(), None, disturb, self._service
         )
         self._media = [self._medium]
-        self._beside: dict[str, VirtualMedium] = {}
+        self._beside: dict[str, VirtualModems] = {}
         self._deliver = deliver or (lambda address, event: self.events.append((address, event)))
         self._trace = trace
         self._hash = hashlib.sha256() if digest else None
@@ -262,7 +261,7 @@ class VirtualNetwork:
             modem: What its modems do by themselves.
             disturb: Loses, delays and repeats frames in addition to the scenario.
         """
-        medium = VirtualMedium(
+        medium = VirtualModems(
             self._agenda, Medium(scenario), modem or Modem(), link, disturb, self._service
         )
         self._beside[link] = medium
@@ -367,10 +366,10 @@ class VirtualNetwork:
 
     # Below the methods above
 
-    def _on(self, link: str | None) -> VirtualMedium:
+    def _on(self, link: str | None) -> VirtualModems:
         return self._medium if link is None else self._beside.get(link, self._medium)
 
-    def _connect(self, medium: VirtualMedium, node: VirtualNode, engine: Engine) -> None:
+    def _connect(self, medium: VirtualModems, node: VirtualNode, engine: Engine) -> None:
         """Tell an engine that its modem is there, once that is free."""
         device = medium.stations[node.address]
         if node.engine is not engine or not device.is_up:

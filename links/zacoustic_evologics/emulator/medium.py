@@ -81,7 +81,7 @@ class EmulatedMedium(Driver[Signal]):
 
     def notices(self, arrival: Arrival) -> bool:
         """Tell whether a modem that listens notices a sound."""
-        return arrival.snr_db >= self.medium.profile(arrival.node).detection_snr_db
+        return self.medium.profile(arrival.node).notices(arrival.snr_db)
 
     def begin(self, arrival: Arrival, sent: Signal) -> None:
         """Tell a modem that a sound begins."""

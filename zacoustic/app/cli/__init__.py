@@ -49,13 +49,14 @@ _ROOMS: Final = {
     "recordings": ("journal", "decode", "record", "replay", "report"),
     "design": ("demo", "check", "plan", "sim", "init", "schema", "fit", "bench"),
     "host": ("doctor", "links", "completion"),
+    "security": ("acl",),
 }
 """The verbs of each room."""
 _ROOM_OF: Final = {verb: room for room, verbs in _ROOMS.items() for verb in verbs}
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
-    "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal", "decode", "sim",
-    "record", "replay", "report", "init", "schema", "fit", "bench", "completion",
+    "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal", "acl", "decode",
+    "sim", "record", "replay", "report", "init", "schema", "fit", "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order of the help."""
 

@@ -107,7 +107,7 @@ class Engine:
         self._now = 0
         self._events: deque[Event] = deque()
         emit = self._events.append
-        node = NodeContext(address, table, epoch, rng, stored, rules.contact, emit)
+        node = NodeContext(address, table, epoch, rng, stored, rules.of_peers, emit)
         self.stats = node.stats
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
         self._journal, self._timers = journal, timers = node.journal, node.timers
@@ -209,13 +209,14 @@ class Engine:
     ) -> None:
         """The link has measured something of a peer, or says something of its modem."""
         self._now = now
+        stack = self._stack(link)
         peer = measurement.address if isinstance(measurement, PeerMeasured) else 0
         if isinstance(measurement, PeerMeasured):
             if not 1 <= peer <= 254 or peer == self.address:
                 self.stats.drop("address")
                 return
-            self._stack(link).protocols.ranging.measured(measurement)
-        self.measurements.handle(measurement)
+            stack.protocols.ranging.measured(measurement)
+        self.measurements.handle(measurement, stack.name)
         self._events.append(measurement)
         self._trace.note(now, "measure", peer=peer)
 

@@ -57,6 +57,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.base.parts import Offer
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.peers.agreementpolicy import POLICIES, AgreementMethod
 from zacoustic.core.peers.introducing import Introductions
 from zacoustic.core.peers.peer import Peer, Row
 from zacoustic.core.peers.peers import Peers
@@ -124,16 +125,24 @@ class Handshake:
         table: Its stream table.
         peers: The other nodes.
         rng: Draws the pauses before frames of its own.
+        method: How much is said and answered for the sake of agreement.
     """
 
     def __init__(
-        self, address: int, epoch: int, table: StreamTable, peers: Peers, rng: random.Random
+        self,
+        address: int,
+        epoch: int,
+        table: StreamTable,
+        peers: Peers,
+        rng: random.Random,
+        method: AgreementMethod = AgreementMethod.CONFIRM,
     ) -> None:
         self._address = address
         self._table = table
         self._rng = rng
         self._peers = peers
-        self.introductions = Introductions(address, epoch, table, peers)
+        self._policy = POLICIES[method]
+        self.introductions = Introductions(address, epoch, table, peers, self._policy)
         self._units_ns: dict[str, int] = {}
         """Of each link that was up."""
         self._unit_ns = seconds_to_ns(1)
@@ -226,7 +235,8 @@ class Handshake:
         speak = self._speak_next(link)
         if speak is None or speak[0] > now:
             return None
-        return Offer(destination=speak[1], owed_first=True, rides=True)
+        destination = BROADCAST if self._peers[speak[1]].speaks_to_all else speak[1]
+        return Offer(destination=destination, owed_first=True, rides=True)
 
     def _speak_next(self, link: str) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next frame that only says what is owed, or None."""
@@ -237,19 +247,16 @@ class Handshake:
         ]
         return min(waiting, default=None)
 
-    def spoken(self, address: int, now: int) -> None:
-        """Note that a frame went to a peer; what did not fit is said in a next one."""
-        peer = self._peers.get(address)
-        if peer is None:
-            return
-        if not peer.is_owed:
-            peer.speak_at = None
-        elif peer.sayable_at <= now:
-            peer.speak_at = now
-        elif peer.speak_at is None or peer.speak_at <= now:
-            # The instant was that of something that has been said.
-            confirm_at = peer.confirm_at + self.patience_ns
-            peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
+    def spoken(self, link: str, destination: int, now: int) -> None:
+        """Note that a frame went to a peer, or to all; what did not fit is said in a next one."""
+        if destination != BROADCAST:
+            peer = self._peers.get(destination)
+            if peer is not None:
+                self._spoken(peer, now)
+        elif self._policy.speaks_to_all:
+            for peer in self._peers.values():
+                if peer.link == link and peer.speak_at is not None and peer.speak_at <= now:
+                    self._spoken(peer, now)
 
     def answers_within(self, address: int, duration_ns: int) -> None:
         """Say to a node no sooner again what may have an answer under way by then.
@@ -262,11 +269,12 @@ class Handshake:
 
     # What this node hears
 
-    def begin_frame(self, source: int, size_bytes: int, now: int) -> None:
+    def begin_frame(self, source: int, size_bytes: int, now: int, *, unicast: bool) -> None:
         """A frame arrived, with so many bytes in its envelope; what it says follows."""
         peer = self._peers[source]
         if not self._table.lists(source):
             peer.credit_bytes = (peer.credit_bytes or 0) + size_bytes
+        peer.heard_alone = unicast
         peer.confirms_now = False
         peer.rows_now.clear()
         peer.ripen(now)
@@ -277,11 +285,13 @@ class Handshake:
         peer.is_assured &= not unicast
         # What another version calls a digest means nothing to us.
         digest = hello.digest if hello.version == WIRE_VERSION else b""
+        peer.missed_epoch = None
         peer.questions.pop(_ASK_HELLO, None)
         if not peer.is_owed:
             peer.speak_at = None
         is_new_epoch = peer.epoch != hello.epoch
         if (peer.epoch, peer.digest) != (hello.epoch, digest):
+            self._note_restart(peer)
             peer.begin_life(Change.NEW_LIFE)
             peer.epoch, peer.digest = hello.epoch, digest
             peer.settled_at = now + self.settling_ns
@@ -294,7 +304,8 @@ class Handshake:
                     wire_version=hello.version,
                 )
             )
-            self._answer_introduction(peer, now)
+            if self._policy.answers(unicast=unicast):
+                self._answer_introduction(peer, now)
         if is_new_epoch:
             self._peers.restarted(source, hello.epoch, now)
 
@@ -302,10 +313,16 @@ class Handshake:
         """A TAG arrived: its sender does not know that we know it."""
         peer = self._peers[source]
         peer.is_assured &= not unicast
-        if peer.epoch != epoch:
-            # What is known of it may be of a life that is over: better to know nothing.
-            peer.begin_life(Change.STRAY_TAG)
-            peer.epoch, peer.digest = None, b""
+        if peer.epoch == epoch:
+            return
+        peer.marked = peer.marked + 1 if peer.missed_epoch == epoch else 1
+        peer.missed_epoch = epoch
+        is_asked = _ASK_HELLO in peer.questions
+        self._note_restart(peer)
+        # What is known of it may be of a life that is over: better to know nothing.
+        peer.begin_life(Change.STRAY_TAG)
+        peer.epoch, peer.digest = None, b""
+        if is_asked or self._policy.asks(peer.marked, unicast=unicast):
             self._ask(peer, _ASK_HELLO, now)
 
     def heard_too_short(self, source: int, now: int) -> None:
@@ -330,10 +347,10 @@ class Handshake:
         """
         return epoch == self.epoch and self.introductions.is_told
 
-    def heard_introduced(self, source: int, epoch: int, now: int) -> None:
+    def heard_introduced(self, source: int, epoch: int, now: int, *, unicast: bool) -> None:
         """Records arrived behind a HELLO or TAG: the source still waits for an answer to it."""
         peer = self._peers[source]
-        if peer.epoch == epoch:
+        if peer.epoch == epoch and self._policy.answers(unicast=unicast):
             self._answer_introduction(peer, now)
 
     def confirms_us(self, confirm: Confirm, *, unicast: bool) -> bool:
@@ -375,6 +392,7 @@ class Handshake:
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
         """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""
         if ask.address != self._address:
+            self._heard_question(ask, now)
             return False
         peer = self._peers[source]
         peer.take(Change.DOUBT)
@@ -386,7 +404,7 @@ class Handshake:
         self._speak_soon(peer, now)
         return True
 
-    def heard_row(self, source: int, row: TableRow, now: int) -> None:
+    def heard_row(self, source: int, row: TableRow, now: int, *, unicast: bool = False) -> None:
         """A row of a peer's table arrived."""
         peer = self._peers[source]
         if not 1 <= row.stream_id <= LAST_STREAM_ID:
@@ -413,7 +431,8 @@ class Handshake:
             self._tell_difference(source, peer, row.stream_id)
         else:
             self._ask(peer, row.stream_id, now)
-        if known is None and self._owe_row(peer, row.stream_id):
+        answers = known is None and self._policy.answers(unicast=unicast)
+        if answers and self._owe_row(peer, row.stream_id):
             self._speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def verdict(self, source: int, epoch: int | None, stream_id: int, now: int) -> str | None:
@@ -444,7 +463,8 @@ class Handshake:
             return "unconfirmed"
         # Without HELLO or TAG the source takes us for confirmed, from a life of ours that is over
         # or by a CONFIRM that came late: the question tells it so.
-        self._ask(peer, _ASK_HELLO, now)
+        if epoch is None or _ASK_HELLO in peer.questions:
+            self._ask(peer, _ASK_HELLO, now)
         return "unconfirmed"
 
     def differs(self, address: int, stream_id: int) -> bool:
@@ -477,6 +497,28 @@ class Handshake:
         return dict(self._peers)
 
     # Below the methods above
+
+    def _note_restart(self, peer: Peer) -> None:
+        """A node that was known begins another life, and knows nothing of this one."""
+        if peer.epoch is not None and self._policy.speaks_to_all:
+            self.introductions.restarted(peer.link)
+
+    def _heard_question(self, ask: Ask, now: int) -> None:
+        """Somebody asks another node: if that answers to all, this node need not ask as well."""
+        peer = self._peers.get(ask.address)
+        if self._policy.speaks_to_all and peer is not None and ask.stream_id in peer.questions:
+            del peer.questions[ask.stream_id]
+            peer.ask_pause.use(now, self._unit_ns)
+
+    def _spoken(self, peer: Peer, now: int) -> None:
+        if not peer.is_owed:
+            peer.speak_at = None
+        elif peer.sayable_at <= now:
+            peer.speak_at = now
+        elif peer.speak_at is None or peer.speak_at <= now:
+            # The instant was that of something that has been said.
+            confirm_at = peer.confirm_at + self.patience_ns
+            peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
 
     def _is_present(self, confirm: Confirm) -> bool:
         """Tell whether a CONFIRM is of this life; one before has perhaps had the same epoch."""
@@ -540,9 +582,14 @@ class Handshake:
 
     def _speak_soon(self, peer: Peer, earliest: int) -> None:
         """Give what is owed a frame of its own, unless one goes anyway before."""
-        at = earliest + self._rng.randrange(self._unit_ns // 2, 2 * self._unit_ns + 1)
+        to_all = self._policy.speaks_to_all and not peer.heard_alone
+        shortest_ns, longest_ns = self._unit_ns // 2, 2 * self._unit_ns
+        if to_all:
+            longest_ns = self._policy.longest_pause_units(len(self._table.nodes)) * self._unit_ns
+            shortest_ns = longest_ns // 2
+        at = earliest + self._rng.randrange(shortest_ns, longest_ns + 1)
         if peer.speak_at is None or at < peer.speak_at:
-            peer.speak_at = at
+            peer.speak_at, peer.speaks_to_all = at, to_all
 
     def _controls(
         self, address: int, peer: Peer, now: int, *, unicast: bool

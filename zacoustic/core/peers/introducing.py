@@ -1,6 +1,7 @@
 """What a frame begins with, so that its hearers know by which table it is written.
 
-It begins with nothing where all hearers have confirmed this life of the node; else:
+It begins with nothing where the policy of the fleet (`zacoustic.core.peers.agreementpolicy`) allows
+that, mostly because all hearers have confirmed this life of the node; else:
 
 =========  ============================  ===========================================================
 HELLO      epoch, digest; 8 bytes        who hears it may never have heard of us, or asks for it
@@ -17,10 +18,10 @@ for long may make more of it.
 
 from collections import Counter
 from collections.abc import Iterable
-from typing import Final
 
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.peers.agreementpolicy import AgreementPolicy, Hearers, Opening
 from zacoustic.core.peers.peer import Peer
 from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.peers.states import Agreement
@@ -35,10 +36,6 @@ from zacoustic.core.wire.agreement import (
     Tag,
 )
 
-HELLO_EVERY: Final = 8
-"""On broadcast one frame of this many carries a HELLO until all have confirmed: one byte a frame,
-on average."""
-
 
 class Introductions:
     """Introduces one node to the hearers of its frames.
@@ -48,14 +45,27 @@ class Introductions:
         epoch: Its boot epoch, 0…65535.
         table: Its stream table.
         peers: What is known of the others.
+        policy: Says when that is needed.
     """
 
-    def __init__(self, address: int, epoch: int, table: StreamTable, peers: Peers) -> None:
+    def __init__(
+        self,
+        address: int,
+        epoch: int,
+        table: StreamTable,
+        peers: Peers,
+        policy: AgreementPolicy,
+    ) -> None:
         self._address = address
         self._table = table
         self._peers = peers
+        self._policy = policy
         self._since_hello = PerPeer(peers, Counter[str])
-        """Frames since the last HELLO, by destination and link."""
+        """Marked frames since the last HELLO, that included, by destination and link."""
+        self._hellos = PerPeer(peers, Counter[str])
+        """Frames of this epoch with a HELLO, by destination and link."""
+        self._newcomers: set[str] = set()
+        """Links on which somebody has restarted since the last HELLO to all."""
         self.unit_ns = 0
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
@@ -68,7 +78,12 @@ class Introductions:
         self.epoch = (self.epoch + 1) & 0xFFFF
         self.digest = self._table.digest
         self._since_hello.clear()
+        self._hellos.clear()
         self.is_told = False
+
+    def restarted(self, link: str) -> None:
+        """Somebody has forgotten this node: say HELLO in the next frame to all on that link."""
+        self._newcomers.add(link)
 
     def begin_frame(self, destination: int) -> None:
         """Nothing has been said in the frame that is composed now."""
@@ -89,28 +104,19 @@ class Introductions:
             urgent: The record must be in this frame: never displace it by a HELLO.
         """
         receivers = self._receivers(destination, now)
-        silent = [peer for peer in receivers if not peer.confirmed_us]
-        asked = self.introduces(link, destination)
-        # Without a list nobody knows who hears a broadcast, whoever has confirmed.
-        is_known = bool(receivers) and (destination != BROADCAST or bool(self._table.nodes))
-        if is_known and not silent and not asked:
+        opening = self._opening(link, destination, receivers)
+        if opening is Opening.BARE:
             return b""
         tag = Tag(self.epoch).encode()
         fits = room_bytes >= HELLO_BYTES
-        if asked:
-            wanted = fits or not urgent
-        elif is_known and all(
-            peer.differs_from(self.digest) or peer.agreement is Agreement.PROVISIONAL
-            for peer in silent
-        ):
-            wanted = False
-        else:
-            turn = self._since_hello[destination][link] % HELLO_EVERY == 0
-            wanted = (fits and (turn or destination != BROADCAST)) or (turn and not urgent)
-        if not wanted:
+        if opening is Opening.TAG or not (fits or (opening is Opening.HELLO and not urgent)):
             self._since_hello[destination][link] += 1
             return tag
+        asked = self.introduces(link, destination)
         self._since_hello[destination][link] = 1
+        self._hellos[destination][link] += 1
+        if destination == BROADCAST:
+            self._newcomers.discard(link)
         self.is_told = True
         if destination != BROADCAST and not asked and receivers[0].shares(self.digest):
             return tag + self._early_confirm(destination, receivers[0], now)
@@ -139,6 +145,32 @@ class Introductions:
         return any(each not in (self._address, destination) for each in self._fleet)
 
     # Below the methods above
+
+    def _opening(self, link: str, destination: int, receivers: list[Peer]) -> Opening:
+        """Return what a frame begins with; a HELLO that was asked for goes in any case."""
+        is_for_newcomers = destination == BROADCAST and link in self._newcomers
+        if is_for_newcomers or self.introduces(link, destination):
+            return Opening.HELLO
+        return self._policy.opening(
+            to_all=destination == BROADCAST,
+            hearers=self._hearers(destination, receivers),
+            since_hello=self._since_hello[destination][link],
+            hellos=self._hellos[destination][link],
+        )
+
+    def _hearers(self, destination: int, receivers: list[Peer]) -> Hearers:
+        """Return what those that a frame is for know of this node."""
+        # Without a list nobody knows who hears a broadcast, whoever has confirmed.
+        if not receivers or (destination == BROADCAST and not self._table.nodes):
+            return Hearers.UNKNOWN
+        silent = [peer for peer in receivers if not peer.confirmed_us]
+        if not silent:
+            return Hearers.AGREED
+        is_told = all(
+            peer.differs_from(self.digest) or peer.agreement is Agreement.PROVISIONAL
+            for peer in silent
+        )
+        return Hearers.TOLD if is_told else Hearers.UNKNOWN
 
     def _early_confirm(self, address: int, peer: Peer, now: int) -> bytes:
         """Say to a node that we know its table, and share it."""

@@ -88,16 +88,16 @@ class Measurements:
     """
 
     def __init__(self, peers: Peers) -> None:
-        self.modem: ModemRead | None = None
-        """What the modem last said of itself."""
+        self.modems: dict[str, ModemRead] = {}
+        """What the modem of each link last said of itself, by the name of the link."""
         self._measured = PerPeer(peers, _Measured)
 
-    def handle(self, measurement: Measurement) -> None:
-        """Keep what the link tells."""
+    def handle(self, measurement: Measurement, link: str) -> None:
+        """Keep what a link tells."""
         if isinstance(measurement, PeerMeasured):
             self.note(measurement.address, measurement.metrics, measurement.measured_at)
         else:
-            self.modem = measurement
+            self.modems[link] = measurement
 
     def note(self, address: int, metrics: LinkMetrics, at: int) -> None:
         """Keep what was measured of a peer, on a frame or besides.

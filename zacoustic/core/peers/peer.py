@@ -60,6 +60,10 @@ class Peer:
         self.epoch: int | None = None
         """The last epoch that it has told, or None."""
         self.digest = b""
+        self.missed_epoch: int | None = None
+        """The epoch of its last TAG, where no HELLO of that was heard."""
+        self.marked = 0
+        """Frames with that TAG."""
         self.settled_at = 0
         self.credit_bytes: int | None = None
         """A stranger is answered with so many bytes at most; None: it is one of the fleet."""
@@ -82,6 +86,8 @@ class Peer:
         """It knows that we have confirmed it."""
         self.confirms_now = False
         """The frame that is read now says that it knows our present epoch, and shares our table."""
+        self.heard_alone = False
+        """The frame that is read now is for this node alone."""
         self.is_being_confirmed = False
         """The frame that is composed now says so to it."""
         self.told_differing: set[int] = set()
@@ -90,6 +96,8 @@ class Peer:
         self.owed_rows: dict[int, None] = {}
         self.questions: dict[int, None] = {}
         self.speak_at: int | None = None
+        self.speaks_to_all = False
+        """What is said at that instant is said to all."""
         self.answers_within_ns = 0
         """How long its answers take behind a device that decides when it transmits, as measured."""
         self.answered_at = 0

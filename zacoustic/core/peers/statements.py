@@ -65,6 +65,6 @@ class Statements:
             self._peers.asked(heard.source, heard.now)
 
     def _row(self, heard: Heard, row: TableRow) -> None:
-        self._handshake.heard_row(heard.source, row, heard.now)
+        self._handshake.heard_row(heard.source, row, heard.now, unicast=heard.is_unicast)
         if self._handshake.differs(heard.source, row.stream_id):
             self._peers.differs(heard.source, row.stream_id, heard.now)

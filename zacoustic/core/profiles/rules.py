@@ -3,7 +3,9 @@
 import msgspec
 
 from zacoustic.core.base.linktypes import ONE_LINK
+from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import ContactRules
+from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.core.schedule.access.spec import AccessSpec, TdmaSpec
 from zacoustic.core.schedule.silence import QuietWindow
@@ -41,6 +43,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     listed."""
     contact: ContactRules = ContactRules()
     """How often the node is to be heard, and when it misses others."""
+    agreement: AgreementMethod = AgreementMethod.CONFIRM
+    """How much is said and answered to agree on tables."""
     discovery: DiscoverySpec | None = None
     """Beacons of rmw_desert, where that is spoken; None: none."""
 
@@ -72,6 +76,11 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
                     f"stream {stream_id}: link is {name!r}; allowed: {', '.join(names)}"
                 )
         return links
+
+    @property
+    def of_peers(self) -> PeerRules:
+        """Return how the other nodes are treated, whatever the link."""
+        return PeerRules(contact=self.contact, agreement=self.agreement)
 
     @property
     def schedule(self) -> TdmaSpec | None:

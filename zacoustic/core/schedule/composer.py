@@ -25,9 +25,9 @@ from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import BESIDE_PAYLOAD, FIRST_BUT_URGENT, Offer, Part
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
+from zacoustic.core.peers.agreementpolicy import HELLO_EVERY
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.heartbeats import Heartbeats
-from zacoustic.core.peers.introducing import HELLO_EVERY
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.copies import MOST_COPIES
 from zacoustic.core.schedule.filling import Filling
@@ -333,8 +333,7 @@ class Composer:
         if first:
             introduced = bool(draft.introduction)
             filling = self._choose(offer, draft.room_bytes, now, introduced=introduced)
-        if draft.destination != BROADCAST:
-            self._handshake.spoken(draft.destination, now)
+        self._handshake.spoken(self._link, draft.destination, now)
         items = filling.items if filling is not None else ()
         if draft.is_empty and not items:
             if offer.must_go is None:

@@ -16,11 +16,12 @@ from zacoustic.core.base.linkids import LinkIds
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.bootepoch import BootEpoch
-from zacoustic.core.peers.contact import Contact, ContactRules
+from zacoustic.core.peers.contact import Contact
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.lives import Lives
 from zacoustic.core.peers.measurements import Measurements
+from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Reception
 from zacoustic.core.peers.statements import Statements
@@ -39,7 +40,7 @@ class NodeContext:
         epoch: Its boot epoch, 0…65535.
         rng: Source of all randomness; one number is drawn from it.
         stored: What the journal has kept from earlier lives.
-        contact: What the config says of nodes that are not heard.
+        rules: How the other nodes are treated.
         emit: Takes events.
     """
 
@@ -50,7 +51,7 @@ class NodeContext:
         epoch: int,
         rng: random.Random,
         stored: Mapping[str, bytes],
-        contact: ContactRules,
+        rules: PeerRules,
         emit: Callable[[Any], None],
     ) -> None:
         self.address = address
@@ -72,12 +73,17 @@ class NodeContext:
         self.doubt = Doubt(address, table, stored, self.journal, emit)
         """Whether something of former lives is forgotten."""
         self.handshake = Handshake(
-            address, epoch, table, self.peers, self.generators.of("handshake")
+            address,
+            epoch,
+            table,
+            self.peers,
+            self.generators.of("handshake"),
+            rules.agreement,
         )
         """What is agreed with the others."""
         self.lives = Lives(table, stored, self.journal, self.peers)
         """Which lives of others are over."""
-        self.contact = Contact(address, contact, self.peers, self.timers, emit)
+        self.contact = Contact(address, rules.contact, self.peers, self.timers, emit)
         """Who is lost."""
         self.epoch = BootEpoch(self.handshake, self.journal)
         """The boot epoch."""

@@ -13,7 +13,7 @@ from zacoustic.core.base.qos import Priority, Qos, Reliability, Stamp
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.testing.scenarios.randomscenario import Lane, RandomScenario, cast_of, opaque, typed
-from zacoustic.testing.virtualmodem import Modem
+from zacoustic.testing.virtualmodems import Modem
 
 MOST_LOSS: Final = 0.6
 """Share of the frames that is lost in the worst direction."""

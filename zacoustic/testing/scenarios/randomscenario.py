@@ -9,7 +9,7 @@ from zacoustic.channel.scenario import Scenario
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.testing.virtualmodem import Modem
+from zacoustic.testing.virtualmodems import Modem
 
 TICKETS: Final = 1 << 24
 """Tickets are below this: three bytes; a shape may have room for fewer."""

@@ -12,7 +12,7 @@ from typing import Final
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
-from zacoustic.zenoh.gateway.commands.desks import Handlers
+from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
 from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler

@@ -11,7 +11,7 @@ import logging
 from zacoustic.errors import LinkClosedError
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.desks import Handlers
+from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.status import Status

@@ -83,7 +83,9 @@ class Receiver:
     ) -> tuple[int, ...]:
         """Take one frame apart; returns the streams of what was in it."""
         heard = self._heard(opened, received, port, now)
-        self._handshake.begin_frame(heard.source, len(opened.records), now)
+        self._handshake.begin_frame(
+            heard.source, len(opened.records), now, unicast=heard.is_unicast
+        )
         items: list[Item] = []
         for item in self._items(opened, unicast=heard.is_unicast):
             self._drop(self._reception.first(heard, item))
@@ -93,7 +95,9 @@ class Receiver:
         for item in items:
             self._drop(self._take(heard, item))
         if heard.streams and heard.epoch is not None:
-            self._handshake.heard_introduced(heard.source, heard.epoch, now)
+            self._handshake.heard_introduced(
+                heard.source, heard.epoch, now, unicast=heard.is_unicast
+            )
         self._reception.read(heard.source, now)
         return tuple(heard.streams)
 

@@ -22,7 +22,7 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
-from zacoustic.zenoh.gateway.commands.desks import Handlers
+from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.status import Status

@@ -106,7 +106,7 @@ def metrics_of(documents: "Documents") -> Iterator[Metric]:
         documents: By the end of their keys, of plain objects.
     """
     yield from _node(documents["node"], documents["link"])
-    yield from _link(documents["link"], documents["ledger"])
+    yield from _links(documents)
     yield from _streams(documents["streams"]["streams"], documents["dropped"])
     yield from _peers(documents)
     yield from _rest(documents)
@@ -116,29 +116,41 @@ def _node(node: "Documents", link: "Documents") -> Iterator[Metric]:
     about = {name: str(node[name]) for name in ("address", "name", "version", "wire", "link")}
     yield InfoMetricFamily("zacoustic_gateway", "What the gateway is.", about)
     yield _gauge("start_time_seconds", "When it was started, Unix time.", node["started_at_unix_s"])
-    yield _gauge("link_up", "1 while frames can be given to the modem.", link["state"] == "up")
     yield _gauge("silent", "1 while nothing is transmitted, by order or quiet.", link["silent"])
 
 
-def _link(link: "Documents", ledger: "Documents") -> Iterator[Metric]:
-    for name, words, value in (
-        ("frames_transmitted", "Frames given to the modem.", link["frames_transmitted"]),
-        ("frames_received", "Frames that came, damaged ones included.", link["frames_received"]),
-        ("transmitted_bytes", "Bytes given to the modem.", link["bytes_transmitted"]),
-        ("received_bytes", "Bytes that came.", link["bytes_received"]),
-        ("airtime_seconds", "Airtime of what was transmitted.", link["airtime_s"]),
-    ):
-        yield CounterMetricFamily(f"zacoustic_{name}", words, value)
-    reports = _counter("transmit_reports", "Transmissions by how they ended.", "outcome")
-    for outcome, count in link["reports"].items():
-        reports.add_metric([outcome], count)
-    yield reports
+def _links(documents: "Documents") -> Iterator[Metric]:
+    """Return the metrics of each link; all of them have its name."""
+    several = [each for key, each in documents.items() if key.startswith("link/")]
+    links = several or [documents["link"] | {"ledger": documents["ledger"]}]
+    up = _gauges("link_up", "1 while frames can be given to the modem.", "link")
+    supply = _gauges("modem_supply_volts", "What the modem says of its supply.", "link")
+    counters = {
+        "frames_transmitted": _counter("frames_transmitted", "Frames given to the modem.", "link"),
+        "frames_received": _counter(
+            "frames_received", "Frames that came, damaged ones included.", "link"
+        ),
+        "bytes_transmitted": _counter("transmitted_bytes", "Bytes given to the modem.", "link"),
+        "bytes_received": _counter("received_bytes", "Bytes that came.", "link"),
+        "airtime_s": _counter("airtime_seconds", "Airtime of what was transmitted.", "link"),
+    }
+    reports = _counter("transmit_reports", "Transmissions by how they ended.", "link", "outcome")
     by_cause = _counter(
-        "ledger_bytes", "Bytes transmitted, by stream and cause.", "stream", "cause"
+        "ledger_bytes", "Bytes transmitted, by stream and cause.", "link", "stream", "cause"
     )
-    for entry in ledger["entries"]:
-        by_cause.add_metric([entry["stream"], entry["cause"]], entry["bytes"])
-    yield by_cause
+    for link in links:
+        name = link["name"]
+        up.add_metric([name], link["state"] == "up")
+        for field, counter in counters.items():
+            counter.add_metric([name], link[field])
+        for outcome, count in link["reports"].items():
+            reports.add_metric([name, outcome], count)
+        for entry in link["ledger"]["entries"]:
+            by_cause.add_metric([name, entry["stream"], entry["cause"]], entry["bytes"])
+        modem = documents.get(f"modem/{name}" if several else "modem", {})
+        if modem.get("battery_v") is not None:
+            supply.add_metric([name], modem["battery_v"])
+    yield from (up, *counters.values(), reports, by_cause, supply)
 
 
 def _streams(rows: list["Documents"], dropped: "Documents") -> Iterator[Metric]:
@@ -239,9 +251,6 @@ def _rest(documents: "Documents") -> Iterator[Metric]:
     yield _gauge("journal_kept", "1 if anything survives a restart.", journal["kept"])
     yield _gauge("journal_doubted", "1 if it may miss what was written.", bool(journal["doubt"]))
     yield _gauge("journal_failing", "1 while it cannot be written.", bool(journal["failure"]))
-    supply_v = documents.get("modem", {}).get("battery_v")
-    if supply_v is not None:
-        yield _gauge("modem_supply_volts", "What the modem says of its supply.", supply_v)
 
 
 def _gauge(name: str, words: str, value: float) -> GaugeMetricFamily:

@@ -6,7 +6,8 @@
 ``peer/ADDRESS/direction``   from where it was heard: bearing, elevation
 ``peer/ADDRESS/lost``        whether nothing was heard of it for as long as the config says
 ``peer/ADDRESS/late``        of topics with a deadline: whose next sample of it is overdue
-``modem``                    firmware, supply, source level
+``modem``                    firmware, supply, source level, of the first link that tells them
+``modem/NAME``               the same of each of several links
 ===========================  ======================================================================
 
 A document of a measurement is there from the first one on. All say when that was: by the clock of
@@ -70,10 +71,21 @@ class PeerStatus:
                 "heard_at_unix_s": heard_at and self._date(f"{key}/heard", heard_at),
             }
         found |= self._late(engine)
-        if known.modem is not None:
-            fields = msgspec.structs.asdict(known.modem)
+        return found | self._modems(engine)
+
+    def _modems(self, engine: Engine) -> dict[str, object]:
+        """Return what the modems said of themselves: that of the first link that did, and each."""
+        found: dict[str, object] = {}
+        for link in engine.links:
+            read = engine.measurements.modems.get(link)
+            if read is None:
+                continue
+            fields = msgspec.structs.asdict(read)
             at = fields.pop("read_at")
-            found["modem"] = fields | {"read_at_unix_s": self._date("modem", at)}
+            document = fields | {"read_at_unix_s": self._date(f"modem/{link}", at)}
+            found.setdefault("modem", document)
+            if len(engine.links) > 1:
+                found[f"modem/{link}"] = document
         return found
 
     def _late(self, engine: Engine) -> dict[str, object]:

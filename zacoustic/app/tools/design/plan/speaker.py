@@ -14,8 +14,8 @@ import msgspec
 from zacoustic.app.tools.design.plan.items import NO_STREAM, Item, Lane
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.peers.agreementpolicy import HELLO_EVERY
 from zacoustic.core.peers.handshake import PATIENCE_UNITS, SETTLING_UNITS
-from zacoustic.core.peers.introducing import HELLO_EVERY
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access import Wanted
 from zacoustic.core.schedule.airtime import AirtimeCaps

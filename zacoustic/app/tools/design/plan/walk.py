@@ -24,7 +24,8 @@ from zacoustic.app.tools.design.plan.reliable import ReliableLane
 from zacoustic.app.tools.design.plan.speaker import Said, Speaker
 from zacoustic.app.tools.design.plan.transfers import TransferLane
 from zacoustic.channel.agenda import Agenda
-from zacoustic.channel.arrival import Arrival, Emission
+from zacoustic.channel.arrival import Arrival, Emission, Reception
+from zacoustic.channel.driver import Driver
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
@@ -46,7 +47,7 @@ from zacoustic.core.wire.access import ANYBODY, NOBODY, TURN_CODE, ClockTime, Tu
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.frame import SYNC_BYTES
 from zacoustic.core.wire.numbers import NUMBER_BYTES
-from zacoustic.testing.virtualmodem import Modem
+from zacoustic.testing.virtualmodems import Modem
 
 _CLOCK_EVERY_S: Final = 10.0
 _MOST_LATENCIES: Final = 20_000
@@ -76,7 +77,7 @@ class Found:
         """What was pushed out or became too old before it went."""
 
 
-class Walk:
+class Walk(Driver[Said]):
     """One walk.
 
     Args:
@@ -95,9 +96,9 @@ class Walk:
         offers: Sequence[Offer],
         seed: int,
     ) -> None:
+        medium = self._medium = Medium(scenario)
+        super().__init__(medium, Agenda())
         self.found = Found()
-        self._agenda = Agenda()
-        self._medium = Medium(scenario)
         self._rng = random.Random(f"plan/{seed}")
         self._rules = rules
         self._timings: dict[tuple[int, int], Pacer] = {}
@@ -107,9 +108,9 @@ class Walk:
         self._last_said: dict[int, int] = {}
         modem = Modem()
         for address in tables:
-            others = tuple(each for each in self._medium.addresses if each != address)
+            others = tuple(each for each in medium.addresses if each != address)
             listed = [each for each in tables[address].nodes if each != address]
-            capabilities = modem.capabilities(self._medium.profile(address), scenario.farthest_s)
+            capabilities = modem.capabilities(medium.profile(address), scenario.farthest_s)
             self._speakers[address] = Speaker(
                 address, tables[address], listed or others, capabilities,
                 rules[address], self._rng,
@@ -126,19 +127,19 @@ class Walk:
     @property
     def now(self) -> int:
         """The instant, ns."""
-        return self._agenda.now
+        return self.agenda.now
 
     def run(self, until_s: float) -> Found:
         """Walk for a time, s."""
         for address in self._speakers:
             self.serve(address)
-        self._agenda.run(seconds_to_ns(until_s))
+        self.agenda.run(seconds_to_ns(until_s))
         self.found.dropped = sum(each.dropped for each in self._speakers.values())
         return self.found
 
     def later(self, at: int, action: Callable[[], object]) -> None:
         """Do something at an instant, ns."""
-        self._agenda.push(max(at, self.now), action)
+        self.agenda.push(max(at, self.now), action)
 
     def speaker(self, address: int) -> Speaker:
         """Return a node."""
@@ -171,7 +172,7 @@ class Walk:
             ready_at = speaker.ready_at(self.now)
         if ready_at is not None and ready_at != speaker.armed_at:
             speaker.armed_at = ready_at
-            self._agenda.push(max(ready_at, self.now), self._wake, address, ready_at)
+            self.agenda.push(max(ready_at, self.now), self._wake, address, ready_at)
 
     # Offered traffic
 
@@ -302,14 +303,12 @@ class Walk:
         for item in said.items:
             if item.begins is not None:
                 item.begins(now)
-        emission = self._medium.transmit(speaker.address, said.size_bytes, now)
+        emission = self.channel.transmit(speaker.address, said.size_bytes, now)
         speaker.spend(said, emission.ends_at - now, now)
         self._book(speaker.address, said, (emission.ends_at - now) / NS_PER_S)
-        for arrival in emission.arrivals:
-            self._agenda.push(arrival.starts_at, self._carrier, arrival.node, 1)
-            self._agenda.push(arrival.ends_at, self._arrive, arrival, said)
-        self._agenda.push(
-            emission.ends_at, self._finish, speaker.address, transmission, emission, said
+        self.spread(emission, said)
+        self.agenda.push(
+            emission.ends_at, self._sounded, speaker.address, transmission, emission, said
         )
 
     def _book(self, address: int, said: Said, airtime_s: float) -> None:
@@ -326,7 +325,7 @@ class Walk:
             before_s = found.stream_airtime_s.get(stream_id, 0.0)
             found.stream_airtime_s[stream_id] = before_s + share_s
 
-    def _finish(
+    def _sounded(
         self, address: int, transmission: Transmission, emission: Emission, said: Said
     ) -> None:
         speaker = self._speakers[address]
@@ -341,22 +340,29 @@ class Walk:
                 item.ends(self.now)
         self.serve(address)
 
-    def _carrier(self, address: int, change: int) -> None:
-        speaker = self._speakers.get(address)
-        if speaker is None:
-            return
+    def notices(self, arrival: Arrival) -> bool:
+        """Tell whether the modem of a node notices that sound begins."""
+        is_there = arrival.node in self._speakers
+        return is_there and self._medium.profile(arrival.node).notices(arrival.snr_db)
+
+    def begin(self, arrival: Arrival, sent: Said) -> None:
+        """Sound begins at a node."""
+        self._carrier(self._speakers[arrival.node], 1)
+
+    def _carrier(self, speaker: Speaker, change: int) -> None:
         was, speaker.carriers = speaker.carriers, speaker.carriers + change
         if (was == 0) != (speaker.carriers == 0):
             speaker.port.handle_carrier(speaker.carriers > 0, self.now)
 
-    def _arrive(self, arrival: Arrival, said: Said) -> None:
-        reception = self._medium.finish(arrival)
-        self._carrier(arrival.node, -1)
+    def end(self, reception: Reception, sent: Said, is_noticed: bool) -> None:
+        """Sound has ended at a node: what is in the frame has arrived, or is lost."""
+        arrival, said = reception.arrival, sent
         speaker = self._speakers.get(arrival.node)
-        is_for = said.destination in (arrival.node, BROADCAST)
         if speaker is None:
             return
-        if not is_for:
+        if is_noticed:
+            self._carrier(speaker, -1)
+        if said.destination not in (arrival.node, BROADCAST):
             self.serve(arrival.node)
             return
         is_received = reception.is_received and reception.corrupt_seed is None

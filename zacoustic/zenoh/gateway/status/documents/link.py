@@ -66,6 +66,7 @@ class LinkStatus:
     def _link(self, name: str, stats: EngineStats) -> dict[str, object]:
         side, why_silent = self._runner.side(name), self._why_silent()
         return {
+            "name": name,
             "state": side.state.value,
             "detail": side.detail,
             "silent": bool(why_silent),

@@ -14,7 +14,7 @@ from zacoustic.zenoh.session.session import ZenohSession
 
 
 class Handlers:
-    """The desks of one gateway; for the loop, except for `declare` and `undeclare`.
+    """The handlers of one gateway; for the loop, except for `declare` and `undeclare`.
 
     Args:
         objects: Gives large samples up.

@@ -1,4 +1,4 @@
-"""The operator's desk: commands and their outcomes, without a page.
+"""The operator's station: commands and their outcomes, without a page.
 
 A page calls `tick` a few times a second; `readout` has the values to show.
 """
@@ -54,7 +54,7 @@ class Order(msgspec.Struct):
         return self.is_confirmed or self.fate is Fate.LOST
 
 
-class Desk:
+class ControlStation:
     """What the operator does, and what becomes of it.
 
     Args:

@@ -1,10 +1,10 @@
-"""A desk whose clock stands still, and documents of a gateway to show it."""
+"""A station whose clock stands still, and documents of a gateway to show it."""
 
 from typing import Any
 
 import msgspec
 
-from examples.auv.desk import Desk
+from examples.auv.controlstation import ControlStation
 from examples.auv.messages import (
     GOTO,
     Mode,
@@ -46,10 +46,10 @@ class Recorder(Carrier):
         return self.call(GOTO, waypoint)
 
 
-def desk_at(clock: Clock) -> tuple[Desk, Recorder]:
-    desk, carrier = Desk(Shore(), clock, clock.unix_s), Recorder()
-    desk.carrier = carrier
-    return desk, carrier
+def station_at(clock: Clock) -> tuple[ControlStation, Recorder]:
+    station, carrier = ControlStation(Shore(), clock, clock.unix_s), Recorder()
+    station.carrier = carrier
+    return station, carrier
 
 
 def nav(east: float = 30.0, mode: Mode = Mode.GOTO) -> Nav:

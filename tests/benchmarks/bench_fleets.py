@@ -1,0 +1,82 @@
+"""What arrives of the reports of a fleet, beside the same reports without any agreement on tables.
+
+    .venv/bin/python tests/benchmarks/bench_fleets.py [--agreement tag,confirm] [--nodes 10,20]
+                                                      [--seeds 8] [--to-shore]
+
+Ten bytes from each node to all others once a period, at an instant of its own each time, in a
+square of 3 km of sea, from a cold start, for an hour; mean and 95 % interval over the seeds, each
+the mean over all pairs of nodes. Exits 1 when a fleet delivers too little, or agreement takes too
+many bytes.
+"""
+
+import argparse
+import math
+import statistics
+import sys
+from pathlib import Path
+from typing import Final
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from tests.virtual.crowd import OFF, Crowd, run_crowd
+
+PERIODS_S: Final = {10: 60.0, 20: 60.0, 40: 120.0, 60: 180.0}
+"""Period of a report, by the number of nodes."""
+LEAST: Final = {"tag": {20: 0.92, 40: 0.85}, "sealed": dict.fromkeys(PERIODS_S, 0.97)}
+"""Share of what arrives without agreement, by method and number of nodes."""
+MOST_BYTES: Final = {"tag": 0.26, "sealed": 0.05}
+"""Share of the bytes that agreement takes."""
+_T_95: Final = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26)
+"""Student's t, two-sided, for 1 to 9 degrees of freedom."""
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--agreement", default="tag")
+    parser.add_argument("--nodes", default=",".join(map(str, PERIODS_S)))
+    parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--to-shore", action="store_true", help="reports for node 1 alone")
+    arguments = parser.parse_args()
+    failed = False
+    print("nodes  period  agreement  arrives         of bare         agreement's bytes  frames")
+    for nodes in map(int, arguments.nodes.split(",")):
+        bare: list[Crowd] = []
+        for method in (OFF, *arguments.agreement.split(",")):
+            crowds = [
+                run_crowd(
+                    seed,
+                    method,
+                    nodes=nodes,
+                    period_s=PERIODS_S[nodes],
+                    to_shore=arguments.to_shore,
+                )
+                for seed in range(1, arguments.seeds + 1)
+            ]
+            bare = bare or crowds
+            ratios = [
+                each.arrived / without.arrived for each, without in zip(crowds, bare, strict=True)
+            ]
+            share = statistics.fmean(each.agreement for each in crowds)
+            print(
+                f"{nodes:5}  {PERIODS_S[nodes]:4.0f} s  {method:9}  "
+                f"{_interval([each.arrived for each in crowds]):14}  {_interval(ratios):14}  "
+                f"{share:17.1%}  {statistics.fmean(each.frames for each in crowds):6.0f}",
+                flush=True,
+            )
+            if not arguments.to_shore:
+                failed |= statistics.fmean(ratios) < LEAST.get(method, {}).get(nodes, 0.0)
+                failed |= share > MOST_BYTES.get(method, 1.0)
+    return int(failed)
+
+
+def _interval(values: list[float]) -> str:
+    mean = statistics.fmean(values)
+    if len(values) < 2:
+        return f"{mean:.3f}"
+    t = _T_95[min(len(values) - 1, len(_T_95)) - 1]
+    return f"{mean:.3f} ± {t * statistics.stdev(values) / math.sqrt(len(values)):.3f}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

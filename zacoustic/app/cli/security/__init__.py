@@ -1,0 +1,1 @@
+"""Verbs for keys, and for who may do what."""
