@@ -84,7 +84,8 @@ class Work:
     def __init__(self, *, busy: bool, rules: TransmitRules | None = None) -> None:
         self.outcome = Outcome()
         self._tickets: dict[tuple[int, object], tuple[str, int, int]] = {}
-        self._busy = busy
+        self.tell: Callable[[int, Event], object] = lambda node, event: None
+        """Takes each event, too."""
         nodes = [{"address": each, "position": [200 * each, 0, 10]} for each in NODES]
         self.network = VirtualNetwork(
             scenario_from_mapping({"nodes": nodes, "channel": "none", "seed": 7}, source="forged"),
@@ -168,6 +169,7 @@ class Work:
     # What comes of it
 
     def _take(self, node: int, event: Event) -> None:
+        self.tell(node, event)
         match event:
             case SampleReceived():
                 self._got(node, event.source, event.stream_id, _ticket(event.value))

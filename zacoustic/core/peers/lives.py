@@ -3,8 +3,11 @@
 A server names a call by the boot epoch of its client, and forgets it when nobody repeats it any
 more. Whoever plays back the frames of a former life of the client later, its HELLO before them,
 would have the call executed once more. So a node keeps the last boot epochs of each other one, in
-its journal if it has one. An epoch counts when its node has shown by a CONFIRM that it
+its journal if it has one. An epoch counts when a frame with it shows by a CONFIRM that its sender
 has heard this node in its present life: a forged HELLO makes no life of another node a former one.
+
+Who listens can forge that, too, or play it back. So a life that seemed to be over goes on when it
+is shown again, but not before a settling time is over: a frame cannot say so for itself.
 """
 
 from collections.abc import Mapping
@@ -40,6 +43,9 @@ class Lives:
         self._journal = journal
         self._table = table
         self._of: dict[int, tuple[int, ...]] = {}
+        """Boot epochs by node, the last one first."""
+        self._again: dict[int, tuple[int, int]] = {}
+        """``(epoch, instant)``: a life that goes on from then on, by node."""
         for name, value in stored.items():
             head, _, node = name.partition("/")
             if head == _JOURNAL:
@@ -48,21 +54,43 @@ class Lives:
                 self._of[int(node)] = tuple(int.from_bytes(each, "big") for each in epochs)
         peers.forgotten.connect(self._forget)
 
-    def proved(self, address: int, epoch: int) -> None:
-        """A node has shown that it has heard this one, in a life of this boot epoch."""
-        known = self._of.get(address, ())
-        if not self._table.lists(address) or epoch in known:
-            return
-        known = self._of[address] = (epoch, *known)[:_LIVES]
-        value = b"".join(each.to_bytes(_EPOCH_BYTES, "big") for each in known)
-        self._journal.write(f"{_JOURNAL}/{address}", value)
+    def proved(self, address: int, epoch: int, settled_at: int) -> None:
+        """A frame has shown that its sender has heard this node.
 
-    def is_over(self, address: int, epoch: int) -> bool:
+        Args:
+            address: Its sender.
+            epoch: The boot epoch in it.
+            settled_at: When all frames that were sent before have arrived, ns.
+        """
+        if not self._table.lists(address):
+            return
+        if not self._is_former(address, epoch):
+            self._begin(address, epoch)
+        elif self._again.get(address, (None, 0))[0] != epoch:
+            self._again[address] = epoch, settled_at
+
+    def is_over(self, address: int, epoch: int, now: int) -> bool:
         """Tell whether a life of a node is known to be over."""
-        return epoch in self._of.get(address, ())[1:]
+        again, at = self._again.get(address, (None, 0))
+        if again == epoch and now >= at:
+            self._begin(address, epoch)
+        return self._is_former(address, epoch)
 
     # Below the methods above
 
+    def _is_former(self, address: int, epoch: int) -> bool:
+        return epoch in self._of.get(address, ())[1:]
+
+    def _begin(self, address: int, epoch: int) -> None:
+        self._again.pop(address, None)
+        known = self._of.get(address, ())
+        if known[:1] == (epoch,):
+            return
+        known = self._of[address] = (epoch, *(each for each in known if each != epoch))[:_LIVES]
+        value = b"".join(each.to_bytes(_EPOCH_BYTES, "big") for each in known)
+        self._journal.write(f"{_JOURNAL}/{address}", value)
+
     def _forget(self, address: int, now: int) -> None:
+        self._again.pop(address, None)
         if self._of.pop(address, None) is not None:
             self._journal.write(f"{_JOURNAL}/{address}", None)

@@ -176,7 +176,7 @@ class GoalServer:
                 if goal is not None:
                     self._answer_again(goal, now)
                     return "repeated_goal"
-                if self._lives.is_over(source, present):
+                if self._lives.is_over(source, present, now):
                     return "former_life"
                 return self._receive_goal(key, stream, message.payload, now)
             case Operation.CLAIM:

@@ -193,7 +193,7 @@ class Services:
             return "not_publisher"
         if stream.is_built_in and not introduced:
             return "unconfirmed"  # it may be of a former life of its sender
-        if self._lives.is_over(source, key.epoch):
+        if self._lives.is_over(source, key.epoch, now):
             return "former_life"
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 
