@@ -14,7 +14,6 @@ from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.streams.commands import COMMANDS_TIMEOUT_S, CommandKind, RemoteCommand
 from zacoustic.core.transport.calls.calls import CallEvent, CallFailed, ResponseReceived
-from zacoustic.core.wire.calls import CallFailure
 from zacoustic.errors import LocalError
 
 Give = Callable[[int, dict[str, Any], int, float | None], int]
@@ -32,8 +31,8 @@ class _Given(msgspec.Struct, frozen=True):
     given_at: int
     ends_at: int
     """Until then its answer is awaited, ns."""
-    before: ResponseReceived | None
-    """The answer to the same command, without the right epoch; None: it went for the first time."""
+    first_id: int | None
+    """The call of the same command without the right epoch; None: it goes for the first time."""
 
 
 class GivenCommands:
@@ -64,10 +63,8 @@ class GivenCommands:
         given = self._under_way.pop(event.call_id, None)
         if given is None:
             return event
-        if given.before is not None:
-            is_late = isinstance(event, CallFailed) and event.failure is CallFailure.TIMED_OUT
-            call_id = given.before.call_id
-            return given.before if is_late else msgspec.structs.replace(event, call_id=call_id)
+        if given.first_id is not None:
+            return msgspec.structs.replace(event, call_id=given.first_id)
         if isinstance(event, CallFailed) or not given.command.changes:
             return event
         return None if self._repeat(given, event, now) else event
@@ -94,7 +91,7 @@ class GivenCommands:
             if command.kind is CommandKind.SILENCE and command.for_s is not None:
                 left_s = command.for_s - ns_to_seconds(now - given.given_at)
                 command = RemoteCommand(kind=command.kind, for_s=left_s)
-            again = msgspec.structs.replace(given, command=command, heard=heard, before=answer)
+            again = msgspec.structs.replace(given, command=command, heard=heard, first_id=answer.call_id)
             self._send(again, now, ns_to_seconds(given.ends_at - now))
         except (ValueError, LocalError):  # its time is over, or too many are under way
             return False
