@@ -241,7 +241,7 @@ def test_no_number_brings_a_traceback(
         for words, parser in leaves(complete_parser())
         if words[0] in {*in_process, "medium", "emulate", "bench"}
         for each in parser._actions
-        if each.type in NUMBERS and each.option_strings and each.dest != "story"
+        if each.type in NUMBERS and each.option_strings and each.dest != "random"
         for number in NUMBERS[each.type]
     ]
     random.Random("numbers").shuffle(table)

@@ -221,7 +221,7 @@ def test_too_many_calls_at_once_are_refused_and_none_is_left_silent() -> None:
     run(main())
 
 
-def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
+def test_handler_answers_each_query_once_and_refuses_what_is_too_much() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
             channel = Channel()

@@ -207,7 +207,7 @@ def test_dense_streams_objects_and_demand(seed: int) -> None:
 
 
 def test_another_process_finds_the_same(tmp_path: Path) -> None:
-    path = tmp_path / "story.mcap"
+    path = tmp_path / "scenario.mcap"
     with recorded_to(path) as recorder:
         assert recorder is not None
         network = VirtualNetwork(line(0, 800, 1500, loss={"frame": 0.2}), survey(),

@@ -47,7 +47,7 @@ class Call(msgspec.Struct):
 
 
 class CallScenario:
-    """One story.
+    """One random scenario.
 
     Args:
         seed: Everything follows from it.
@@ -88,7 +88,7 @@ class CallScenario:
         )
 
     def run(self) -> list[str]:
-        """Tell the story; returns what must not have happened."""
+        """Run it; returns what must not have happened."""
         rng, network = self._rng, self.network
         period_s = rng.choice((3.0, 15.0, 60.0))
         calm_s = self._busy_s + 2 * self._timeout_s + 120

@@ -81,7 +81,7 @@ class Hush(msgspec.Struct):
 
 
 class CommandScenario:
-    """One story.
+    """One random scenario.
 
     Args:
         seed: Everything follows from it.
@@ -121,7 +121,7 @@ class CommandScenario:
         )
 
     def run(self) -> list[str]:
-        """Tell the story; returns what must not have happened."""
+        """Run it; returns what must not have happened."""
         rng, network = self._rng, self.network
         for giver in GIVERS:
             at_s = rng.uniform(0, 60)

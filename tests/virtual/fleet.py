@@ -278,7 +278,7 @@ class Trial:
         self.network = self._scenario_run.network
 
     def run(self) -> None:
-        """Tell the story."""
+        """Run the scenario."""
         self._scenario_run.run()
 
     @property

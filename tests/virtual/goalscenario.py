@@ -63,7 +63,7 @@ class Goal(msgspec.Struct):
 
 
 class GoalScenario:
-    """One story.
+    """One random scenario.
 
     Args:
         seed: Everything follows from it.
@@ -116,7 +116,7 @@ class GoalScenario:
         )
 
     def run(self) -> list[str]:
-        """Tell the story; returns what must not have happened."""
+        """Run it; returns what must not have happened."""
         rng, network = self._rng, self.network
         period_s = rng.choice((5.0, 30.0, 200.0))
         calm_s = self._busy_s + self._timeout_s + 2 * self._result_timeout_s + self._run_s + 120

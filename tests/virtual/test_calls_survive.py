@@ -91,4 +91,4 @@ def test_scenarios_find_what_is_wrong(
     for seed in range(first, first + 100):
         if any(expected in line for line in CallScenario(seed).run()):
             return
-    raise AssertionError(f'no story complains that something "{expected}"')
+    raise AssertionError(f'no scenario reports that something "{expected}"')

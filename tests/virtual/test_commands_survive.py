@@ -33,7 +33,7 @@ def test_scenarios_tell_of_every_outcome() -> None:
         expected -= set(drawn.outcomes)
         if not expected:
             return
-    raise AssertionError(f"no story tells of {expected}")
+    raise AssertionError(f"no scenario has {expected}")
 
 
 # What the scenarios are there to find: they do when it is left out.
@@ -74,7 +74,7 @@ def test_scenarios_find_what_is_wrong(
     for seed in range(first, first + 100):
         if any(expected in line for line in CommandScenario(seed).run()):
             return
-    raise AssertionError(f'no story complains that something "{expected}"')
+    raise AssertionError(f'no scenario reports that something "{expected}"')
 
 
 def test_who_commands_is_silent_until_the_answer_could_be_there() -> None:

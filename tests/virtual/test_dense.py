@@ -272,7 +272,7 @@ def test_texts_without_a_type_cross_packed_and_in_dense_strings() -> None:
 
 
 def tell(seed: int) -> Voyage:
-    """Tell a story of two to four vehicles in bad water."""
+    """Run a scenario of two to four vehicles in bad water."""
     rng = random.Random(f"weather/{seed}")
     nodes = rng.choice((2, 2, 3, 4))
     voyage = Voyage(

@@ -26,7 +26,7 @@ BLOCKS = range(10)
 
 
 def block(number: int, share: int) -> range:
-    """Return the seeds of one of ten blocks of a story's seeds."""
+    """Return the seeds of one of ten blocks of a scenario's seeds."""
     return range(number, share, len(BLOCKS))
 
 

@@ -25,7 +25,7 @@ BLOCKS = range(10)
 def test_all_holds_in_any_scenario(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(3_000), len(BLOCKS)):
         violations = run_scenario(draw_scenario(seed)).violations
-        again = f"zacoustic sim --story {seed}"
+        again = f"zacoustic sim --random {seed}"
         assert not violations, f"{again}: {len(violations)} complaints, {violations[0]}"
 
 
@@ -62,7 +62,7 @@ class Lying(ScenarioRun):
 
 
 def draw_reliable_scenario() -> RandomScenario:
-    """Return the first story with reliable streams and few nodes, and with no crash."""
+    """Return the first scenario with reliable streams and few nodes, and with no crash."""
     for seed in range(1000):
         drawn = draw_scenario(seed)
         if len(drawn.casts) == 2 and 30 in drawn.casts[1].lanes:

@@ -1,6 +1,6 @@
 """Reliable topics in any weather: nothing lost, doubled, reordered or altered, whoever dies.
 
-Each seed is a story of two to four nodes that speak at random or in a rhythm: loss to 60 %, in
+Each seed is a scenario of two to four nodes that speak at random or in a rhythm: loss to 60 %, in
 bursts or not, other in each direction; repetitions, damage where the modem does not check,
 blackouts to half an hour, full disks, and up to ten crashes of each node. Then an hour of calm, in
 which all has to come to its end.
@@ -120,7 +120,7 @@ class LastArrives(Checker):
 
 
 def draw_reliable_scenario(seed: int) -> RandomScenario:
-    """Draw a story that has reliable topics only."""
+    """Draw a scenario that has reliable topics only."""
     rng = random.Random(f"reliable {seed}")
     count = rng.choice((2, 2, 2, 3, 4))
     busy_s = rng.choice((300.0, 900.0, 2700.0))

@@ -1,4 +1,4 @@
-"""The weather of a story: lossy links, crashes, outages, duplicates, and clocks that drift."""
+"""What goes wrong in a scenario: lossy links, crashes, outages, duplicates, drifting clocks."""
 
 import random
 from collections.abc import Callable

@@ -24,8 +24,9 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
                 tables; `handshake`, `introducing`, `contact`, `heartbeats`, `bootepoch`, `ranging`,
-                `measurements`; `doubt` is what this one does not know of itself; `statements` are
-                what a frame says of its sender, `reception` knows who takes the rest of it
+                `measurements`; `peerrules` and `agreementpolicy` are the settings; `doubt` is what
+                this one does not know of itself; `statements` are what a frame says of its sender,
+                `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `frame`, `content`, the table of `controls`; `access`,
                 `agreement`, `calls`, `goals`, `numbers`, `objects`, `subscriptions` (docs/wire.md
                 is normative)

@@ -1,4 +1,4 @@
-"""Commands about streams, for whichever link a stream goes by."""
+"""Commands about streams, each on the link of its stream."""
 
 from collections.abc import Callable, Collection, Set
 
@@ -11,7 +11,7 @@ from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
 from zacoustic.errors import UnknownStreamError
 
 StackOf = Callable[[int], LinkStack]
-"""Returns the link that a stream goes by."""
+"""Returns the stack of the link that a stream goes by."""
 
 
 class GoalCommands:
@@ -52,7 +52,7 @@ class GoalCommands:
         return self._of(goal.stream_id).reject(goal, now, text=text, failure=failure)
 
     def publish_feedback(self, goal: GoalKey, value: object, now: int) -> bool:
-        """Tell how far a goal is."""
+        """Report the progress of a goal."""
         return self._of(goal.stream_id).publish_feedback(goal, value, now)
 
     def finish(self, goal: GoalKey, status: GoalStatus, value: object, now: int) -> bool:
@@ -97,7 +97,7 @@ class SubscriptionCommands:
 
 
 class AwaitedSamples:
-    """Of what a sample is awaited, on all links."""
+    """The awaited samples of all links."""
 
     def __init__(self, stacks: Collection[LinkStack]) -> None:
         self._stacks = stacks

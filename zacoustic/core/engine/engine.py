@@ -27,8 +27,8 @@ Who does what, on each link (`zacoustic.core.engine.linkstack`)::
 A stream goes by the link that `TransmitRules.routes` names, else by the first one; so do remote
 commands and ranges. The handshake is one for all links.
 
-What is said and heard depends on the wire profile of the stream table (`StreamTable.wire`); the
-rest, when a frame may go and what is booked for it, does not.
+The wire profile of the stream table (`StreamTable.wire`) decides what is transmitted and
+understood. When a frame may go, and what is booked for it, is the same for all.
 """
 
 import random
@@ -102,7 +102,7 @@ class Engine:
         self.table = table
         self.stored = {key: each for key, each in stored.items() if key != BOOT_KEY}
         self.journal_failure = ""
-        """Why the journal cannot be written now; empty: it can. To be read only."""
+        """Why the journal cannot be written now; empty: it can. Read only."""
         self._trace = Tracer(address, trace)
         self._now = 0
         self._events: deque[Event] = deque()
@@ -112,15 +112,15 @@ class Engine:
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
         self._journal, self._timers = journal, timers = node.journal, node.timers
         self.measurements = node.measurements
-        """What was measured of peers and modem; to be read only."""
+        """What was measured of peers and modems; read only."""
         self.doubt = node.doubt
-        """Whether something of former lives is forgotten; to be read only."""
+        """Whether something of former lives is forgotten; read only."""
         self.contact = node.contact
-        """Who is lost; to be read only."""
+        """Which nodes are lost; read only."""
         self.clock = HostTime(
             rules.schedule, bool(rules.quiet), stored, journal=journal, timers=timers, emit=emit
         )
-        """What is known of UTC; to be read only."""
+        """What is known of UTC; read only."""
         self.silence = Silence(
             rules.quiet, stored, host=self.clock, journal=journal, timers=timers, emit=emit
         )
@@ -140,7 +140,7 @@ class Engine:
         self.subscriptions = SubscriptionCommands(self._stack_of)
         """Commands about on-demand topics: `want`; and who wants them of this node."""
         self.deadlines = AwaitedSamples(self._stacks.values())
-        """Of what a sample is awaited; to be read only."""
+        """The awaited samples; read only."""
         overrides = Overrides(
             address, table, override=self._override, stored=stored, journal=journal
         )
@@ -154,7 +154,7 @@ class Engine:
     # Inputs
 
     def handle_frame(self, frame: ReceivedFrame, now: int, link: str | None = None) -> None:
-        """A frame, or a piece of a byte stream, arrived."""
+        """Take a frame, or a piece of a byte stream."""
         self._now = now
         self._stack(link).handle_frame(frame, now)
         for news in self._handshake.news:
@@ -185,7 +185,7 @@ class Engine:
             self._trace.note(now, "link", detail=state.value, link=stack.name)
 
     def handle_carrier(self, busy: bool, now: int, link: str | None = None) -> None:
-        """Somebody else's transmission began or ended."""
+        """Another node's transmission began or ended at this node."""
         self._now = now
         port = self._stack(link).transmitter.port
         if port is not None:
@@ -194,8 +194,8 @@ class Engine:
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
         """The host says that UTC is `now + offset_ns`, wrong by `error_ns` at most; None: unknown.
 
-        To be told once before the link is up, when the offset has changed by more than the driver's
-        own jitter, and every ten seconds at least where the engine is driven at all.
+        Call it once before the link is up, when the offset has changed by more than the driver's
+        jitter, and every ten seconds at least while the engine is driven.
         """
         self._now = now
         self._begin(now)
@@ -207,7 +207,7 @@ class Engine:
     def handle_measurement(
         self, measurement: Measurement, now: int, link: str | None = None
     ) -> None:
-        """The link has measured something of a peer, or says something of its modem."""
+        """Take a measurement of a peer, or a reading of the modem."""
         self._now = now
         stack = self._stack(link)
         peer = measurement.address if isinstance(measurement, PeerMeasured) else 0
@@ -248,7 +248,7 @@ class Engine:
     # Commands
 
     def declare(self, spec: StreamSpec, now: int) -> Stream:
-        """Add a stream to the table; begins a new epoch, since peers have confirmed another table.
+        """Add a stream to the table; begins a new epoch, since peers confirmed another table.
 
         Raises:
             ConfigError: The id or name is taken, or the spec is wrong.
@@ -361,7 +361,7 @@ class Engine:
         return next((each for each in made if each is not None), None)
 
     def poll_journal(self) -> JournalWrite | None:
-        """Return the next write that a promise waits for."""
+        """Return the next journal write."""
         return self._journal.poll()
 
     def poll_event(self) -> Event | None:
@@ -425,7 +425,7 @@ class Engine:
 
     @property
     def owes_acknowledgement(self) -> bool:
-        """Something waits that says what has come, and this node may transmit."""
+        """An acknowledgement waits, and this node may transmit."""
         now = self._now
         return not self.silence.is_silent(now) and any(
             stack.state is LinkState.UP and stack.protocols.owes_acknowledgement(now)
@@ -433,7 +433,7 @@ class Engine:
         )
 
     def transport(self, kind: type[OtherTransport], link: str | None = None) -> OtherTransport:
-        """Return the transport of somebody else that is of a class; each link has its own.
+        """Return the external transport of a class; each link has its own.
 
         Raises:
             LocalError: This engine was made without it.
@@ -459,11 +459,11 @@ class Engine:
         return self._stack_of(stream_id).protocols.pending(stream_id)
 
     def forget(self, address: int, now: int) -> None:
-        """Free everything that is kept of another node, in the journal too.
+        """Free everything that is kept of another node, in the journal as well.
 
-        It is for a node that has left the fleet: what ran of its calls and goals, and what was
-        handed on of its samples, is not known any more, so that it must not come again. Calls to it
-        end as cancelled; what waits for it in the queue waits on.
+        For a node that has left the fleet and will not return: the state of its calls and goals,
+        and of the samples that it sent, is lost. Calls to it end as cancelled; what waits for it in
+        the queue stays.
 
         Args:
             address: The node.
@@ -473,18 +473,18 @@ class Engine:
         self._peers.forget(address, now)
 
     def expire(self, now: int) -> int | None:
-        """Forget what waits and is too old; returns when something else will be, ns, or None."""
+        """Drop what waits and is too old; returns when something else will be, ns, or None."""
         instants = (each.protocols.queue.drop_expired(now) for each in self._stacks.values())
         return min((at for at in instants if at is not None), default=None)
 
     @property
     def expired(self) -> dict[int, int]:
-        """Payloads that became too old before they could be sent, by stream."""
+        """Payloads that became too old before they were sent, by stream."""
         return _sum(each.protocols.queue.expired for each in self._stacks.values())
 
     @property
     def superseded(self) -> dict[int, int]:
-        """Payloads pushed out by newer ones before they could be sent, by stream."""
+        """Payloads replaced by newer ones before they were sent, by stream."""
         return _sum(each.protocols.queue.superseded for each in self._stacks.values())
 
     def peers(self) -> dict[int, bool]:
@@ -495,7 +495,7 @@ class Engine:
     # Below the methods above
 
     def _begin(self, now: int) -> None:
-        """This is the first instant of the life; no effect later on."""
+        """Take note of the first instant of the life; no effect later on."""
         self.contact.begin(now)
         self._handshake.begin(now)
         for stack in self._stacks.values():
@@ -513,7 +513,7 @@ class Engine:
         return self._stack(self._routes.get(stream_id))
 
     def _given_by(self, outer: int) -> tuple[LinkStack, int] | None:
-        """Return the link that has given an id away, and what it is there."""
+        """Return the link that issued an id, and the id on that link."""
         found = ((stack, stack.ids.inner(outer)) for stack in self._stacks.values())
         return next(((stack, inner) for stack, inner in found if inner is not None), None)
 

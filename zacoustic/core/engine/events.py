@@ -1,7 +1,6 @@
-"""What an engine tells the application: frozen records, polled one by one.
+"""Events of an engine for the application: frozen records, polled one by one.
 
-Each is defined where it arises; here is the union of them, for whoever drives an engine, and what
-arises in the engine itself.
+Each is defined where it arises; this module has their union, and the events of the engine itself.
 """
 
 import msgspec
@@ -107,7 +106,7 @@ class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """The journal cannot be written, or can be again."""
 
     failure: str
-    """Why it cannot, one line; empty: it can. Until then nothing is promised that needs it."""
+    """Why it cannot, one line; empty: it can. Until then no promise is made that needs it."""
     changed_at: int
     """Instant of the change, ns."""
 
@@ -115,8 +114,8 @@ class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
 class EngineRestarted(msgspec.Struct, frozen=True, kw_only=True):
     """An internal error has ended the engine of this node; a new one goes on from the journal.
 
-    Told by whoever runs engines. Best-effort samples that waited are lost; how all else ends that
-    was under way is told behind this.
+    The runner emits it. Best-effort samples that waited are lost; further events report how
+    everything else ended that was under way.
     """
 
     faults: int
@@ -143,4 +142,4 @@ Event = (
     | EngineRestarted
     | TransportEvent
 )
-"""Anything that an engine tells."""
+"""Any event of an engine."""

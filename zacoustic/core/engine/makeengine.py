@@ -1,4 +1,4 @@
-"""How an engine is made, for those who let somebody else make theirs: a recorder, a test."""
+"""The signature of a constructor of engines, for those who replace it: a recorder, a test."""
 
 import random
 from collections.abc import Mapping

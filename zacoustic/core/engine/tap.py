@@ -1,13 +1,13 @@
-"""The tap: every call of an engine from outside, with what came of it, for whoever records it.
+"""The tap: records every call of an engine from outside, with its result.
 
-An engine is a function of its inputs. So whoever has the arguments it was made with, and every call
-since then in its order, has all that it ever did: made again and called again in the same way, it
-says the same bytes. That is what a recording holds and what a replay does.
+An engine is a function of its inputs. So its constructor's arguments and every call since then, in
+order, determine all that it ever did: a new engine with the same calls transmits the same bytes. A
+recording holds the calls, and a replay makes them.
 
-A tap stands on the methods themselves, of one engine, so that nobody who drives or commands it has
-to know. What the engine calls within itself is no input: only the outermost call is told. Polls are
-calls like others, since composing a frame draws random numbers and changes queues, whatever comes
-of it. An engine without a tap is not touched.
+A tap wraps the methods of one engine, so whoever drives or commands it need not know. What the
+engine calls within itself is no input: only the outermost call is recorded. Polls are recorded like
+other calls, since composing a frame draws random numbers and changes queues, whatever its result.
+An engine without a tap is not touched.
 """
 
 import functools
@@ -38,7 +38,7 @@ CALLS: Final = (
 
 
 class EngineCall:
-    """One call; made new for each, and valid while the sink has it."""
+    """One call; valid while the sink runs."""
 
     __slots__ = ("arguments", "error", "name", "result")
 
@@ -67,7 +67,7 @@ TapSink = Callable[[EngineCall], None]
 
 
 class Tap:
-    """Stands on one engine from now on.
+    """Records one engine from now on.
 
     Args:
         engine: The engine, best before it was called at all.
@@ -104,7 +104,7 @@ class Tap:
 
 
 def call_engine(engine: Engine, name: str, arguments: dict[str, Any]) -> object:
-    """Call an engine as a recording says.
+    """Repeat a recorded call.
 
     Args:
         engine: The engine.

@@ -1,1 +1,1 @@
-"""What is known of each other node: its life, its table, whether it is heard, how far it is."""
+"""What this node knows of every other one: its life, its table, whether it is heard, its range."""

@@ -1,4 +1,4 @@
-"""The boot epoch of one node: another one in each life, and written down before it is said."""
+"""The boot epoch of a node: a new one in each life, journalled before the first frame uses it."""
 
 from collections.abc import Callable
 
@@ -20,33 +20,33 @@ class BootEpoch:
         self._journal = journal
         self._to_keep = 0
         self.began = Signal[int]()
-        """``(now)``: a new one has begun."""
+        """``(now)``: a new epoch has begun."""
         self._is_calling: list[Callable[[], bool]] = []
         self._write()
 
     @property
     def may_speak(self) -> bool:
-        """It is written down: no other life of the node will have it.
+        """The epoch is journalled: no other life of the node has it.
 
-        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
+        A store that cannot be written blocks nothing: the next life draws a number after this one.
         """
         return not self._to_keep or bool(self._journal.failure)
 
     def outlast(self, is_calling: Callable[[], bool]) -> None:
-        """Have somebody asked before it is renewed whether a call is under way."""
+        """Register a check whether a call is under way; `renew` asks it."""
         self._is_calling.append(is_calling)
 
     def begin(self, now: int) -> None:
-        """Begin a new one: what peers have confirmed is over."""
+        """Begin a new epoch; every confirmation of the old one is void."""
         self._handshake.table_changed(now)
         self._write()
         self.began(now)
 
     def renew(self, now: int) -> bool:
-        """Begin a new one unless a call is under way, which would not survive it.
+        """Begin a new epoch unless a call is under way, which would not survive it.
 
         Returns:
-            Whether it has begun.
+            Whether a new epoch has begun.
         """
         if any(is_calling() for is_calling in self._is_calling):
             return False

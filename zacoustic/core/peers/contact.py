@@ -1,17 +1,16 @@
-"""Contact: a node lets the others hear that it is there, and notices when one is not heard.
+"""Contact: a node shows the others that it is alive, and notices when another one falls silent.
 
-An idle fleet is silent, so from silence nobody can tell whether a vehicle has nothing to say or is
-gone, and a vehicle whether it should surface. Who has to know that pays for it: a *heartbeat*, the
-smallest frame there is, when nothing else was said for a time; and a time without any frame of a
-node after which it counts as *lost*, until it is heard again. Both are in the config, for each
-node; without them nothing is sent and no timer is armed.
+An idle fleet is silent, so silence does not tell whether a vehicle has nothing to say or is gone,
+nor does it tell a vehicle whether it should surface. Where that matters, two settings pay for the
+answer. A node transmits a *heartbeat*, the smallest frame there is, when it has sent nothing else
+for a time. A node counts as *lost* when no frame of it was heard for a time, until it is heard
+again. The configuration has both for each node; without them nothing is sent and no timer is armed.
 
-- What was sent to one node alone does not spare the heartbeat for the others.
-- The pause is drawn anew each time, so that heartbeats which collide do not collide again.
-- Any frame that can be opened is a sign of its source, for whomever it was. What only the modem of
-  a node has answered is none: its computer may be dead.
-- A heartbeat carries HELLO or TAG as long as somebody has not confirmed this life of the node: a
-  restart is noticed by it.
+- A frame to one node alone does not replace the heartbeat for the others.
+- Each pause is drawn anew, so heartbeats that collided do not collide again.
+- Any frame that can be opened is a sign of life of its source, whoever it was for. An answer of the
+  modem alone is not: the computer behind it may be dead.
+- A heartbeat carries HELLO or TAG until every node has confirmed this life: it shows a restart.
 """
 
 from collections.abc import Callable
@@ -28,18 +27,18 @@ from zacoustic.core.peers.states import REACHABILITY, Change, Reachability
 LEAST_HEARTBEAT_S: Final = 1.0
 """Least time between two heartbeats, s: the smallest frame of a modem lasts a quarter of that."""
 LEAST_MISSED: Final = 2
-"""A node is lost after so many heartbeats at least: any one may be."""
+"""A node is lost after this many missed heartbeats at least: any one of them may be lost."""
 
 
 class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
-    """What the config says of heartbeats, and of nodes that are not heard."""
+    """Settings of heartbeats, and of the time after which a node is lost."""
 
     heartbeat_s: float | None = None
-    """How often this node is to be heard at least, s; None: no heartbeats."""
+    """Longest time between two frames of this node, s; None: no heartbeats."""
     lost_after_s: dict[int, float] = {}
-    """Address of a node → after how long without a sign of it it is lost, s."""
+    """Address of a node → time without a frame of it after which it is lost, s."""
     others_lost_after_s: float | None = None
-    """The same for all that are not in it, once they have been heard; None: never."""
+    """The same for all other nodes, once they were heard; None: never."""
 
 
 class Sighting(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,18 +47,18 @@ class Sighting(msgspec.Struct, frozen=True, kw_only=True):
     state: Reachability
     """Whether it is heard."""
     since: int
-    """Instant since when that is so, ns."""
+    """Instant at which this state began, ns."""
     heard_at: int | None
     """Instant at which it was heard last, ns; None: not in this life."""
 
     @property
     def is_lost(self) -> bool:
-        """Nothing was heard of it for as long as the config says."""
+        """Nothing was heard of it for the configured time."""
         return self.state is Reachability.LOST
 
 
 class PeerLost(msgspec.Struct, frozen=True, kw_only=True):
-    """Nothing was heard of a node for as long as the config says."""
+    """Nothing was heard of a node for the configured time."""
 
     address: int
     """The node."""
@@ -79,7 +78,7 @@ class PeerFound(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Contact:
-    """Whom one node misses, on whatever link it hears them.
+    """Which nodes this one misses, on whatever link it hears them.
 
     Args:
         address: Address of the node.
@@ -106,7 +105,7 @@ class Contact:
         peers.forgotten.connect(self._forget)
 
     def begin(self, now: int) -> None:
-        """This is the first instant of the life; no effect later on."""
+        """Take note of the first instant of the life; no effect later on."""
         if self._has_begun:
             return
         self._has_begun = True
@@ -118,7 +117,7 @@ class Contact:
                 self._arm(address)
 
     def heard(self, source: int, now: int) -> None:
-        """A frame of a node arrived, for whomever it was."""
+        """Take note of a frame of a node, whoever it is for."""
         known = self._sightings.get(source)
         since = now if known is None or known.is_lost else known.since
         before = REACHABILITY.first if known is None else known.state
@@ -129,7 +128,7 @@ class Contact:
             self._emit(PeerFound(address=source, found_at=now))
 
     def sightings(self) -> dict[int, Sighting]:
-        """Return whether nodes are lost, by address, for all that can be."""
+        """Return the sighting of each node that can be lost, by address."""
         return {
             address: self._sightings[address]
             for address in sorted(self._sightings)
@@ -146,7 +145,7 @@ class Contact:
         return self._rules.lost_after_s.get(address, self._rules.others_lost_after_s)
 
     def _arm(self, address: int) -> None:
-        """A node that counts as there becomes lost if it is not heard before."""
+        """Arm the timer after which a node that is heard becomes lost."""
         lost_after_s, known = self._lost_after_s(address), self._sightings[address]
         if lost_after_s is not None:
             seen_at = known.since if known.heard_at is None else known.heard_at

@@ -1,17 +1,18 @@
-"""Doubt: what this node knows of its former lives may be less than others have seen of them.
+"""Doubt: this node may know less of its former lives than others have seen of them.
 
-A journal may be damaged, or an old copy of it was put back. The node lives on all the same, in a
-new epoch, with what is right in it; but of what it has done lately it knows nothing, and must not
-do it a second time because it comes again. So a served call or goal that may be older than this
-life, since its client repeats it for no longer than its time-out, is answered as *unknown*, which
-it is, and not begun. What this node commands, or is commanded to do at once, is not held up:
-commands carry their age, and do no harm twice.
+A journal may be damaged, or an old copy of it may have been put back. The node goes on all the
+same, in a new epoch, with whatever is right in it. But it does not know what it did last, and must
+not do it again when it arrives again. A client repeats a call or goal for no longer than its
+time-out. Within that time after the start, a call or goal may be older than this life: the node
+answers that its outcome is *unknown*, which is true, and does not begin it. Remote commands are not
+held up, neither those that it gives nor those that it receives: they carry their age and do no harm
+twice.
 
-The store finds most of this out by itself, and says so by an entry; subscribers find out the rest
-(`zacoustic.core.transport.reliable.sending.contradictions`), and it is told in the same way. What
-they say may be forged, or late, and is believed when it is said again. Until then nothing is
-refused for it and nothing is
-begun: a call or goal that may be older than this life is dropped, and its client repeats it.
+The store detects most of this by itself and leaves an entry. Subscribers detect the rest
+(`zacoustic.core.transport.reliable.sending.contradictions`); the node is told in the same way. What
+they report may be forged or late, so it is believed when it comes a second time. Until then the
+node refuses nothing and begins nothing: it drops a call or goal that may be older than this life,
+and the client repeats it.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,18 +29,18 @@ _LEAST_NS: Final = seconds_to_ns(60)
 
 
 class JournalDoubted(msgspec.Struct, frozen=True, kw_only=True):
-    """The journal may be less than what was written last: it is damaged, or was put back.
+    """The journal may lack the last writes: it is damaged, or an old copy was put back.
 
-    The node has begun anew with what is right in it. What came before, and whose outcome it does
-    not know, it does not do again: see `zacoustic.core.peers.doubt`.
+    The node goes on with what is right in it. It does not repeat what came before and whose outcome
+    it does not know: see `zacoustic.core.peers.doubt`.
     """
 
     reason: str
-    """What was found, and by whom, one line."""
+    """What was found, and who found it, one line."""
 
 
 class Doubt:
-    """Whether the journal of one life is in doubt, and what is refused for that.
+    """Whether the journal of one life is in doubt, and what is refused because of that.
 
     Args:
         address: Address of the node.
@@ -70,12 +71,12 @@ class Doubt:
             emit(JournalDoubted(reason=self.reason))
 
     def link_up(self, now: int) -> None:
-        """The link is up: from now on what others repeat is heard."""
+        """The link is up: from now on repetitions of others are heard."""
         if self._began_at is None:
             self._began_at = now
 
     def covers(self, timeout_s: float, now: int) -> bool:
-        """Tell whether what comes now may be older than this life, and done by one before.
+        """Tell whether what arrives now may be older than this life, and done by a former one.
 
         Args:
             timeout_s: For how long its sender repeats it, s.
@@ -84,7 +85,7 @@ class Doubt:
         return self._is_stored and self._may_be_older(timeout_s, now)
 
     def suspends(self, timeout_s: float, now: int) -> bool:
-        """Tell whether that may soon have to be said, so that what comes now is not to be begun.
+        """Tell whether a suspicion is open that would cover what arrives now: it must not begin.
 
         Args:
             timeout_s: For how long its sender repeats it, s.
@@ -94,14 +95,14 @@ class Doubt:
         return is_suspected and self._may_be_older(timeout_s, now)
 
     def suspect(self, until: int) -> None:
-        """Somebody says what cannot be; nothing that may be older than this life begins before."""
+        """Begin nothing that may be older than this life until then: a report contradicts it."""
         self._suspected_until = max(self._suspected_until, until)
 
     def told(self, reason: str, now: int) -> None:
-        """Somebody else has shown that this node has forgotten something.
+        """Another node has shown that this one has forgotten something.
 
-        It has, from the beginning of this life: what may be older is refused as if the store had
-        said so, in the next life as well.
+        That holds from the beginning of this life: what may be older is refused as if the store had
+        reported it, in the next life as well.
         """
         if not self.reason:
             self.reason = reason
@@ -111,7 +112,7 @@ class Doubt:
         self._emit(JournalDoubted(reason=reason))
 
     def settle(self, now: int) -> None:
-        """Forget the doubt in the journal when nothing from before this life is repeated."""
+        """Delete the doubt from the journal once nobody repeats anything from before this life."""
         began_at = now if self._began_at is None else self._began_at
         if self._is_stored and now >= began_at + self._longest_ns:
             self._is_stored = False

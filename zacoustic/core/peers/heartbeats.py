@@ -1,4 +1,4 @@
-"""Heartbeats of one node on one link; `zacoustic.core.peers.contact` says what they are for."""
+"""Heartbeats of one node on one link; `zacoustic.core.peers.contact` says why."""
 
 import random
 from typing import Final
@@ -10,11 +10,11 @@ from zacoustic.core.base.stats import Cause
 from zacoustic.core.streams.table import StreamTable
 
 _EARLIEST: Final = 0.75
-"""Share of the pause that is certain; the rest is drawn."""
+"""Part of the pause that is fixed; the rest is drawn."""
 
 
 class Heartbeats:
-    """The heartbeats that one node makes on one link.
+    """The heartbeats of one node on one link.
 
     Args:
         address: Address of the node.
@@ -33,7 +33,7 @@ class Heartbeats:
         self._pause_ns = 0
 
     def begin(self, now: int) -> None:
-        """This is the first instant of the life; no effect later on."""
+        """Take note of the first instant of the life; no effect later on."""
         if not self._said_at:
             self._said_at = dict.fromkeys(self._hearers, now)
             self._draw_pause()
@@ -45,14 +45,14 @@ class Heartbeats:
         return min(self._said_at.values()) + self._pause_ns
 
     def offer(self, now: int) -> Offer | None:
-        """Offer a heartbeat that is due."""
+        """Offer a heartbeat if one is due."""
         due_at = self.due_at(now)
         if due_at is None or due_at > now:
             return None
         return Offer(destination=BROADCAST, rank=FIRST_BUT_URGENT, must_go=Cause.HEARTBEAT)
 
     def transmitted(self, destination: int, now: int) -> None:
-        """A frame goes to a node, or to all."""
+        """Take note of a frame to a node, or to all."""
         if destination == BROADCAST:
             self._said_at = dict.fromkeys(self._hearers, now)
             self._draw_pause()

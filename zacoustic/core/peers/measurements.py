@@ -1,8 +1,9 @@
-"""What the modem has measured: of each peer the newest of everything, and of itself.
+"""Measurements of the modem: the newest of each quantity, of each peer and of itself.
 
-It comes on frames and besides, field by field and out of order: a fix is told half a second after
-the exchange that it was made in. What can only be used together is kept together with its instant:
-a `Range`, a `Position`, a `Direction`. An older one never replaces a newer one.
+They come on frames and between them, field by field and out of order: a position comes half a
+second after the exchange that it was measured in. Values that only make sense together are kept
+together with their instant: a `Range`, a `Position`, a `Direction`. An older value never replaces a
+newer one.
 """
 
 from typing import Final, TypeVar
@@ -24,7 +25,7 @@ class Range(msgspec.Struct, frozen=True, kw_only=True):
     range_m: float | None
     """Slant distance, m; None where the device does not know the sound speed."""
     integrity: float | None = None
-    """Signal quality in the modem's own scale, None where it tells none."""
+    """Signal quality in the modem's own scale; None: the modem does not report it."""
     measured_at: int
     """Instant of the measurement, ns on the monotonic clock."""
 
@@ -34,7 +35,7 @@ class Range(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Position(msgspec.Struct, frozen=True, kw_only=True):
-    """Where another node is, seen from here."""
+    """Where another node is, relative to this one."""
 
     address: int
     """The node."""
@@ -51,7 +52,7 @@ class Position(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Direction(msgspec.Struct, frozen=True, kw_only=True):
-    """From where another node is heard."""
+    """The direction from which another node is heard."""
 
     address: int
     """The node."""
@@ -69,7 +70,7 @@ Found = TypeVar("Found", Range, Position, Direction)
 
 
 class _Measured:
-    """The newest of everything that was measured of one peer."""
+    """The newest measurements of one peer."""
 
     __slots__ = ("direction", "metrics", "position", "range")
 
@@ -81,7 +82,7 @@ class _Measured:
 
 
 class Measurements:
-    """The newest of everything.
+    """The newest measurements of all peers, and of the own modems.
 
     Args:
         peers: The other nodes.
@@ -89,18 +90,18 @@ class Measurements:
 
     def __init__(self, peers: Peers) -> None:
         self.modems: dict[str, ModemRead] = {}
-        """What the modem of each link last said of itself, by the name of the link."""
+        """The last reading of each link's modem, by the name of the link."""
         self._measured = PerPeer(peers, _Measured)
 
     def handle(self, measurement: Measurement, link: str) -> None:
-        """Keep what a link tells."""
+        """Keep a measurement of a link."""
         if isinstance(measurement, PeerMeasured):
             self.note(measurement.address, measurement.metrics, measurement.measured_at)
         else:
             self.modems[link] = measurement
 
     def note(self, address: int, metrics: LinkMetrics, at: int) -> None:
-        """Keep what was measured of a peer, on a frame or besides.
+        """Keep a measurement of a peer, on a frame or by itself.
 
         Args:
             address: The peer.

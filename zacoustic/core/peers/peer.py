@@ -1,4 +1,4 @@
-"""What a node knows of another one, and what it owes to it; the rules are `handshake`'s."""
+"""What this node knows of another one, and what it owes to it; `handshake` has the rules."""
 
 from typing import Final
 
@@ -11,12 +11,12 @@ from zacoustic.core.peers.states import AGREEMENT, Agreement, Change, Life
 _FIRST_PAUSE_UNITS: Final = 2
 _LONGEST_ANSWER_PAUSE_UNITS: Final = 256
 _LONGEST_QUESTION_PAUSE_UNITS: Final = 64
-"""A question is asked of somebody who transmits what is of no use here: its cost is small beside
-that, and until it is answered all of that is lost."""
+"""A question goes to a node whose frames are of no use here. It costs little, and until it is
+answered all of those frames are lost."""
 
 
 class Pause:
-    """Doubles with each use: no question is repeated faster than answers can come.
+    """A pause that doubles with each use: no question is repeated faster than answers can come.
 
     Args:
         longest_units: Where it stops to grow, units.
@@ -40,7 +40,7 @@ class Pause:
 
     @property
     def is_longest(self) -> bool:
-        """It grows no more."""
+        """It does not grow any more."""
         return self._units == self._longest_units
 
 
@@ -54,16 +54,16 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class Peer:
-    """What is known of another node, and what is owed to it."""
+    """What this node knows of another one, and what it owes to it."""
 
     def __init__(self) -> None:
         self.epoch: int | None = None
-        """The last epoch that it has told, or None."""
+        """The last epoch that it announced, or None."""
         self.digest = b""
         self.missed_epoch: int | None = None
-        """The epoch of its last TAG, where no HELLO of that was heard."""
+        """The epoch of its last TAG, if no HELLO of that epoch was heard."""
         self.marked = 0
-        """Frames with that TAG."""
+        """How many frames had that TAG."""
         self.settled_at = 0
         self.credit_bytes: int | None = None
         """A stranger is answered with so many bytes at most; None: it is one of the fleet."""
@@ -75,21 +75,22 @@ class Peer:
         self.agreement = AGREEMENT.first
         """Whether it has confirmed us; changed by `take` only."""
         self.knows_us = False
-        """In the life that is known of it, it has confirmed the present epoch of this node once.
-        Unlike its agreement a question does not revoke that: an epoch that was known is known."""
+        """In its present life it has confirmed the present epoch of this node once. A question of
+        it revokes its agreement, but not this: an epoch that was known is known."""
         self.holds_at = 0
         """Instant from which a provisional agreement holds, ns."""
         self.link = ONE_LINK
-        """Name of the link on which it was heard last, or a record for it goes again: what it is
-        owed goes there."""
+        """Name of the link on which it was heard last, or on which a record for it is repeated:
+        what this node owes to it goes there."""
         self.is_assured = False
         """It knows that we have confirmed it."""
         self.confirms_now = False
-        """The frame that is read now says that it knows our present epoch, and shares our table."""
+        """The frame that is being read shows that it knows our present epoch and shares our
+        table."""
         self.heard_alone = False
-        """The frame that is read now is for this node alone."""
+        """The frame that is being read is for this node alone."""
         self.is_being_confirmed = False
-        """The frame that is composed now says so to it."""
+        """The frame that is being composed confirms it."""
         self.told_differing: set[int] = set()
         self.owes_confirm = False
         self.owes_hello = False
@@ -97,11 +98,12 @@ class Peer:
         self.questions: dict[int, None] = {}
         self.speak_at: int | None = None
         self.speaks_to_all = False
-        """What is said at that instant is said to all."""
+        """What is said at that instant goes to all."""
         self.answers_within_ns = 0
-        """How long its answers take behind a device that decides when it transmits, as measured."""
+        """How long its answers take behind a device that decides when it transmits, as measured,
+        ns."""
         self.answered_at = 0
-        """What it says before that may have been said before our last CONFIRM came, ns."""
+        """Before this instant, ns, it may not have received our last CONFIRM."""
         self.ask_pause = Pause(_LONGEST_QUESTION_PAUSE_UNITS)
         self.answer_pause = Pause(_LONGEST_ANSWER_PAUSE_UNITS)
 
@@ -117,7 +119,7 @@ class Peer:
 
     @property
     def confirmed_us(self) -> bool:
-        """It needs no HELLO and no TAG."""
+        """It has confirmed us: frames to it need no HELLO and no TAG."""
         return self.agreement is Agreement.CONFIRMED
 
     def life(self, now: int) -> Life:
@@ -132,7 +134,7 @@ class Peer:
         self.knows_us |= self.confirmed_us
 
     def ripen(self, now: int) -> None:
-        """Count it as having confirmed us, if the time for that has come."""
+        """Turn a provisional agreement into a confirmed one when its time has come."""
         if self.agreement is Agreement.PROVISIONAL and self.holds_at <= now:
             self.take(Change.HELD)
 
@@ -142,7 +144,7 @@ class Peer:
 
     @property
     def is_owed(self) -> bool:
-        """Something is to be said to it."""
+        """This node owes it something."""
         return self.owes_confirm or self.owes_hello or bool(self.owed_rows or self.questions)
 
     @property
@@ -152,14 +154,14 @@ class Peer:
 
     @property
     def sayable_at(self) -> int:
-        """Instant from which some of what it is owed may be said, ns; only where it `is_owed`."""
+        """Earliest instant at which some of what it is owed may go, ns; only if it `is_owed`."""
         instants = [self.confirm_at] if self.owes_confirm else []
         if self.questions:
             instants.append(self.ask_pause.not_before)
         return 0 if self.owes_hello or self.owed_rows else min(instants)
 
     def said(self, cause: Cause, now: int, unit_ns: int) -> None:
-        """Take note that the next of what is owed of a kind has been said."""
+        """Take note that the next item of one kind has been sent to it."""
         if cause is Cause.CONFIRM:
             self.owes_confirm = False
             self.answer_pause.use(now, unit_ns)
@@ -182,7 +184,7 @@ class Peer:
         return is_enough
 
     def doubt(self, event: Change) -> None:
-        """Of its table and ours nothing is agreed any more, because of an event."""
+        """Forget all agreement on tables, because of an event."""
         self.take(event)
         self.knows_us = self.is_assured = self.confirms_now = False
         self.owes_confirm = False
@@ -192,7 +194,7 @@ class Peer:
         self.told_differing.clear()
 
     def begin_life(self, event: Change) -> None:
-        """It has begun a new life: it knows nothing of us, and we nothing of its table."""
+        """Begin a new life of it: it knows nothing of us, and we know nothing of its table."""
         self.doubt(event)
         self.owed_rows.clear()
         self.questions.clear()

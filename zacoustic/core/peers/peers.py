@@ -1,9 +1,8 @@
-"""All other nodes: a `Peer` for each; and who keeps something of one is told what becomes of it.
+"""All other nodes: a `Peer` for each, and signals for everything else that is kept per node.
 
-What a node knows of another one is not all in its `Peer`: transports keep what they need in their
-own types. Signals hold that together. `forget` frees everything that is kept of a node, wherever it
-is kept: a node that has left the fleet, or an address that was only ever heard by mistake, costs
-nothing then.
+Not everything that is known of a node is in its `Peer`: transports keep what they need in types of
+their own. Signals hold that together. `forget` frees all of it, wherever it is kept: a node that
+has left the fleet, or an address that was heard by mistake, then costs nothing.
 """
 
 from collections.abc import Callable
@@ -16,31 +15,31 @@ Kept = TypeVar("Kept")
 
 
 class Peers(dict[int, Peer]):
-    """The other nodes, by address; of one that is not in it nothing is known yet."""
+    """The other nodes, by address; a missing one is made when it is asked for."""
 
     def __init__(self) -> None:
         super().__init__()
         self.restarted = Signal[int, int, int]()
-        """``(address, epoch, now)``: a node has begun a life with this boot epoch."""
+        """``(address, epoch, now)``: a node has begun a life, with this boot epoch."""
         self.asked = Signal[int, int]()
         """``(address, now)``: a node has asked for the HELLO of this one, or a row of its table."""
         self.differs = Signal[int, int, int]()
-        """``(address, stream_id, now)``: a node defines a stream in another way."""
+        """``(address, stream_id, now)``: a node defines a stream differently."""
         self.forgotten = Signal[int, int]()
-        """``(address, now)``: nothing is to be kept of a node."""
+        """``(address, now)``: free everything that is kept of a node."""
 
     def __missing__(self, address: int) -> Peer:
         peer = self[address] = Peer()
         return peer
 
     def forget(self, address: int, now: int) -> None:
-        """Free all that is kept of a node; it is as if it had never been heard."""
+        """Free everything that is kept of a node, as if it had never been heard."""
         self.forgotten(address, now)
         self.pop(address, None)
 
 
 class PerPeer(dict[int, Kept], Generic[Kept]):
-    """Something for each node, made when it is asked for and freed when the node is forgotten.
+    """A value for each node: made on first use, freed when the node is forgotten.
 
     Args:
         peers: The nodes.

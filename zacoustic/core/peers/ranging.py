@@ -1,26 +1,25 @@
-"""Ranges on demand: an exchange with a peer, and what its modem made of it.
+"""Ranges on demand: an exchange with a peer, and what the modem measures in it.
 
-The problem: a modem measures how long sound takes only where an answer comes back, so somebody has
-to be asked something. The idea: any unicast frame to the peer will do, if its modem is asked for an
-acknowledgement. So whoever wants a range waits for the next frame that goes to that peer anyway;
-if none does, the composer makes one with what is owed to the peer, or with one byte of padding, the
-smallest frame there is and no news to anybody: it introduces nobody, and calls forth no answer but
-that of the modem. A modem that waits for one sends nothing meanwhile: so what is sent several times
-in a row is asked for no range, and until it can have been answered, and repeated, none is asked
-for, unless a schedule is behind by a period.
+A modem measures a propagation delay only if an answer comes back, so a peer has to be asked
+something. Any unicast frame will do, if it asks the peer's modem for an acknowledgement. So a
+request for a range waits for the next frame to that peer. If there is none, the composer makes one,
+with what is owed to the peer or with one byte of padding: the smallest frame there is, which
+introduces nobody and causes no answer but the modem's. While a modem waits for an acknowledgement
+it transmits nothing. So frames that are sent several times in a row ask for no range, and none is
+asked for while they may still have to be repeated, unless a schedule is late by a period.
 
-Which answer belongs to which question is decided by time alone: a measurement counts for all
-requests made before it, on whichever exchange it was made, and never for a later one. So two
-requests share an exchange, and a delay that the modem remembers from before is never taken.
+Time alone assigns answers to requests: a measurement counts for all requests made before it, in
+whatever exchange it was made, and never for a later one. So two requests share an exchange, and a
+delay that the modem remembers from before is never taken.
 
-What happens to a peer of which a range is wanted::
+The states of a peer whose range is wanted::
 
     wanted ──frame goes──► under way ──report──► pausing ──► wanted
        ▲                                  │
        └── the next one, a period later ◄─┴─ measured
 
-An exchange that brings nothing is tried again, until the time of the request is over. The pause
-doubles, so that a peer that is gone costs little: nothing waits for an exchange but the range.
+An exchange without a result is repeated until the time of the request is over. The pause doubles,
+so a peer that is gone costs little.
 """
 
 import enum
@@ -53,9 +52,9 @@ half a second."""
 LONGEST_PERIOD_S: Final = 86_400.0
 """Most time between two, s: a day."""
 _LONGEST_PAUSE_UNITS: Final = 64
-"""As for a question of the handshake: two minutes with messages of 64 bytes over 1500 m."""
+"""As for questions of the handshake: two minutes with messages of 64 bytes over 1500 m."""
 _FIRST_SHARE: Final = 4
-"""A schedule begins within this part of its period, so that nodes started together part."""
+"""A schedule begins within this part of its period, so that nodes that start together spread."""
 
 
 class RangeFailure(enum.Enum):
@@ -68,7 +67,7 @@ class RangeFailure(enum.Enum):
 
 
 class RangeMeasured(msgspec.Struct, frozen=True, kw_only=True):
-    """A range that was asked for is there."""
+    """The result of a range request."""
 
     range_id: int
     """What `Ranging.request` returned."""
@@ -77,10 +76,10 @@ class RangeMeasured(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RangeFailed(msgspec.Struct, frozen=True, kw_only=True):
-    """A range that was asked for will not come."""
+    """The failure of a range request."""
 
     range_id: int | None
-    """What `Ranging.request` returned; None: a schedule that this link cannot keep."""
+    """What `Ranging.request` returned; None: a schedule that this link cannot serve."""
     address: int
     """The peer."""
     failure: RangeFailure
@@ -90,7 +89,7 @@ class RangeFailed(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Ranging:
-    """The ranges that one node wants.
+    """The range requests and schedules of one node.
 
     Args:
         address: Address of this node.
@@ -121,7 +120,7 @@ class Ranging:
     # Commands
 
     def request(self, address: int, now: int, *, timeout_s: float) -> int:
-        """Ask for a range; returns the id that its `RangeMeasured` or `RangeFailed` will name.
+        """Request a range; returns the id in its `RangeMeasured` or `RangeFailed`.
 
         Args:
             address: The peer.
@@ -153,7 +152,7 @@ class Ranging:
                 self._forget_if_idle(address)
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Nothing is to be kept of a node; its range is not measured any more."""
+        """Forget a node: its range is not measured any more."""
         quest = self._quests.pop(address, None)
         for range_id in quest.requests if quest is not None else ():
             self._timers.cancel((Due.RANGE, range_id))
@@ -161,9 +160,9 @@ class Ranging:
     def repeat(self, address: int, every_s: float, now: int) -> None:
         """Measure the range of a peer again and again; replaces an earlier schedule for it.
 
-        Any measurement counts: an exchange that is made for something else puts it off. Results are
-        events of kind `PeerMeasured`. Until the link is up for the first time nothing is known of
-        it; where it then measures no ranges, a `RangeFailed` without id says so.
+        Any measurement counts: an exchange for something else postpones the next one. Results are
+        `PeerMeasured` events. The link's capabilities are unknown until it is up for the first
+        time; if it then measures no ranges, a `RangeFailed` without id reports that.
 
         Args:
             address: The peer.
@@ -199,7 +198,7 @@ class Ranging:
             self._forget_if_idle(address)
 
     def measured(self, measurement: PeerMeasured) -> None:
-        """A peer was measured: answer the requests that were made before."""
+        """Take a measurement of a peer: answer the requests that were made before."""
         address = measurement.address
         quest = self._quests.get(address)
         found = range_in(address, measurement.metrics, measurement.measured_at)
@@ -220,19 +219,19 @@ class Ranging:
     # Time
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant of the next exchange that is wanted, ns, or None."""
+        """Return the instant of the next exchange, ns, or None."""
         due = self._due(now)
         return due and due[0]
 
     def offer(self, now: int) -> Offer | None:
-        """Offer a frame to a node whose range is wanted."""
+        """Offer a frame to a peer whose range is wanted."""
         due = self._due(now)
         if due is None or due[0] > now:
             return None
         return Offer(destination=due[1], must_go=Cause.RANGE)
 
     def exchange(self, address: int, now: int, *, gives_way: bool = False) -> Part | None:
-        """Return a part of a frame that its modem is to acknowledge for a range; None: not wanted.
+        """Return the part of a frame that measures a range; None: this frame shall not.
 
         Args:
             address: Its destination.
@@ -251,7 +250,7 @@ class Ranging:
         return Part(transmitted=quest.transmitted, reported=partial(self._reported, address, quest))
 
     def give_way(self, address: int, until: int) -> None:
-        """A schedule waits until an instant, ns, but not for more than a period."""
+        """Postpone a schedule to an instant, ns, by a period at most."""
         quest = self._quests.get(address)
         if quest is not None and quest.every_ns is not None:
             quest.gives_way_until = min(until, quest.scheduled_at + quest.every_ns)
@@ -265,7 +264,7 @@ class Ranging:
         self._forget_if_idle(address)
 
     def _due(self, now: int) -> tuple[int, int] | None:
-        """Return ``(instant, address)`` of the next exchange that is wanted, or None."""
+        """Return ``(instant, address)`` of the next exchange, or None."""
         if not self._quests:
             return None
         wanted = [
@@ -276,7 +275,7 @@ class Ranging:
         return min(wanted, default=None)
 
     def _reported(self, address: int, quest: "_Quest", report: TransmitReport, now: int) -> None:
-        """An exchange has ended; the measurement comes a little later, if at all."""
+        """An exchange has ended; its measurement comes a little later, if at all."""
         quest.is_under_way = False
         quest.words = _words_of(report)
         if not quest.is_answered:
@@ -296,7 +295,7 @@ class Ranging:
             )
 
     def _objection(self, address: int, *, is_known: bool = True) -> str:
-        """Why no range of that peer can be had; empty if it can.
+        """Return why no range of that peer can be measured; empty: it can.
 
         Args:
             address: The peer.
@@ -330,31 +329,31 @@ class Ranging:
 
 
 class _Quest:
-    """The ranges that are wanted of one peer."""
+    """The requests and the schedule of one peer."""
 
     def __init__(self) -> None:
         self.requests: dict[int, int] = {}
-        """When each was made, ns, by its id."""
+        """Instant of each request, ns, by id."""
         self.every_ns: int | None = None
         self.scheduled_at = 0
         self.gives_way_until = 0
-        """The schedule is not kept before, ns."""
+        """The schedule is postponed to this instant, ns."""
         self.pause = Pause(_LONGEST_PAUSE_UNITS)
         self.is_under_way = False
-        """A frame for it has been handed to the link, and has not ended."""
+        """A frame for it is with the link, and has not ended."""
         self.is_answered = False
-        """It has brought a range already."""
+        """It has brought a range."""
         self.words = "nothing could be sent"
-        """What became of the last exchange."""
+        """Outcome of the last exchange."""
 
     def transmitted(self, now: int) -> None:
-        """A frame goes out that may bring a range."""
+        """Take note of a frame that may bring a range."""
         self.is_under_way, self.is_answered = True, False
         if self.every_ns is not None:
             self.scheduled_at = now + self.every_ns
 
     def due_at(self, now: int) -> int | None:
-        """When the next exchange is due, ns."""
+        """Return the instant of the next exchange, ns."""
         if self.is_under_way:
             return None
         if self.requests:

@@ -1,10 +1,10 @@
-"""Reception: who takes what of a frame. Each layer registers what is its own, and nobody knows all.
+"""Reception: dispatches the items of a frame to the components that registered for them.
 
-A frame is read in two passes. The first takes what it says of its sender, wherever that stands: who
-it is, and whether both know each other's tables. From that follows the verdict on the rest. The
-second takes controls and records in the order of the frame, in the light of it.
+A frame is read in two passes. The first takes what the frame says of its sender, wherever it
+stands: who it is, and whether both know each other's tables. That gives the verdict on the rest.
+The second pass takes controls and records in their order, according to the verdict.
 
-A frame for another node is read only for what concerns everybody.
+Of a frame for another node only what concerns everybody is read.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from zacoustic.core.wire.objects import ListenHint
 
 
 class HearingPort(Protocol):
-    """The port on which a frame came, as the frame concerns it."""
+    """The port on which a frame came."""
 
     def handle_control(
         self, source: int, control: AccessControl, frame: ReceivedFrame, now: int
@@ -29,7 +29,7 @@ class HearingPort(Protocol):
         """Take a control of medium access."""
 
     def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:
-        """Take from a fragment when its sender will listen."""
+        """Learn from a fragment when its sender listens."""
 
 
 class Heard:
@@ -67,7 +67,7 @@ class Heard:
         self.is_foreign = False
         """It has a HELLO of another wire version."""
         self.streams: list[int] = []
-        """Streams of what was in it; 0 where something belongs to none."""
+        """Streams of its items; 0 for an item of no stream."""
 
     @property
     def is_unicast(self) -> bool:
@@ -84,7 +84,7 @@ class Heard:
 
 
 Take = Callable[[Heard, Any], str | None]
-"""Takes something that stands in a frame; returns why it is dropped, one word, or None."""
+"""Takes an item of a frame; returns why it is dropped, one word, or None."""
 TakeRecord = Callable[[Heard, Stream, Record], str | None]
 """The same for a record of a stream that both ends define in the same way."""
 TakeExtension = Callable[[Heard, bytes], str | None]
@@ -108,19 +108,19 @@ class Reception:
     # Who takes what
 
     def of_sender(self, kind: type[Item], take: Take) -> None:
-        """Have somebody take a control that says something of its sender, in the first pass."""
+        """Register for a control that describes its sender; taken in the first pass."""
         self._of_sender[kind] = take
 
     def on(self, kind: type[Item], take: Take) -> None:
-        """Have somebody take a control in the second pass, after those that have asked before."""
+        """Register for a control of the second pass, behind those that registered before."""
         self._takers[kind] = (*self._takers.get(kind, ()), take)
 
     def overhear(self, kind: type[Item], take: Take) -> None:
-        """Have somebody take a control from frames for other nodes."""
+        """Register for a control in frames for other nodes."""
         self._overhearers[kind] = take
 
     def on_records(self, spec: type, take: TakeRecord, take_ack: TakeRecord | None = None) -> None:
-        """Have somebody take the records of a kind of streams.
+        """Register for the records of a kind of streams.
 
         Args:
             spec: Class of the streams' specs.
@@ -133,7 +133,7 @@ class Reception:
             self._acks[spec] = take_ack
 
     def on_extension(self, code: int, take: TakeExtension) -> None:
-        """Have somebody take an extension.
+        """Register for an extension.
 
         Raises:
             ValueError: The code is none of an extension, or somebody takes it already.
@@ -148,29 +148,29 @@ class Reception:
     # What is taken
 
     def first(self, heard: Heard, item: Item) -> str | None:
-        """Give out what a frame says of its sender; returns why it is dropped, or None."""
+        """Dispatch what a frame says of its sender; returns why it is dropped, or None."""
         take = self._of_sender.get(type(item))
         return None if take is None else take(heard, item)
 
     def second(self, heard: Heard, item: Item) -> str | None:
-        """Give out anything else but records; returns why it is dropped, or None."""
+        """Dispatch any other control; returns why it is dropped, or None."""
         reason = None
         for take in self._takers.get(type(item), ()):
             reason = take(heard, item)
         return reason
 
     def overheard(self, heard: Heard, item: Item) -> None:
-        """Give out what a frame for another node says."""
+        """Dispatch a control of a frame for another node."""
         take = self._overhearers.get(type(item))
         if take is not None:
             take(heard, item)
 
     def record(self, heard: Heard, stream: Stream, record: Record) -> str | None:
-        """Give out a record that may be decoded; returns why it is dropped, or None."""
+        """Dispatch a record that may be decoded; returns why it is dropped, or None."""
         return self._records[type(stream.spec)](heard, stream, record)
 
     def ack(self, heard: Heard, stream: Stream, record: Record) -> str | None:
-        """Give out an acknowledgement; returns why it is dropped, or None."""
+        """Dispatch an acknowledgement; returns why it is dropped, or None."""
         take = self._acks.get(type(stream.spec))
         return "unknown_stream" if take is None else take(heard, stream, record)
 

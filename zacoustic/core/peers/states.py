@@ -1,7 +1,7 @@
-"""The states of another node, and what changes them: three tables that the wire page prints.
+"""The states of another node: three transition tables, printed in the wire page.
 
-Each table says, of a state and an event, which state follows; an event that is not in the row of a
-state changes nothing there. What else an event entails stands where it is handled.
+Each table maps a state and an event to the next state; an event that is not in the row of a state
+changes nothing. The rest of what an event entails is where it is handled.
 """
 
 import enum
@@ -15,22 +15,22 @@ class Agreement(enum.Enum):
     """Whether a node has confirmed the present boot epoch of this one, and so its table."""
 
     UNCONFIRMED = "unconfirmed"
-    """It has not: frames to it begin with HELLO or TAG."""
+    """No: frames to it begin with HELLO or TAG."""
     PROVISIONAL = "provisional"
-    """It has, before its settling time was over; that holds when the time is."""
+    """Yes, but before its settling time was over: valid when that time is over."""
     CONFIRMED = "confirmed"
-    """It has: frames to it begin with nothing."""
+    """Yes: frames to it need neither HELLO nor TAG."""
 
 
 class Life(enum.Enum):
     """What is known of the present life of a node."""
 
     UNKNOWN = "unknown"
-    """Nothing: no HELLO of it was heard, or it has begun another life since."""
+    """No HELLO was heard, or it has begun another life since."""
     SETTLING = "settling"
-    """Its epoch is known; a frame of the life before may still arrive."""
+    """Its epoch is known; frames of the former life may still arrive."""
     SETTLED = "settled"
-    """No frame of the life before can arrive any more."""
+    """No frame of the former life can arrive any more."""
 
 
 class Reachability(enum.Enum):
@@ -39,9 +39,9 @@ class Reachability(enum.Enum):
     UNHEARD = "unheard"
     """Not yet in this life of ours."""
     HEARD = "heard"
-    """A frame of it came, and none has been missing for long."""
+    """A frame of it came, recently enough."""
     LOST = "lost"
-    """None came for as long as the configuration says."""
+    """None came for the configured time."""
 
 
 class Change(enum.Enum):
@@ -63,8 +63,7 @@ class Transitions(Generic[State]):
     """One table.
 
     Args:
-        first: The state of a node of which nothing is known.
-        table: State and event → the state that follows.
+        first:The initial state.
     """
 
     def __init__(self, first: State, table: Mapping[tuple[State, Change], State]) -> None:
@@ -120,4 +119,4 @@ REACHABILITY: Final = Transitions(
         (Reachability.LOST, Change.FRAME): Reachability.HEARD,
     },
 )
-"""Whether a node is heard, where the configuration says after how long it is lost."""
+"""Whether a node is heard; only where the configuration says when it is lost."""

@@ -1,4 +1,4 @@
-"""What discovery speaks of: the publishers, subscriptions, clients and services of a node."""
+"""The entities of discovery: publishers, subscriptions, clients and services of a node."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class EntityKind(IntEnum):
-    """What a beacon speaks of; the numbers are on the wire."""
+    """The kind of an entity; the numbers are those of the wire."""
 
     PUBLISHER = 0
     SUBSCRIPTION = 1
@@ -15,7 +15,7 @@ class EntityKind(IntEnum):
 
 
 class DiscoverySpec(msgspec.Struct, frozen=True, kw_only=True):
-    """What the config says of discovery."""
+    """Settings of discovery."""
 
     beacon_id: int | None = None
     """Stream id of beacons, 1…255; None: none are sent or read."""
@@ -26,7 +26,7 @@ class DiscoverySpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RosEntitySeen(msgspec.Struct, frozen=True, kw_only=True):
-    """A node of rmw_desert has told of something that it has, or does not have any more."""
+    """A node of rmw_desert has announced an entity, or that one is gone."""
 
     node: str
     """Name of the node."""
@@ -42,6 +42,6 @@ class RosEntitySeen(msgspec.Struct, frozen=True, kw_only=True):
     """Type of the samples; of requests for a client, of responses for a service; empty when it
     leaves."""
     leaves: bool
-    """It is there no more."""
+    """It is gone."""
     seen_at: int
     """Instant, ns."""

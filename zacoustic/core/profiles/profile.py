@@ -1,8 +1,8 @@
-"""What a node says and hears on one link: what all wires have, and what each has of its own.
+"""What a node transmits and receives on one link: the part that all wires share.
 
-The transmit queue with its lanes, priorities and lifespans is the same on every wire; so are medium
-access, silence and airtime caps, which are around it, and deadlines. What a wire does not have is
-not there, and what is asked of it does nothing.
+The transmit queue with its lanes, priorities and lifespans is the same on every wire. So are
+deadlines, and what is around a wire: medium access, silence and airtime caps. What a wire does not
+have is absent, and commands to it do nothing.
 """
 # ruff: noqa: B027
 
@@ -60,11 +60,11 @@ class Profile(ABC):
             context.timers,
             context.generators.of("repeater"),
         )
-        """Repeats what has no answer yet."""
+        """Repeats what was not answered yet."""
         self.subscriptions = Subscriptions(context, self.repeater)
         """On-demand topics."""
         self.deadlines = Deadlines(context, self.subscriptions)
-        """Of what a sample is awaited."""
+        """Topics of which a sample is awaited."""
         self.transports: MappingProxyType[str, Transport] = MappingProxyType({})
         """Transports of somebody else, by name."""
         context.peers.forgotten.connect(self.ranging.peer_forgotten)
@@ -100,7 +100,7 @@ class Profile(ABC):
         return False
 
     def override(self, stream: Stream, override: Override) -> None:
-        """Lay an override over the QoS of what waits of a topic."""
+        """Override the QoS of a topic's waiting samples."""
         for lane in SAMPLE_LANES:
             self.queue.override((stream.stream_id, lane), override)
 
@@ -108,7 +108,7 @@ class Profile(ABC):
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it."""
+        """The boot epoch is journalled: no other life of the node has it."""
         return self._context.epoch.may_speak
 
     @property
@@ -117,7 +117,7 @@ class Profile(ABC):
         return not self.queue
 
     def owes_acknowledgement(self, now: int) -> bool:
-        """Tell whether something waits that says what has come."""
+        """Tell whether an acknowledgement waits."""
         return False
 
     def pending(self, stream_id: int) -> int:
@@ -136,11 +136,11 @@ class Profile(ABC):
 
     @abstractmethod
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
-        """Make what goes around a frame on a link."""
+        """Make the envelope of frames on a link."""
 
     @abstractmethod
     def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+        """Return the earliest instant of the next frame, ns; None: nothing waits."""
 
     @abstractmethod
     def compose(self, port: LinkPort, now: int) -> Composed | None:
@@ -151,12 +151,12 @@ class Profile(ABC):
         return None
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame of what medium access has to say, or return None."""
+        """Make a frame for the medium access alone, or return None."""
         return None
 
     @property
     def is_exclusive(self) -> bool:
-        """What is under way needs the channel for itself."""
+        """The transfer under way needs the channel for itself."""
         return False
 
     def has_fragment(self, now: int) -> bool:
@@ -179,10 +179,10 @@ class Profile(ABC):
     # The life of the engine
 
     def begin(self, now: int) -> None:
-        """This is the first instant of the life; no effect later on."""
+        """Take note of the first instant of the life; no effect later on."""
 
     def recover(self) -> None:
-        """Go on with what a former life has left, beside its boot epoch."""
+        """Continue what a former life has left, except for its boot epoch."""
 
     @abstractmethod
     def use_link(self, port: LinkPort, now: int) -> None:
@@ -193,7 +193,7 @@ class Profile(ABC):
         """The link is up."""
 
     def note(self, now: int) -> None:
-        """Something is called back now that is not told the instant."""
+        """A callback follows that is not given the instant: keep it."""
 
     def handle_timeout(self, now: int) -> None:
-        """The node is awake, and timers may be due: do what has no instant of its own."""
+        """The node is awake, and timers may be due: do what has no timer of its own."""

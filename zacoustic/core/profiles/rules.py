@@ -1,4 +1,4 @@
-"""What the config says of transmitting: access, silence, airtime, commands, heartbeats, objects."""
+"""Rules of transmission from the configuration: access, silence, airtime, commands, objects."""
 
 import msgspec
 
@@ -14,7 +14,7 @@ from zacoustic.errors import ConfigError
 
 
 class LinkRules(msgspec.Struct, frozen=True, kw_only=True):
-    """What the config says of one link of several."""
+    """Rules of one link of several."""
 
     name: str
     """Its name."""
@@ -31,9 +31,9 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     access: AccessSpec | None = None
     """Medium access; None: as the link says."""
     quiet: tuple[QuietWindow, ...] = ()
-    """Hours of each day at which nothing is transmitted."""
+    """Hours of each day in which nothing is transmitted."""
     objects: ObjectLimits = ObjectLimits()
-    """How much memory samples may take that are larger than a frame."""
+    """How much memory samples larger than a frame may take."""
     max_airtime: float | None = None
     """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
     None: all of it."""
@@ -42,16 +42,16 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """Addresses of the nodes whose commands over the channel this one executes; None: those
     listed."""
     contact: ContactRules = ContactRules()
-    """How often the node is to be heard, and when it misses others."""
+    """Heartbeats of the node, and the time after which others are lost."""
     agreement: AgreementMethod = AgreementMethod.CONFIRM
     """How much is said and answered to agree on tables."""
     discovery: DiscoverySpec | None = None
-    """Beacons of rmw_desert, where that is spoken; None: none."""
+    """Beacons of rmw_desert, if the wire is that; None: none."""
 
     links: tuple[LinkRules, ...] = ()
-    """The links, the first one for what names none; empty: one, with the rules above."""
+    """The links; whatever names none goes by the first. Empty: one link, with the rules above."""
     routes: dict[int, str] = {}
-    """Stream id → name of the link that it goes by; others go by the first link."""
+    """Stream id → name of its link; other streams go by the first link."""
 
     def on_one_link(self) -> "TransmitRules":
         """Return these rules for a node that has one link, by which all streams go."""
@@ -90,5 +90,5 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def clock_error_s(self) -> float:
-        """How wrong the clock of the host is taken to be, s: as the schedule states."""
+        """Largest error of the host's clock, s, as the schedule states."""
         return self.schedule.clock_error_s if self.schedule is not None else 0.0

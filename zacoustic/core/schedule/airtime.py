@@ -1,13 +1,13 @@
 """Airtime caps: how much of the time a stream, or the node, may be on the air.
 
-A cap is a share, such as 0.1. It is kept as an account: the share of the passing time is paid in,
-up to what ten minutes bring, and what a frame lasts is taken out. Who is in the red waits until the
-account is even again. So a frame may start a debt, but over any long time the share holds, and a
-photo that is sent once an hour is not slowed down by a cap that an hour allows.
+A cap is a share, such as 0.1, kept as an account. The share of the passing time is paid in, up to
+the share of ten minutes, and the duration of each frame is taken out. A stream with a debt waits
+until its account is even. So a frame may cause a debt, but over a long time the share holds, and a
+photo once an hour is not slowed down by a cap that an hour allows.
 
-Of a frame each stream pays for its bytes; what else is in it (preamble, envelope, acknowledgements)
-is shared out in the same proportion. What is said to nobody's account, such as a question about a
-table, is paid by the node alone.
+Each stream pays for its bytes in a frame; preamble, envelope and acknowledgements are shared out in
+the same proportion. Frames of no stream, such as a question about a table, are paid by the node
+alone.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
-"""What the components of one engine share; each is made with it and takes what it needs.
+"""What the components of an engine share; each takes what it needs when it is made.
 
-What a node knows of another one holds on whatever link it was heard: its table, its life, that it
-is there. So do the journal and the boot epoch. What depends on airtimes is apart for each link: the
-queue, repetitions and their pauses, windows of numbers, runs of objects, counters.
+What a node knows of another one holds on every link: its table, its life, its presence. So do the
+journal and the boot epoch. What depends on airtimes is separate for each link: the queue,
+repetitions and their pauses, windows of numbers, runs of objects, counters.
 """
 
 import random
@@ -32,7 +32,7 @@ from zacoustic.core.streams.table import StreamTable
 
 
 class NodeContext:
-    """The node, and what is there once, however many links it has.
+    """What a node has once, however many links it has.
 
     Args:
         address: Address of the node, 1…254.
@@ -128,7 +128,7 @@ class Context:
         self.epoch = node.epoch
         """The boot epoch of the node."""
         self.reception = Reception()
-        """Gives out what arrives to those that have registered."""
+        """Dispatches what arrives to the components that registered."""
         self.queue = TransmitQueue()
         """Records that wait for a frame."""
         self.pacers = Pacers(node.peers, partial(node.handshake.introduce, link))

@@ -1,15 +1,15 @@
 """How often a record is sent in a row, before an answer to it is awaited; and for how long it is.
 
 An answer takes a round trip, longer than a few short frames. So an emergency is sent four times at
-once. A node in a run hears nothing but in its pauses, four seconds apart, and listens longer when
-it hears something there that it does not understand (`zacoustic.core.schedule.access.listening`).
-So into such a pause commands go twice, and what was not answered goes again into one of the next:
-to be a little late for that costs four seconds, and nothing is gained by it.
+once. A node in a run hears only in its pauses, four seconds apart, and listens longer if it hears
+something there that it does not understand (`zacoustic.core.schedule.access.listening`). So
+commands go twice into such a pause, and what was not answered goes again into a later one: being a
+little late for a pause would cost four seconds.
 
-Others may have something pressing for the same node at the same time, a stop of two vehicles at
-once: all aim at the same pause, and all their copies meet there. So after the first row how many
-copies there are is drawn, and whoever sends one more than the others is understood; and so is later
-on which of the next pauses it is, among the more the more often it was in vain.
+Several nodes may have something urgent for the same node at the same time, such as a stop of two
+vehicles: all aim at the same pause, and all their copies collide there. So after the first row the
+number of copies is drawn, and a node that sends one more than the others is understood. Later on
+the pause is drawn as well, among the more pauses the more attempts were in vain.
 """
 
 import random
@@ -23,9 +23,9 @@ MOST_COPIES: Final = {Priority.REAL_TIME: 4, Priority.INTERACTIVE_HIGH: 2}
 """In a row. At 40 % loss one of four arrives in 97 of 100 cases, at 20 % one of two in 96."""
 
 _ANOTHER_COPY: Final = 0.75
-"""How likely another copy is, after the first row."""
+"""Probability of another copy, after the first row."""
 _MOST_PAUSES: Final = 4
-"""Among so many pauses of another node the next try is put, at most."""
+"""The next attempt goes into one of this many pauses of another node at most."""
 
 
 def follow(
@@ -64,10 +64,10 @@ def is_emergency(priority: Priority, tries: int) -> bool:
 
 
 def is_doubled(priority: Priority, tries: int) -> bool:
-    """Tell whether a sample that was sent so often goes twice: it was not answered before.
+    """Tell whether a sample with that many attempts goes twice: it was not answered before.
 
-    Frames are lost, or meet what the other end says at the same time. Whoever acknowledges waits
-    for as long as the second copy needs to begin; so again this is not for requests.
+    Frames are lost, or collide with frames of the other end. The acknowledging node waits until the
+    second copy would have begun; so again this is not for requests.
     """
     return priority in MOST_COPIES and tries > 1
 

@@ -1,10 +1,10 @@
-"""The records of one frame: what fits together, in an order in which little has to be delimited.
+"""The records of one frame: a selection that fits, in the order that needs the fewest delimiters.
 
-Where a record ends is shown by its payload or by LEN, but the last record needs neither. So one
-record whose payload does not delimit itself is moved to the end, and each other one costs two bytes
-more. Behind a HELLO or TAG the receiver may hold another table and cannot measure anything: there
-every record but the last is delimited by LEN. A dense block reaches to the end of the frame, so
-where there is one it is the last.
+A payload shows where its record ends, or LEN does; the last record needs neither. So one record
+whose payload does not delimit itself moves to the end, and each other one costs two bytes more.
+Behind a HELLO or TAG the receiver may hold another table and cannot measure anything: there LEN
+delimits every record but the last. A dense block reaches to the end of the frame, so it is the
+last.
 
 Samples of dense streams are taken as long as their packed records fit, or the block of all of
 them does; the block is written at the end, where it is not larger than the records.

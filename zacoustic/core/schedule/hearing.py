@@ -1,4 +1,4 @@
-"""What frames say of the medium: given to the port on which they came."""
+"""What frames say of the medium: passed to the port on which they came."""
 
 from zacoustic.core.peers.reception import Heard, Reception
 from zacoustic.core.wire.access import ANYBODY, AccessControl, ClockTime, Turn

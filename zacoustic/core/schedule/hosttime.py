@@ -1,15 +1,16 @@
-"""UTC, as far as this node may believe its host; what hours of the day and slots go by.
+"""UTC, as far as this node can believe its host; quiet hours and slots depend on it.
 
-A computer that has just started may show any time: 1970, or when it was switched off. So a
+A computer that has just started may show any time: 1970, or the time when it was switched off. So a
 statement of the host counts only if the host says how wrong it may be (its kernel knows whether
-anything keeps its clock right) and if it is not before this version of the protocol was written.
-What was believed once is good for as long as the monotonic clock goes on: a host that loses its
-time server under water, or a process that is started again on it, still has the time, less exact
-by the drift. So the last statement is in the journal, with its error, and with the name of the run
-of the monotonic clock that its instant belongs to (`BOOT_KEY`).
+anything keeps its clock right), and if it is not before this version of the protocol was written. A
+statement that was believed holds as long as the monotonic clock runs: a host that loses its time
+server under water, or a process that is started again on it, still has the time, less exact by the
+drift. So the journal has the last statement, its error, and the name of the run of the monotonic
+clock that its instant belongs to (`BOOT_KEY`).
 
-Where hours or slots go by UTC and it is in doubt, nothing is transmitted, and a `ClockStateChanged`
-says why; the host is asked every ten seconds then, so that the end of the doubt is noticed.
+If hours or slots depend on UTC and UTC is in doubt, nothing is transmitted, and a
+`ClockStateChanged` says why. The host is then asked every ten seconds, so that the end of the doubt
+is noticed.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,12 +29,12 @@ EARLIEST_UTC_NS: Final = 1_735_689_600 * NS_PER_S
 _KEY: Final = "clock"
 _ASK_NS: Final = 10 * NS_PER_S
 _TOLERANCE_NS: Final = NS_PER_S
-"""Hours of the day are not a matter of less."""
+"""Quiet hours do not need a smaller error."""
 _WRITE_EVERY_NS: Final = 600 * NS_PER_S
 
 
 class ClockStateChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """For want of a time that is sure nothing is transmitted; or no longer."""
+    """Nothing is transmitted because the time is in doubt; or that is over."""
 
     doubt: str
     """What is missing, one line; empty: nothing. Slots and quiet hours need the time."""
@@ -74,7 +75,7 @@ class HostTime:
         self._timers = timers
         slots = access if isinstance(access, TdmaSpec) and access.clock is None else None
         self.doubt = ""
-        """Why nothing is transmitted, if it is for want of the time; empty: it is not."""
+        """Why the missing time keeps this node from transmitting; empty: it does not."""
         self.time = (
             NetworkTime(slots.drift_ppm)
             if slots is not None
@@ -140,7 +141,7 @@ class HostTime:
             self._timers.cancel((Due.CLOCK,))
 
     def _keep(self, statement: _Journalled) -> None:
-        """Write a statement down, if it tells the next life more than what is written."""
+        """Journal a statement, if it tells the next life more than the entry there."""
         if not self._boot:
             return
         before = self._written

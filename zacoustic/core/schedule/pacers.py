@@ -1,7 +1,7 @@
-"""The pacers of all nodes: whatever mechanism repeats something to a node asks the one of it.
+"""The pacers of all nodes: every mechanism that repeats something to a node asks its pacer.
 
-While an answer of a node is awaited nothing else is repeated to it, and a node that is silent costs
-one frame for each pause, whatever waits for it. As soon as it is heard what waits is due.
+While an answer of a node is awaited, nothing else is repeated to it. A silent node costs one frame
+for each pause, whatever waits for it. As soon as it is heard, everything that waits is due.
 """
 
 from collections import deque
@@ -13,9 +13,9 @@ from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.schedule.timing import LinkTimes, Pacer
 
 _CROWD_ROUND_TRIPS: Final = 20
-"""Whoever was heard within so many round trips may be speaking."""
+"""A node that was heard within this many round trips may be transmitting."""
 _PRESENT_ROUND_TRIPS: Final = 4
-"""Whoever was heard within so many round trips is there."""
+"""A node that was heard within this many round trips is present."""
 
 
 class Pacers(PerPeer[Pacer]):
@@ -35,7 +35,7 @@ class Pacers(PerPeer[Pacer]):
         self.times: LinkTimes | None = None
         """The airtimes of the link; None before it was up."""
         self.changed = Signal[[]]()
-        """A node may get something sooner than was told before."""
+        """Something may go to a node sooner than was told before."""
         self.released = Signal[int, int]()
         """``(address, now)``: what waits for a node is due."""
         self._introduce = introduce
@@ -44,13 +44,13 @@ class Pacers(PerPeer[Pacer]):
         self._repeated_at = -1
 
     def on_repeat(self, told: Callable[[int], None]) -> None:
-        """Let a mechanism repeat what is due, whichever of them was due first."""
+        """Register a mechanism that repeats what is due, whichever of them was due first."""
         self._repeating.append(told)
 
     def repeat(self, now: int) -> None:
-        """Something is due to be repeated: all that is may go with it, in the room of its frames.
+        """Repeat all that is due, as far as the frames of one turn have room.
 
-        Whoever was asked first in one turn is asked last in the next one.
+        The mechanism that was asked first in one turn is asked last in the next one.
         """
         if now != self._repeated_at:
             self._repeated_at = now
@@ -66,7 +66,7 @@ class Pacers(PerPeer[Pacer]):
             self._release(source, now)
 
     def answered(self, source: int, now: int) -> None:
-        """A node has told that it has something of what it lacked."""
+        """A node has confirmed something that it lacked."""
         # Where two speak, silence is loss. Where more do, it may be that all speak at once: then
         # one answer does not mean that the channel is free.
         lately = now - self._round_trips_ns(_CROWD_ROUND_TRIPS)
@@ -74,7 +74,7 @@ class Pacers(PerPeer[Pacer]):
         self[source].answered(in_crowd=others)
 
     def await_nothing(self, address: int) -> None:
-        """No answer of a node is awaited any more."""
+        """Await no answer of a node any more."""
         self[address].quiet_until = 0
         self.changed()
 
@@ -83,7 +83,7 @@ class Pacers(PerPeer[Pacer]):
         return self._heard_at.get(address, -1)
 
     def introduce(self, address: int, stream_id: int, *, anyway: bool = False) -> None:
-        """Let a silent node, or any, read what is repeated to it: it may have forgotten us."""
+        """Make the next frame to a node readable there: a silent one may have forgotten us."""
         if anyway or self[address].is_silent:
             self._introduce(address, stream_id)
 
@@ -93,7 +93,7 @@ class Pacers(PerPeer[Pacer]):
         return address in self._heard_at and self._heard_at[address] > lately
 
     def link_up(self, now: int) -> None:
-        """The link is up again: everything is due."""
+        """The link is up: everything is due."""
         for address in list(self):
             self._release(address, now)
 

@@ -1,17 +1,18 @@
-"""The engine's side of its link: what it can do, when it is free, what is under way.
+"""The engine's side of its link: its capabilities, when it is free, what is under way.
 
-Each part of a frame is told when its transmission begins, and how it has ended: by the report that
-has its id, or, where the link is replaced before, as if it had been cut short. Between two the
-device gets the gap that it asks for.
-When a frame may start is the answer of three: the gap, the medium access of the link, and the
-listen windows, unless the access gives everybody turns or the device hears while it sends.
+Each part of a frame is told when its transmission begins and how it has ended: by the report with
+its id, or as if it had been cut short if the link is replaced before. Between two transmissions the
+device gets the gap that it asks for. Three things decide when a frame may start: the gap, the
+medium access of the link, and the listen windows, unless the access gives everybody turns or the
+device hears while it sends.
 
-A frame that arrives twice because a modem or the channel made two of it is recognised where that is
-certain: the same bytes from the same source, sooner than the source can have sent them again.
+A frame that a modem or the channel has duplicated is recognised where that is certain: the same
+bytes from the same source, sooner than the source can have sent them again.
 
-How far away the others are decides where a frame has to start to arrive in a listen window: half of
-it is off by a second at 1500 m. A modem that measures the way on each frame says so; otherwise what
-was last measured of that node holds, less and less certain, and without that half of the longest.
+The distance of the others decides when a frame has to start to arrive in a listen window: half of
+the longest distance is wrong by a second at 1500 m. A modem may measure the delay of each frame.
+Otherwise the last measurement of that node is used, less and less exact; without one, half of the
+longest delay.
 """
 
 import random
@@ -43,7 +44,7 @@ _STAMP_ERROR_NS = NS_PER_S // 1000
 _WAY_DRIFT = 4 / 1500
 _NO_PAUSE = 255
 MOST_OUTSTANDING: Final = 1
-"""So many transmissions are under way at most: what links of `zacoustic.link.contract` take."""
+"""Most transmissions under way: as many as links of `zacoustic.link.contract` take."""
 
 
 class LinkPort:
@@ -118,14 +119,14 @@ class LinkPort:
         return self.access.ready_at(wanted, now)
 
     def speak_at(self, now: int) -> int | None:
-        """Return when the medium access wants a frame of its own, ns, or None."""
+        """Return the instant at which the medium access wants a frame of its own, ns, or None."""
         if self.is_full:
             return None
         speak_at = self.access.speak_at(now)
         return None if speak_at is None else max(speak_at, self._gap_until)
 
     def controls(self, room_bytes: int, backlog_bytes: int, now: int, *, has_object: bool) -> bytes:
-        """Take what a frame that starts now is to say of medium access.
+        """Take the controls of medium access for a frame that starts now.
 
         Args:
             room_bytes: What it has left.
@@ -141,7 +142,7 @@ class LinkPort:
         return said
 
     def comfort_bytes(self, now: int) -> int | None:
-        """How large a frame that starts now had better be, at most, bytes; None: no matter."""
+        """Return the largest desirable size of a frame that starts now, bytes; None: any."""
         comfort_ns = self.listening.comfort_ns(now) if self._listens else None
         if comfort_ns is None:
             return None
@@ -149,14 +150,14 @@ class LinkPort:
         return max(0, int(sound_s * self.capabilities.bit_rate_bps / 8))
 
     def transmit(self, transmission_id: int, parts: tuple[Part, ...], now: int) -> None:
-        """Note that a transmission is under way, and tell what is in it."""
+        """Take note of a transmission that begins, and tell its parts."""
         self._outstanding[transmission_id] = parts
         self.listening.handle_started(now)
         for part in parts:
             part.transmitted(now)
 
     def finish(self, report: TransmitReport, now: int) -> bool:
-        """Note its end; False for a report that belongs to no transmission under way."""
+        """Take note of its end; False: the report belongs to no transmission under way."""
         parts = self._outstanding.pop(report.transmission_id, None)
         if parts is None:
             return False
@@ -170,7 +171,7 @@ class LinkPort:
         return True
 
     def close(self, now: int) -> None:
-        """Another link takes its place: no report will come of what is under way."""
+        """Close the port: no report will come of what is under way."""
         outstanding, self._outstanding = self._outstanding, {}
         for transmission_id, parts in outstanding.items():
             report = TransmitReport(
@@ -184,7 +185,7 @@ class LinkPort:
                 part.reported(report, now)
 
     def frames_before_pause(self, now: int) -> int:
-        """How many of the largest frames, one that starts now included, go before a pause."""
+        """Return how many of the largest frames go before a pause, one that starts now included."""
         return self.listening.frames_before_pause(now) if self._listens else _NO_PAUSE
 
     def reaches_all(self, record_bytes: int) -> bool:
@@ -199,7 +200,7 @@ class LinkPort:
         return self.capabilities.addressed and size_bytes <= limit_bytes
 
     def end_run(self) -> None:
-        """The frame that is being made says that a listen window follows."""
+        """Take note: the frame that is being composed announces a listen window."""
         self.listening.end_run()
 
     def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:

@@ -1,15 +1,15 @@
-"""What waits for the channel, and which of it is worth most at the moment when a frame can go.
+"""Payloads that wait for the channel, and which of them is worth most when a frame can go.
 
-Nothing is decided when a payload is published: it waits in a *lane* (one per key of a topic, one
-per stream of calls and direction and peer), and is chosen when the link is ready. Lanes are first
-in, first out, bounded by the stream's depth, and forget what is older than its lifespan. Between
-lanes the rank of `zacoustic.core.base.qos` decides: REAL_TIME first, then the smallest sum of the
-instant of queueing and the patience of its priority.
+Publishing decides nothing: a payload waits in a *lane* (one per key of a topic, one per stream of
+calls, direction and peer) and is chosen when the link is ready. Lanes are first in, first out,
+bounded by the stream's depth, and drop what is older than its lifespan. Between lanes the rank of
+`zacoustic.core.base.qos` decides: REAL_TIME first, then the smallest sum of the instant of queueing
+and the patience of its priority.
 
-A payload is *due* when it alone is a reason to send a frame: its linger is over and its lane's
-minimum interval has passed. A payload that only lingers may ride in a frame that goes anyway; one
-whose minimum interval has not passed may not. What was commanded of a topic (`Override`) is laid
-over the QoS of its lanes; a lane that is off waits, and is no reason for anything.
+A payload is *due* when it is by itself a reason to send a frame: its linger is over and its lane's
+minimum interval has passed. A payload that only lingers may join a frame that goes anyway; one
+whose minimum interval has not passed may not. An override of a topic (`Override`) replaces parts of
+the QoS of its lanes; a lane that is off waits, and is no reason for a frame.
 
 Memory is bounded by the table: lanes by keys, nodes and streams, each lane by its depth.
 """
@@ -35,13 +35,13 @@ SAMPLE_LANES: Final = (SAMPLE_LANE, RELIABLE_LANE)
 """Second part of the keys of lanes with samples; other lanes answer, confirm, call."""
 
 SMALLER: Final = "make it smaller: it crosses whole, or not at all"
-"""What to do about a record that fits no frame."""
+"""Hint for a record that fits no frame."""
 
 _BEFORE_ALL: Final = -(1 << 62)
 
 
 class Waiting:
-    """A payload that waits, and what its record will need.
+    """A waiting payload, and what its record will need.
 
     Args:
         stream_id: Its stream.
@@ -170,7 +170,7 @@ class Lane:
         self.key = key
         self.items: deque[Waiting] = deque()
         self.destination = BROADCAST
-        """Whom its last payload was for."""
+        """Destination of its last payload."""
         self.held_until = 0
         """Nothing goes before, ns."""
         self.taken_at: int | None = None
@@ -238,13 +238,13 @@ class TransmitQueue:
 
     @property
     def has_copy(self) -> bool:
-        """Something waits that was just sent, and is to follow that at once."""
+        """A copy waits: something that was just sent, and follows itself at once."""
         lanes = (lane for lane in self._busy.values() if lane.is_on)
         return any(item.is_copy for lane in lanes for item in lane.items)
 
     @property
     def has_acknowledgement(self) -> bool:
-        """Something waits that says what has come."""
+        """An acknowledgement waits."""
         return any(each.cause is Cause.ACK for lane in self._busy.values() for each in lane.items)
 
     def pending(self, stream_id: int) -> int:
@@ -276,7 +276,7 @@ class TransmitQueue:
     def push(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
         """Add a payload to its lane; the oldest goes where the lane is deeper than `qos.depth`.
 
-        Whoever pushes sees to it that it `fits`: what does not would wait for ever.
+        The caller makes sure that it `fits`: otherwise it would wait for ever.
         """
         lane = self._lanes.get(key)
         if lane is None:
@@ -297,7 +297,7 @@ class TransmitQueue:
                 lane.held_until = max(lane.held_until, until)
 
     def override(self, kind: LaneKey, override: Override) -> None:
-        """Lay what was commanded over the QoS of lanes.
+        """Override the QoS of lanes.
 
         Args:
             kind: How their keys begin: stream id, and which of its lanes.
@@ -364,7 +364,7 @@ class TransmitQueue:
             self.drop_lane(key)
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Keep no lane of what was for one node; what waits in one does so."""
+        """Drop the lanes of one node; those with waiting payloads stay."""
         for key, lane in list(self._lanes.items()):
             if lane.destination == address and not lane.items:
                 del self._lanes[key]
@@ -448,13 +448,13 @@ class TransmitQueue:
         return None
 
     def drop_expired(self, now: int) -> int | None:
-        """Forget what is too old; returns when the next payload will be, ns, or None."""
+        """Drop what is too old; returns when the next payload will be, ns, or None."""
         busy = [lane for lane in list(self._busy.values()) if self._drop_expired(lane, now)]
         instants = (item.expires_at for lane in busy for item in lane.items)
         return min((at for at in instants if at is not None), default=None)
 
     def _drop_expired(self, lane: Lane, now: int) -> bool:
-        """Forget what is too old; True when something is left."""
+        """Drop what is too old; True when something is left."""
         while lane.items:
             expires_at = lane.items[0].expires_at
             if expires_at is None or expires_at > now:

@@ -1,4 +1,4 @@
-"""What dense blocks save, against records, and what their acknowledgements cost."""
+"""What dense blocks save compared with records, and what their acknowledgements cost."""
 
 from typing import Final
 

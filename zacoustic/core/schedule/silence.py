@@ -1,11 +1,11 @@
 """Transmit silence: when this node must not make a sound.
 
-Divers in the water, somebody else's sonar, a measurement: for a while nothing may be transmitted.
+Divers in the water, another party's sonar, a measurement: for a while nothing may be transmitted.
 Silence is *commanded* (for a time, or until it is resumed), or it is a *quiet window* of the
-config, at the same hours of each day in UTC. It is a gate in front of every transmission, urgent
-ones and retransmissions included: from the instant of the command on nothing new goes to the link,
-and what waits goes on waiting, expires or is superseded as always. A frame that the modem has begun
-is not cut off.
+configuration, at the same hours of each day in UTC. It is a gate in front of every transmission,
+urgent ones and repetitions included: from the instant of the command nothing new goes to the link,
+and what waits stays, expires or is superseded as always. A frame that the modem has begun is not
+cut off.
 
 People rely on a command, so its end is never sooner than it says. While the node lives the end is
 an instant of the monotonic clock, which no step of the wall clock moves. The journal has how much
@@ -16,11 +16,11 @@ the monotonic clock the same instant; what was left, counted from now; and the U
 that is sure. So a life that knows nothing begins with what was left, and says that it may be too
 long.
 
-A command that came over the channel is answered over the channel, and its answer is the one frame
-that may still go: it alone, once, within the time that is *granted* to it.
+A command that came over the channel is answered over the channel. The answer is the one frame that
+may still go: alone, once, within the time *granted* to it.
 
-With quiet windows and no UTC that is sure the node keeps silent: whoever wrote them would rather
-have that. A window is longer by as much as the UTC may be wrong.
+With quiet windows and without a sure UTC the node stays silent. A window is longer by the error of
+UTC.
 """
 
 from collections.abc import Callable, Mapping
@@ -42,13 +42,13 @@ _LONGEST_NS: Final = (1 << 62) - 1
 
 _WRITE_EVERY_NS: Final = 60 * NS_PER_S
 _WRITE_PARTS: Final = 64
-"""What is left is written down when that much has passed, or this share of it."""
+"""The rest is journalled again when this much of it, or this share, has passed."""
 _MOVED_NS: Final = NS_PER_S
 """A UTC of the end that differs by more is another one."""
 
 
 class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """Silence was commanded or has ended, and the journal has it; or a former life has left one."""
+    """Silence was commanded or has ended, and that is journalled; or a former life has left one."""
 
     is_silent: bool
     """Nothing is transmitted now."""
@@ -186,7 +186,7 @@ class Silence:
             self.begin(now, duration_s=duration_s, then=then)
 
     def grant(self, lane: LaneKey, *, until: int) -> None:
-        """Let one frame go all the same, with what waits in one lane, until an instant, ns."""
+        """Let one frame of one lane go in spite of silence, until an instant, ns."""
         self._granted = lane, until
 
     def use_grant(self) -> None:
@@ -204,7 +204,7 @@ class Silence:
         self._is_former = False
 
     def keep(self, now: int) -> None:
-        """Write down again what is left of a command, if that was long ago: the node is awake."""
+        """Journal again what is left of a command, if that was long ago."""
         if not self._commanded or self._ends_at is None or self._ends_at <= now:
             return
         left_ns = self._ends_at - now
@@ -244,7 +244,7 @@ class Silence:
         return until is None or until > now
 
     def granted(self, now: int) -> LaneKey | None:
-        """Return the lane that may still be heard in this silence, or None."""
+        """Return the lane that may still transmit in this silence, or None."""
         if self._granted is None or self._granted[1] <= now or not self.is_silent(now):
             return None
         return self._granted[0]
@@ -267,7 +267,7 @@ class Silence:
 
     @property
     def clock_doubt(self) -> str:
-        """Why quiet windows keep this node silent for want of the time; empty: they do not."""
+        """Return why quiet windows and a doubtful time keep this node silent; empty: no."""
         if not self._quiet or self.host.is_sure:
             return ""
         is_known = self.host.time.offset_ns is not None

@@ -1,6 +1,6 @@
-"""What a frame is composed from, beside the queue: as the composer sees it, whoever has it.
+"""The sources of a frame beside the queue, as the composer sees them.
 
-Objects and dense blocks are mechanisms between two ends, above the schedule; here stands what the
+Objects and dense blocks are mechanisms between two ends, above the schedule; this is what the
 schedule needs of them.
 """
 
@@ -17,17 +17,17 @@ from zacoustic.core.wire.controls import Extension
 
 
 class Source(Protocol):
-    """Something that frames are made for; of all that is offered the composer takes the best."""
+    """A reason for frames; the composer takes the best offer."""
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame is to go for it, ns; None: it has nothing."""
+        """Return the earliest instant of a frame for it, ns; None: it has nothing."""
 
     def offer(self, now: int) -> Offer | None:
         """Return what it would put into a frame now; None: nothing is due."""
 
 
 class Said(msgspec.Struct, frozen=True, kw_only=True):
-    """What a transport of somebody else says in a frame."""
+    """A control of an external transport."""
 
     extension: Extension
     """The control."""

@@ -1,23 +1,23 @@
 """When it is time to repeat: from airtimes and measured round trips, never from constants.
 
-The first guess is what the link says: the sound to the other end and back, the time it lingers
-there, the ACK's own frame, and one short frame of doubt. Then it is measured, as RFC 6298 does,
-from samples that were sent once; but the first round trip is taken to be off by an eighth, not by a
-half: sound is slow, and as slow the next time; not so behind a device that controls access.
+The first estimate comes from the link: the sound to the other end and back, the time it lingers
+there, the ACK's own frame, and one short frame of uncertainty. Then it is measured, as in RFC 6298,
+from samples that were sent once; but the first round trip is taken to be wrong by an eighth, not by
+a half: sound is slow, and equally slow the next time. That does not hold behind a device that
+controls access.
 
+Silence is a loss, or an answer that takes longer than estimated. Sound and airtime are known
+beforehand, so it is taken for a loss, and the first five repetitions keep the same pace. The time
+of a device that decides itself when it transmits is a guess: until a round trip was measured, each
+vain pause doubles the next ones, and an answer to something that went twice does not end that,
+since it may answer the first (RFC 6298, Karn's rule). Late answers show it: an answer that follows
+a repetition sooner than any ever did belongs to the transmission before that, and so does the first
+of two equal answers. Then that is measured.
 
-A silence may be a loss, or an answer that takes longer than was thought. Sound and airtime are
-known beforehand, so it is taken for a loss, and the first five repetitions go at the same pace.
-What a device needs that decides itself when it transmits is a guess: until a round trip was
-measured each pause that was in vain doubles the next ones, and an answer to what went twice does
-not end that, since it may answer the first (RFC 6298, and Karn's rule). Answers that are late show
-it: one that comes sooner behind a repetition than any ever did was for what went before that, and
-so was the first of two that say the same. Then that is measured.
-
-Repetitions to a node of which nothing is heard come less and less often: it may be out of range for
-half an hour. The first frame heard of it releases a turn, its answer ends that. So do those to a
-node that is heard and does not answer, since the channel may be crowded. Those of an emergency do
-not become rare.
+Repetitions to a silent node become rare: it may be out of range for half an hour. The first frame
+heard of it releases one turn, and its answer ends the rarity. The same holds for a node that is
+heard and does not answer, since the channel may be crowded. Repetitions of an emergency do not
+become rare.
 """
 
 import random
@@ -33,58 +33,59 @@ _ACK_BYTES: Final = 5
 _SHORT_BYTES: Final = 8
 _BATCH_FRAMES: Final = 4
 _FIRST_DEVIATION: Final = 8
-"""Part of the first round trip that it is taken to be off by."""
+"""Error of the first round trip, as a part of it."""
 _FIRST_DEVIATION_DELEGATED: Final = 2
 """The same where a device decides when it transmits."""
 _FACTORS: Final = (
     *(1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0),
     *(6.0, 8.0, 12.0, 16.0, 24.0, 32.0),
 )
-"""Round trips between two repetitions, by how many in a row were not answered. The last ones only
-count as long as nobody knows how long a round trip takes."""
+"""Round trips between two repetitions, by the number of unanswered ones in a row. The last ones
+count only as long as no round trip was measured."""
 _SILENT_FACTORS: Final = (1.0, 1.0, 1.0, 1.0, 1.0, 3.0, 9.0, 17.5)
-"""The same at least, by how many in a row were without any sign of the node: the first few may have
-been lost, the others go to somebody who is not there. A minute, where a round trip takes three
-seconds: so long does a node wait that comes back and says nothing of itself."""
+"""Their minimum, by the number of repetitions in a row without any sign of the node. The first few
+may have been lost, the others go to an absent node. A minute, where a round trip takes three
+seconds: a node that returns and transmits nothing waits that long."""
 
 _PATIENCE: Final = 2
-"""So many times as many as usually go unheard before an answer comes are no sign of absence: they
-come on top of the first few. Where six frames in ten are lost, every sixth exchange succeeds."""
+"""This many times the usual number of unheard repetitions are no sign of absence: they come on top
+of the first few. With six of ten frames lost, every sixth exchange succeeds."""
 _MOST_USUAL: Final = 6.0
 _USUAL_PARTS: Final = 8
-"""What is usual becomes less by such a part with each answer to what went once; more by half."""
+"""The usual number shrinks by this part with each answer to something that went once; it grows by
+half."""
 
 _LAST_EQUAL: Final = 4
 """Place of the last of the first factors, which are equal."""
 _DOUBLING: Final = 2
-"""So many places further a factor is twice as large."""
+"""A factor doubles within this many places."""
 _HEARD_PLACES: Final = 2
-"""So many places the first frame of a silent node is worth: one turn at once. Its answer to that
-is worth all; a frame that only pretends to be of the node does not begin everything anew."""
+"""The first frame of a silent node is worth this many places: one turn at once. Its answer to that
+is worth all; a frame that only pretends to be of the node does not restart everything."""
 
 _IMPLAUSIBLE_PARTS: Final = 64
-"""A round trip shorter than such a part of what the link allows for is not believed: sound to the
+"""A round trip shorter than this part of what the link allows is not believed: sound to the
 farthest node takes seconds, and the shortest frame a tenth of one at least."""
 _LEAST_FACTOR: Final = 4.0
-"""So many round trips a node that does not answer is left in peace, in whatever haste: answers may
-take longer than they did, and whoever transmits all the time hears none."""
+"""A node that does not answer is left in peace for this many round trips, in whatever haste:
+answers may take longer than they did, and a node that transmits all the time hears none."""
 _URGENT_FACTOR: Final = 2.0
 _URGENT_S: Final = 8.0
-"""An emergency does not become rarer than that, nor than its factor: the node may be back."""
+"""The longest pause of an emergency, s, unless its factor is longer: the node may be back."""
 _LONGEST_DRAW: Final = 1.25
-"""The longest pause that is drawn, in parts of the mean one."""
+"""Longest drawn pause, in parts of the mean one."""
 _LONGEST_QUIET: Final = 2
-"""What is sent for the first time puts repetitions off for as many of its pauses at most."""
+"""Something that is sent for the first time postpones repetitions by this many of its pauses at
+most."""
 _SENSED_TRIES: Final = 2
-"""So many repetitions go soon, after a short frame more or less, where carriers are sensed: whoever
-hears the other end begin waits, so what was lost was hardly lost to that."""
+"""Where carriers are sensed, this many repetitions go soon, after a short frame more or less: a
+node that hears the other end begin waits, so a loss was hardly a collision with it."""
 _EARLIEST: Final = 0.75
-"""Share of a deadline that is certain; the rest is drawn, so that two ends do not repeat in step
-for ever."""
+"""Fixed part of a deadline; the rest is drawn, so that two ends do not repeat in step for ever."""
 
 
 class LinkTimes:
-    """What a link's airtimes mean for acknowledgements; all in ns.
+    """Times of acknowledgements that follow from a link's airtimes; all in ns.
 
     Args:
         capabilities: The link's.
@@ -100,37 +101,38 @@ class LinkTimes:
         self.gap_ns = gap_ns = seconds_to_ns(capabilities.gap_s)
         """What the device needs after a frame."""
         self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
-        """How long the ACK of one receiver takes; the next one of a list waits for it."""
+        """How long the ACK of one receiver takes; the next receiver of a list waits for it."""
         self.is_delegated = capabilities.controls_access
-        """The device decides when a frame starts: nobody knows how long it has waited there."""
+        """The device decides when a frame starts; how long a frame has waited there is unknown."""
         self.mtu_bytes = capabilities.mtu_bytes
         self.next_frame_ns = 0
-        """How long the next frame of a publisher has to be awaited that goes on, ns."""
+        """How long to wait for the next frame of a publisher that continues, ns."""
         self.senses_carrier = capabilities.senses_carrier
-        """Who is about to start knows whether somebody else is heard."""
+        """A node that is about to transmit knows whether another one is heard."""
         if not capabilities.senses_carrier:
             self.next_frame_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
         self.ack_patience_ns = _BATCH_FRAMES * (
             capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
         )
-        """How long an ACK is put off, however long a publisher goes on."""
+        """Longest delay of an ACK, however long a publisher continues, ns."""
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
-        """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
+        """How long an ACK waits, ns: a publisher that continues has begun its next frame by
+        then."""
         linger_s = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
         self.confirm_linger_s = max(SHORTEST_S, linger_s)  # on a simulated link it may be nothing
-        """How long a confirm waits: what is repeated with its request would fall under it, again
-        and again."""
+        """How long a confirm waits, s: otherwise it would collide with what is repeated with its
+        request, again and again."""
         self.doubt_ns = short_ns
         self.longest_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
         """The longest frame that may be under way at the other end, ns."""
         self.way_ns = seconds_to_ns(capabilities.propagation_s)
         """How long the sound takes to the farthest node, one way."""
         self.batch_bytes = _BATCH_FRAMES * capabilities.mtu_bytes
-        """What is repeated at most before an answer is awaited."""
+        """Most bytes repeated before an answer is awaited."""
         self.first_round_trip_ns: int = (
             2 * self.way_ns + self.ack_linger_ns + self.next_frame_ns + self.ack_slot_ns + short_ns
         )
-        """What to reckon with before anything is measured, from the end of the sample's frame."""
+        """Estimate before anything is measured, ns, from the end of the sample's frame."""
 
     def copy_ns(self, size_bytes: int) -> int:
         """Return what one more copy of a record takes, with the gap behind it, ns, at least 1."""
@@ -165,7 +167,7 @@ class Pacer:
         self._smooth_ns: int | None = None
         self._deviation_ns = 0
         self._doubts_guess = False
-        """Repetitions were in vain before anything was measured: a round trip may take longer."""
+        """Repetitions were in vain before any measurement: a round trip may take longer."""
         self._unanswered = 0
         self._unheard = 0
         self._usually_unheard = 0.0
@@ -176,7 +178,7 @@ class Pacer:
 
     @property
     def is_silent(self) -> bool:
-        """Nothing was heard of it for so long that it may not be there."""
+        """Nothing was heard of it for so long that it may be absent."""
         return self._silent_factor > 1
 
     @property
@@ -190,7 +192,7 @@ class Pacer:
         return self._smooth_ns or 0
 
     def least_ns(self, times: LinkTimes) -> int:
-        """Return how long an answer takes at least, as far as known, ns."""
+        """Return the shortest known time of an answer, ns."""
         if self.shortest_ns is not None:
             return self.shortest_ns
         return times.first_round_trip_ns
@@ -198,8 +200,8 @@ class Pacer:
     def measured(self, round_trip_ns: int, times: LinkTimes) -> None:
         """Take a round trip, from the end of a frame to the ACK for it.
 
-        One far shorter than the link allows for answers something else, such as a request of a
-        former life of this node. Believed, it would let this one repeat without a pause.
+        A far shorter one than the link allows answers something else, such as a request of a former
+        life of this node. It would let this life repeat without a pause.
         """
         if round_trip_ns < times.first_round_trip_ns // _IMPLAUSIBLE_PARTS:
             return
@@ -217,7 +219,7 @@ class Pacer:
         self._smooth_ns += (round_trip_ns - self._smooth_ns) // 8
 
     def unanswered(self, now: int, times: LinkTimes) -> None:
-        """A repetition has become due; what becomes due together counts once."""
+        """A repetition has become due unanswered; those that become due together count once."""
         if now >= self._counts_at:
             self._counts_at = now + times.first_round_trip_ns
             self._doubts_guess = self._smooth_ns is None and times.is_delegated
@@ -229,7 +231,7 @@ class Pacer:
                 self._unheard += 1
 
     def heard(self) -> bool:
-        """Anything was heard of the node; True when it had been silent, and repetitions rare."""
+        """Take note of a frame of the node; True if it had been silent and repetitions rare."""
         was_silent = self.is_silent
         if was_silent:
             self._unheard -= _HEARD_PLACES
@@ -239,9 +241,9 @@ class Pacer:
         return was_silent
 
     def begin(self, now: int) -> None:
-        """Something new waits for the node; if nothing has, repeat as if it was just heard.
+        """Something new waits for the node: if nothing else does, repeat as if it was just heard.
 
-        Repetitions may have become rare long ago, and the node be back since.
+        Repetitions may have become rare long ago, and the node may be back since.
         """
         if self.quiet_until < now:
             self._unheard = 0
@@ -249,7 +251,7 @@ class Pacer:
                 self._unanswered = 0
 
     def answered(self, *, in_crowd: bool = True) -> None:
-        """The node has told that it has something of what it lacked; others may speak as well."""
+        """The node has confirmed something that it lacked; others may be transmitting as well."""
         if self._silent_factor < _SILENT_FACTORS[-1]:  # else it was not there
             unheard = min(float(self._unheard), _MOST_USUAL)
             self._usually_unheard += max(0.0, unheard - self._usually_unheard) / 2
@@ -280,8 +282,8 @@ class Pacer:
     ) -> int:
         """Draw how long to wait for an answer before the next repetition, ns.
 
-        Two ends that repeat in step lie under each other's frames for ever. So what is drawn is
-        as long as what may be under way there, and longer where repetitions have become rare.
+        Two ends that repeat in step collide for ever. So the drawn pause is as long as what may be
+        under way there, and longer if repetitions have become rare.
 
         Args:
             times: Of the link.
@@ -322,7 +324,7 @@ class Pacer:
         return round(self.round_trip_ns(times, rank) * factor)
 
     def await_answer(self, since: int, until: int, *, is_repeated: bool = True) -> None:
-        """An answer is awaited from an instant on, and until another one, ns.
+        """Await an answer from an instant on, until another one, ns.
 
         Args:
             since: The end of what was sent, ns.
@@ -364,8 +366,8 @@ class Pacer:
     def ready_at(self, times: LinkTimes, priority: Priority, *, in_haste: bool = False) -> int:
         """Return from when on something may be repeated to it, ns.
 
-        Others may have decided to leave the node in peace for long: that holds neither for an
-        emergency, nor for what has a deadline (`in_haste`).
+        Other mechanisms may have decided to leave the node in peace for long; that holds neither
+        for an emergency nor for what has a deadline (`in_haste`).
         """
         if priority is not Priority.REAL_TIME and not in_haste:
             return self.quiet_until
@@ -392,7 +394,7 @@ class Pacer:
         return min(factor, max(_URGENT_FACTOR, urgent_ns / self.round_trip_ns(times)))
 
     def round_trip_ns(self, times: LinkTimes, rank: int = 0) -> int:
-        """Return within what time an answer is here, as far as is known, ns.
+        """Return the time within which an answer comes, as far as known, ns.
 
         Args:
             times: Of the link.

@@ -1,4 +1,4 @@
-"""When a frame goes, and what is booked for it: the link, its access, silence and airtime caps.
+"""When a frame goes, and what it costs: the link, its access, silence and airtime caps.
 
 The instant of the next frame (`Transmitter.next_at`) is computed on demand and is not a timer: it
 depends on queue, port, medium access, caps and silence at the moment of asking, and any input may
@@ -27,11 +27,11 @@ from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.wire.envelope import Envelope
 
 UNHEARD_FRAMES: Final = 20
-"""So many frames that are sent without hearing anything are worth a word."""
+"""After this many frames without any reception the application is told."""
 
 
 class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
-    """Frames were sent since the link is up, and nothing at all was heard; told once."""
+    """Frames were sent since the link came up, and nothing was heard at all; told once."""
 
     frames: int
     """How many were sent."""
@@ -44,7 +44,7 @@ class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FrameSource(Protocol):
-    """What a node has to say, as whoever makes its transmissions sees it."""
+    """What a node has to transmit, as the transmitter sees it."""
 
     @property
     def queue(self) -> TransmitQueue:
@@ -127,7 +127,7 @@ class Transmitter:
         self._next_transmission_id = 1
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
-        """Begin with a link, or with other capabilities of it."""
+        """Begin with a link, or with new capabilities of it."""
         if self.port is not None:
             self.port.close(now)
         port = self._make_port(capabilities, self._source.envelope(capabilities))
@@ -158,7 +158,7 @@ class Transmitter:
             self.port.access.handle_timeout(now)
 
     def review(self, now: int) -> None:
-        """Tell the application when nothing is heard."""
+        """Tell the application if nothing is heard."""
         if self._frames_at_up is None:
             return
         sent = self._stats.frames_transmitted - self._frames_at_up[0]
@@ -207,7 +207,7 @@ class Transmitter:
         return transmission, composed.streams
 
     def finish(self, report: TransmitReport, now: int) -> bool:
-        """Note the end of a transmission; False for a report that belongs to none."""
+        """Take note of the end of a transmission; False: the report belongs to none."""
         if self.port is None or not self.port.finish(report, now):
             return False
         self._stats.reported(report.outcome.value)
@@ -224,7 +224,7 @@ class Transmitter:
         return min(transmit_at, speak_at)
 
     def clock_doubt(self, now: int) -> str:
-        """Return why nothing is transmitted for want of the time, one line; empty: it is not so."""
+        """Return why a doubtful time keeps this node silent, one line; empty: it does not."""
         if self.port is None:
             return self._silence.clock_doubt
         return self._silence.clock_doubt or self.port.access.clock_doubt(now)
@@ -258,7 +258,7 @@ class Transmitter:
         return self._after_silence(self.port.free_at(wanted, now), now)
 
     def _last_word_at(self, lane: LaneKey, now: int) -> int | None:
-        """Return when the frame goes that a silence grants to a lane."""
+        """Return the instant of the frame that a silence grants to a lane, ns."""
         if self.link_state is not LinkState.UP or self.port is None:
             return None
         due_at = self._source.queue.due_at(now, lane)

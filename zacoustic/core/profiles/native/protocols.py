@@ -1,10 +1,10 @@
-"""What an engine consists of above a link: one component for each thing that two nodes agree on.
+"""The components of an engine above one link, one for each mechanism between nodes.
 
-They share the transmit queue, and know nothing of the link but its airtimes. Handshake and journal
-they share with those of other links. What concerns all of them (a link, a report, the timer) is
-passed on from here.
+They share the transmit queue, and of the link they know only its airtimes. Handshake and journal
+are common to all links. What concerns all components (a link, a report, the timer) is passed on
+from here.
 
-Here the native wire is spoken; `zacoustic.core.profiles.rmw_desert.protocols` speaks another one.
+This is the native wire; `zacoustic.core.profiles.rmw_desert.protocols` has the other one.
 """
 
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ ProtocolEvent = (
     | PeerFound
     | RosEntitySeen
 )
-"""What the components tell the application."""
+"""Events of the components for the application."""
 
 
 class Protocols(Profile):
@@ -85,7 +85,7 @@ class Protocols(Profile):
         self.actions: Actions = Actions(context, self.repeater)
         self.topics = Topics(context, rules.objects, self.subscriptions, self.deadlines)
         self.objects = self.topics.large.objects
-        """Samples that are larger than a frame, on the channel."""
+        """Samples larger than a frame, under way."""
         context.reception.read.connect(context.pacers.heard)
         self.transports = make_transports(context, transports)
         self.receiver = Receiver(context.table, context.handshake, context.reception, context.stats)

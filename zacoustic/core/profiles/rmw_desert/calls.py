@@ -1,15 +1,15 @@
-"""Services over rmw_desert: each request is sent once, each request that arrives is served.
+"""Services over rmw_desert: each request is sent once, and each one that arrives is served.
 
 The wire has a sequence id and nothing else: no client, no acknowledgement, no error, no repetition.
-So a call that hears nothing until its deadline has failed and nobody knows whether it was executed;
-it is never asked a second time, since its server would do the work again. A server's error has no
-form on this wire: its client hears nothing and gives up by itself.
+So a call without an answer at its deadline has failed, and nobody knows whether it was executed. It
+is never repeated, since its server would do the work again. This wire cannot carry a server's
+error: the client hears nothing and gives up by itself.
 
-An answer goes to all clients of the service, which tell theirs by the sequence id. Clients of
-rmw_desert draw theirs from 0…999, this node counts from 1000 on (`specs.FIRST_SEQUENCE`). Two of
-them may draw the same one at the same time; both requests are served, since who leaves one out has
-told its client that it was done. But the very same bytes again, as long as a modem or the channel
-may have made two of a frame, are one request: its answer is said again, if there is one.
+An answer goes to all clients of the service; each finds its own by the sequence id. Clients of
+rmw_desert draw theirs from 0…999, this node counts from 1000 on (`specs.FIRST_SEQUENCE`). Two
+clients may draw the same one at the same time. Both requests are served: whoever left one out would
+tell its client that it was done. But the very same bytes, as long as a modem or the channel may
+have duplicated a frame, are one request: its answer is sent again, if there is one.
 """
 
 from collections.abc import Callable
@@ -39,12 +39,12 @@ from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError, QueueFullError
 
 CALLS_LIMIT = 16
-"""Calls of this node to one service that are under way at the same time."""
+"""Most calls of this node to one service at the same time."""
 SERVED_LIMIT = 64
-"""Requests of one service that are not answered yet; further ones are dropped."""
+"""Most unanswered requests of one service; further ones are dropped."""
 SETTLING_UNITS = 4
-"""A duplicate that a modem or the channel makes arrives within as many times as the largest frame
-takes to arrive."""
+"""A duplicate made by a modem or the channel arrives within this many times the duration of the
+largest frame."""
 
 _REQUEST_LANE = 1
 _ANSWER_LANE = 2
@@ -88,7 +88,7 @@ class DesertCalls:
         self._by_sequence: dict[tuple[int, int], int] = {}
         self._served: dict[CallKey, _Served] = {}
         self.settling_ns = 0
-        """Time within which a duplicate of a frame can still arrive, ns."""
+        """Time within which a duplicate of a frame can arrive, ns."""
 
     # As client
 
@@ -154,7 +154,7 @@ class DesertCalls:
     # Below the methods above
 
     def _serve(self, key: CallKey, served: _Served, until: int) -> None:
-        """Know a request until an instant, ns."""
+        """Remember a request until an instant, ns."""
         self._served[key] = served
         self._timers.at((Due.DESERT_SERVED_CALL, key), until, partial(self._forget, key))
 
@@ -251,7 +251,7 @@ class DesertCalls:
         self._emit(failed)
 
     def _end(self, call_id: int) -> _Call:
-        """End a call; its request does not leave any more."""
+        """End a call; a request that still waits is not sent."""
         call = self._calls.pop(call_id)
         self._timers.cancel((Due.DESERT_CALL, call_id))
         del self._by_sequence[call.stream_id, call.sequence]

@@ -1,12 +1,12 @@
-"""Discovery as rmw_desert does it: beacons of who is there, and requests for them.
+"""Discovery of rmw_desert: beacons that announce what a node has, and requests for them.
 
 A node of rmw_desert sends a *beacon* for each publisher, subscription, client and service that it
-makes, a *request* when it starts, and all its beacons again when it hears one. That is how its
-command-line tools know what there is. A beacon takes 75 to 140 bytes, and nothing needs it for data
-to flow: so this node says nothing of the kind unless the two topics have ids.
+makes, a *request* when it starts, and all its beacons again when it hears a request. Its
+command-line tools learn from that what there is. A beacon takes 75 to 140 bytes, and data flow
+without it, so this node sends none unless the two topics have ids.
 
-What is announced is what the stream table says of this node. A beacon waits at the lowest priority,
-and a second one for the same entity takes the place of the first.
+A node announces what the stream table says of it. A beacon waits at the lowest priority and
+replaces one for the same entity that still waits.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,7 +26,7 @@ from zacoustic.errors import LocalError
 
 BEACON_TOPIC: Final = "/discovery"
 REQUEST_TOPIC: Final = "/discovery_request"
-"""Names of the two topics in the file of allowed topics."""
+"""Names of the two topics in the list of allowed topics."""
 
 _GID_BYTES: Final = 16
 _BEACON_QOS: Final = Qos(priority=Priority.BACKGROUND, depth=1)
@@ -74,7 +74,7 @@ class Discovery:
         self._has_begun = False
 
     def begin(self, now: int) -> None:
-        """The link is up: ask who is there, and say who is here; no effect later on."""
+        """The link is up: send the request and the beacons; no effect later on."""
         if self._has_begun:
             return
         self._has_begun = True
@@ -83,7 +83,7 @@ class Discovery:
         self._announce(now)
 
     def receive(self, message: Message, now: int) -> str | None:
-        """Take a message that is not of the table; returns why it is dropped, or None."""
+        """Take a message of discovery; returns why it is dropped, or None."""
         if message.kind is Kind.SAMPLE and message.stream_id == self._spec.request_id:
             self._announce(now)
             return None
@@ -117,7 +117,7 @@ class Discovery:
             self._say(self._spec.beacon_id, fields, now, which=(kind, stream.stream_id))
 
     def _entities(self) -> Iterator[tuple[EntityKind, Stream, str]]:
-        """Yield what this node has: kind, stream, name of the type."""
+        """Yield the entities of this node: kind, stream, name of the type."""
         for stream in self._table:
             spec = stream.spec
             if isinstance(spec, TopicSpec):

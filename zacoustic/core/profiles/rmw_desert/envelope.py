@@ -1,11 +1,11 @@
-"""What goes around a message of rmw_desert: a packet, where the link is a byte stream.
+"""The envelope of a message of rmw_desert: a packet, if the link is a byte stream.
 
-There are no addresses and no check on this wire, so nothing is added for a link that lacks them. A
-link with frames carries the message alone; it may put the packet around by itself.
+This wire has no addresses and no check, so nothing is added for a link that lacks them. A link with
+frames carries the message alone, and may put the packet around it by itself.
 
-A packet may be longer than what the link takes at once: it goes in pieces then, as it would from
-rmw_desert, whose writes DESERT cuts the same way. The pieces of a packet that is not complete are
-waited for until there has been silence for `patience_ns`; then the bytes are looked through again.
+A packet may be longer than a frame of the link. It goes in pieces then, as rmw_desert's writes,
+which DESERT cuts in the same way. An incomplete packet waits for its pieces until `patience_ns` of
+silence; then its bytes are searched for other packets.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
 # One packet of 512 bytes comes in nine pieces of DESERT's usual 64; each grants new patience.
 _PATIENCE_FRAMES: Final = 4
 NO_PACKET: Final = "no_packet"
-"""Why bytes are dropped that belong to no packet."""
+"""Reason for dropping bytes that belong to no packet."""
 
 
 class PacketEnvelope(Envelope):
@@ -50,18 +50,18 @@ class PacketEnvelope(Envelope):
         self._decoder = None if capabilities.framed else PacketDecoder()
         self._patience_ns = _PATIENCE_FRAMES * capabilities.airtime_ns(mtu_bytes)
         self.piece_bytes = mtu_bytes
-        """What the link takes at once."""
+        """Largest piece that the link takes, bytes."""
         self.room_bytes = (
             min(PAYLOAD_LIMIT_BYTES, mtu_bytes) if capabilities.framed else PAYLOAD_LIMIT_BYTES
         )
         timers.cancel((Due.PACKET,))  # of a link before
 
     def wrap(self, records: bytes, destination: int) -> bytes:
-        """Make a packet of a message, which may be longer than the link takes at once."""
+        """Make the packet of a message; it may be longer than a frame of the link."""
         return records if self._decoder is None else encode_packet(records)
 
     def open(self, received: ReceivedFrame) -> list[Opened | Damaged]:
-        """Return the messages that have arrived: one, or any number for a byte stream."""
+        """Return the messages that arrived: one, or any number for a byte stream."""
         if self._decoder is None:
             return [_opened(received.frame_bytes, received.source)]
         discarded_before = self._decoder.discarded_bytes
@@ -74,14 +74,14 @@ class PacketEnvelope(Envelope):
         return self._found(payloads, discarded_before, received.source)
 
     def flush(self) -> list[Opened | Damaged]:
-        """Give up what is incomplete, and return the messages that it hid."""
+        """Give up the incomplete packet, and return the messages among its bytes."""
         if self._decoder is None:
             return []
         discarded_before = self._decoder.discarded_bytes
         return self._found(self._decoder.flush(), discarded_before, UNKNOWN_SOURCE)
 
     def forget(self) -> None:
-        """A new connection: what was incomplete will never be completed."""
+        """A new connection: an incomplete packet will never be completed."""
         self._timers.cancel((Due.PACKET,))
         if self._decoder is not None:
             self._decoder = PacketDecoder()

@@ -1,11 +1,11 @@
-"""What an engine consists of above a link on which rmw_desert is spoken.
+"""The components of an engine above a link on which rmw_desert is spoken.
 
 The transmit queue with its lanes, priorities and lifespans is that of the native wire; so are
 medium access, silence and airtime caps, which are around it. What is said and heard is here: one
 message in a packet, nothing beside it: no handshake, no acknowledgement, no object, no heartbeat.
 
-Nothing in a packet says who sent it. A sample counts as that of the one other node that may publish
-its topic; where there are several, or none is listed, its source is unknown (0), unless the link
+A packet does not name its sender. If only one other node may publish a topic, its samples count as
+that node's. If there are several, or none is listed, the source is unknown (0), unless the link
 itself carries addresses.
 
 What is dropped is counted under the words of `zacoustic.core.profiles.native.receiver`: ``payload``
@@ -178,7 +178,7 @@ class RmwDesertProtocols(Profile):
             self._stats.drop("oversized")
 
     def link_up(self, now: int) -> None:
-        """The link is up: what was begun on another connection is not completed."""
+        """The link is up: a packet begun on another connection is not completed."""
         self._pieces.clear()
         if self._packets is not None:
             self._packets.forget()
@@ -187,7 +187,7 @@ class RmwDesertProtocols(Profile):
     # Below the methods above
 
     def _give_up(self, now: int) -> None:
-        """Look through the bytes of a packet of which the rest did not come."""
+        """Search the bytes of a packet whose rest did not come."""
         for opened in self._packets.flush() if self._packets is not None else ():
             if isinstance(opened, Damaged):
                 self._stats.drop(opened.reason)
@@ -207,7 +207,7 @@ class RmwDesertProtocols(Profile):
         return (message.stream_id,)
 
     def _reported(self, report: TransmitReport, now: int) -> None:
-        """A packet of which a piece is missing is not completed."""
+        """A packet that lost a piece is not completed."""
         if report.outcome in (TransmitOutcome.REJECTED, TransmitOutcome.ABORTED):
             self._pieces.clear()
 
