@@ -29,6 +29,7 @@ from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.transport.actions.events import GoalFailed, GoalReceived, ResultReceived
+from zacoustic.core.wire.goals import GoalKey
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 NODES: Final = (1, 2, 3)
@@ -98,10 +99,7 @@ class Work:
         )
         for node in NODES:
             for stream in fleet.ON_DEMAND:
-                self._later(
-                    1.0 + node, node,
-                    lambda engine, now, stream=stream: engine.subscriptions.want(stream, now),
-                )  # fmt: skip
+                self._later(1.0 + node, node, functools.partial(_subscribe, stream))
         for number in range(_JUDGED.stop):
             if busy or number not in _QUIET:
                 for node in NODES:
@@ -229,7 +227,11 @@ def _ticket(value: object) -> int:
     return fleet.ticket_of(value) or 0
 
 
-def _pursue(engine: Engine, goal: object, now: int) -> None:
+def _subscribe(stream_id: int, engine: Engine, now: int) -> None:
+    engine.subscriptions.want(stream_id, now)
+
+
+def _pursue(engine: Engine, goal: GoalKey, now: int) -> None:
     engine.actions.accept(goal, now)
     engine.actions.finish(goal, GoalStatus.SUCCEEDED, b"done", now)
 

@@ -91,7 +91,9 @@ class GivenCommands:
             if command.kind is CommandKind.SILENCE and command.for_s is not None:
                 left_s = command.for_s - ns_to_seconds(now - given.given_at)
                 command = RemoteCommand(kind=command.kind, for_s=left_s)
-            again = msgspec.structs.replace(given, command=command, heard=heard, first_id=answer.call_id)
+            again = msgspec.structs.replace(
+                given, command=command, heard=heard, first_id=answer.call_id
+            )
             self._send(again, now, ns_to_seconds(given.ends_at - now))
         except (ValueError, LocalError):  # its time is over, or too many are under way
             return False
