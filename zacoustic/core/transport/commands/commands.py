@@ -211,7 +211,8 @@ class Commands:
             self._unproved.enter(call, subject, serial, undo, now)
             self._tell(command, call.client, now)
             return
-        self._do(command, now, lambda at: self._tell(command, call.client, at))
+        is_told = tried is Freshness.SAME
+        self._do(command, now, lambda at: None if is_told else self._tell(command, call.client, at))
         self._unproved.settle(subject)
         # Behind what it did, so that both are there when this is.
         self._deduplication.enter(call.client, subject, call.epoch, serial, kept)
