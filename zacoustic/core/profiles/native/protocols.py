@@ -96,6 +96,7 @@ class Protocols(Profile):
             objects=self.objects,
             heartbeats=self.heartbeats,
             extensions=tuple(self.transports.values()),
+            seal=context.seal,
         )
         self.composer = Composer(context.link, context.handshake, made_of, context.stats)
 
@@ -179,7 +180,7 @@ class Protocols(Profile):
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a frame on a link."""
-        return Envelope(capabilities, self._context.address)
+        return Envelope(capabilities, self._context.address, sealed=self._context.is_sealed)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
@@ -237,8 +238,10 @@ class Protocols(Profile):
         self.actions.use_link(times, settling_ns)
         for each in self.transports.values():
             each.use_link(capabilities, now)
-        self.objects.use_link(capabilities, port.envelope.room_bytes, port.listening.pause_ns, now)
-        oversized = self.queue.limit(port.envelope.room_bytes - TAG_BYTES)
+        seal, room_bytes = self._context.seal, port.envelope.room_bytes
+        fragment_bytes = room_bytes - seal.fragment_overhead_bytes
+        self.objects.use_link(capabilities, fragment_bytes, port.listening.pause_ns, now)
+        oversized = self.queue.limit(room_bytes - (seal.overhead_bytes or TAG_BYTES))
         self.topics.sending.dropped(oversized, now)
         for _ in oversized:
             self._stats.drop("oversized")

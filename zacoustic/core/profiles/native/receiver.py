@@ -55,6 +55,9 @@ from zacoustic.core.wire.envelope import Opened
 from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
 from zacoustic.core.wire.objects import Fragment
 
+_REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
+"""Whoever says these again has not got the answer."""
+
 
 class Receiver:
     """Takes opened frames apart.
@@ -86,6 +89,9 @@ class Receiver:
         self._handshake.begin_frame(
             heard.source, len(opened.records), now, unicast=heard.is_unicast
         )
+        if opened.life is not None:
+            self._handshake.authentic(heard.source, opened.life, opened.digest, now)
+            heard.epoch = opened.life
         items: list[Item] = []
         for item in self._items(opened, unicast=heard.is_unicast):
             self._drop(self._reception.first(heard, item))
@@ -93,7 +99,10 @@ class Receiver:
                 break
             items.append(item)
         for item in items:
-            self._drop(self._take(heard, item))
+            reason = self._take(heard, item)
+            self._drop(reason)
+            if reason in _REPEATED:
+                self._reception.came_again(heard.source)
         if heard.streams and heard.epoch is not None:
             self._handshake.heard_introduced(
                 heard.source, heard.epoch, now, unicast=heard.is_unicast
@@ -133,10 +142,13 @@ class Receiver:
             return self._reception.second(heard, item)
         heard.streams.append(item.stream_id)
         is_ack = item.prefixes.acknowledged is not None
-        reason = None if is_ack else heard.refusal(item.stream_id)
+        stream = self._table.get(item.stream_id)
+        needs_verdict = not is_ack and not (
+            self._handshake.is_sealed and stream is not None and stream.is_built_in
+        )
+        reason = heard.refusal(item.stream_id) if needs_verdict else None
         if reason is not None:
             return reason
-        stream = self._table.get(item.stream_id)
         if stream is None:
             return "unknown_stream"
         give = self._reception.ack if is_ack else self._reception.record
@@ -162,4 +174,6 @@ class Receiver:
         stream = self._table.get(stream_id)
         if stream is None:
             raise KeyError(stream_id)
+        if self._handshake.is_sealed and not self._handshake.may_measure(source, stream):
+            return None
         return measure_content(stream, buffer, offset, prefixes, source)

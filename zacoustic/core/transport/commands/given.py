@@ -72,7 +72,7 @@ class GivenCommands:
     # Below the methods above
 
     def _epoch_of(self, node: int) -> int | None:
-        return self._handshake.peer(node).epoch
+        return self._handshake.heard_epoch(node)
 
     def _send(self, given: _Given, now: int, timeout_s: float | None) -> int:
         request = given.command.to_wire(given.serial, given.heard)

@@ -129,7 +129,7 @@ class Own:
     def _prove(self, source: int, message: _Message, now: int) -> None:
         """Say the same with the boot epoch of the node, which does not keep it without."""
         assert message.repetition is not None
-        if message.heard == self._handshake.peer(source).epoch:
+        if message.heard == self._handshake.heard_epoch(source):
             self._handshake.ask(source, now)  # that is not its epoch
             return
         page = next(page for (node, page), each in self._messages.items() if each is message)
@@ -158,7 +158,7 @@ class Own:
     def _say(self, key: tuple[int, int], message: _Message, version: int, now: int) -> None:
         source, page = key
         message.version = version
-        message.heard = self._handshake.peer(source).epoch
+        message.heard = self._handshake.heard_epoch(source)
         record = Waiting(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,

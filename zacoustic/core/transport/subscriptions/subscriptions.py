@@ -199,7 +199,7 @@ class Subscriptions:
             message.version,
             message.streams,
             is_answer=True,
-            heard=self._handshake.peer(source).epoch,
+            heard=self._handshake.heard_epoch(source),
             is_kept=self._handshake.is_present(message.heard),
         )
         record = Waiting(
