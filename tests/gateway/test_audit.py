@@ -9,8 +9,19 @@ from typing import Any
 import pytest
 import zenoh
 
-from tests.gateway.networks import SECTION, Channel, cbor, get, local_network, run
+from tests.gateway.networks import (
+    SECTION,
+    Channel,
+    cbor,
+    config_of,
+    free_port,
+    get,
+    local_network,
+    run,
+    zenoh_config,
+)
 from zacoustic.app.cli import main
+from zacoustic.gateway import Gateway
 from zacoustic.run.audit import MOST_BYTES, AuditEntry, read_audit
 from zacoustic.run.journal import journal_in
 
@@ -148,3 +159,30 @@ def test_a_long_log_is_set_aside_and_both_parts_are_read(tmp_path: Path) -> None
     assert path.stat().st_size < 10_000
     assert [each.outcome for each in entries[-2:]] == ["asked", "answered"]
     assert entries[0].outcome == "received"
+
+
+def test_a_report_has_commands_with_their_outcomes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = tmp_path / "auv.mcap"
+
+    async def scene() -> None:
+        channel = Channel()
+        config = config_of(2, zenoh_config("router", listen=free_port()), SECTION)
+        auv = Gateway(config, link=channel.medium.link(2), record=recording)
+        async with auv, local_network(1, channel) as network:
+            with network.client() as shore:
+                assert (await get(shore, "@acoustic/2/stream/12?on=false")).good
+                assert not (await get(shore, "@acoustic/2/stream/11?on=false")).good
+
+    run(scene())
+    assert main(["report", str(recording), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["handled"]
+    assert [(each["node"], each["by"], each["outcome"]) for each in told] == [
+        (2, 1, "executed"),
+        (2, 1, "refused"),
+    ]
+    assert main(["report", str(recording)]) == 0
+    text = capsys.readouterr().out
+    assert "Remote commands, and frames that did not open" in text
+    assert "executed" in text

@@ -504,10 +504,11 @@ class Handshake:
 
     def may_measure(self, source: int, stream: Stream) -> bool:
         """Tell whether a record of a node ends where this node's table says, in a sealed frame."""
-        peer = self._peers[source]
-        row = peer.rows.get(stream.stream_id)
+        peer = self._peers.get(source)
+        row = None if peer is None else peer.rows.get(stream.stream_id)
         return (
-            peer.shares(self.digest)
+            peer is None
+            or peer.shares(self.digest)
             or stream.is_built_in
             or (row is not None and row.digest == stream.digest)
         )

@@ -7,7 +7,7 @@ from here.
 This is the native wire; `zacoustic.core.profiles.rmw_desert.protocols` has the other one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from types import MappingProxyType
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
@@ -205,6 +205,17 @@ class Protocols(Profile):
         self._context.doubt.settle(now)
         self._context.peers[opened.source].link = self._context.link
         return self.receiver.handle(opened, frame, port, now)
+
+    def receive_unsealed(
+        self,
+        opened: Opened,
+        frame: ReceivedFrame,
+        port: LinkPort,
+        allowed: Set[int],
+        now: int,
+    ) -> tuple[int, ...]:
+        """Take samples out of a frame that nobody has sealed; returns their streams."""
+        return self.receiver.handle_unsealed(opened, frame, port, allowed, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""

@@ -35,7 +35,7 @@ object_room``
 ======================  ===================================================================
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from functools import partial
 
 import msgspec
@@ -108,6 +108,30 @@ class Receiver:
                 heard.source, heard.epoch, now, unicast=heard.is_unicast
             )
         self._reception.read(heard.source, now)
+        return tuple(heard.streams)
+
+    def handle_unsealed(
+        self,
+        opened: Opened,
+        received: ReceivedFrame,
+        port: HearingPort,
+        allowed: Set[int],
+        now: int,
+    ) -> tuple[int, ...]:
+        """Take samples of some topics out of a frame that nobody has sealed; returns their streams.
+
+        Nothing is known of its sender, so nothing else is believed, and no count of samples is.
+        """
+        heard = self._heard(opened, received, port, now)
+        for item in self._items(opened, unicast=heard.is_unicast):
+            if not isinstance(item, Record) or item.stream_id not in allowed:
+                continue
+            stream = self._table.by_id(item.stream_id)
+            if item.prefixes.acknowledged is None and item.prefixes.sync is None:
+                reason = self._reception.record(heard, stream, item)
+                self._drop(reason)
+                if reason is None:
+                    heard.streams.append(item.stream_id)
         return tuple(heard.streams)
 
     def overhear(
