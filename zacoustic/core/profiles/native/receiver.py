@@ -11,6 +11,7 @@ overlong address``
 ``truncated reserved    the frame cannot be read further (`zacoustic.core.wire.frame`)
 unknown_stream``
 ``unconfirmed differs`` the tables are not known to agree (`zacoustic.core.peers.handshake`)
+``stranger``            what would be answered, of a node that is not in the table's list
 ``not_publisher         the table does not allow this record between these nodes
 not_subscriber``
 ``payload``             the content does not decode, or is out of the bounds of its type
@@ -24,6 +25,7 @@ out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or of a former life
 ``too_many_calls        more requests or goals of one client than two lives of it can have
 too_many_goals``
+``former_life``         a request or goal of a life of its client that is over: played back
 ``suspended``           a request or goal that may be older than this life, while it is in question
                         whether this node has forgotten some; it is repeated
 ``old_cancel``          a cancel of a goal, or its refusal, before the last one
@@ -39,16 +41,19 @@ from functools import partial
 import msgspec
 
 from zacoustic.core.base.linktypes import ReceivedFrame
+from zacoustic.core.base.qos import Reliability
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.reception import Heard, HearingPort, Reception
 from zacoustic.core.profiles.native.controls import CONTROLS
+from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 from zacoustic.core.wire.content import measure_content
 from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.envelope import Opened
 from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
+from zacoustic.core.wire.objects import Fragment
 
 _REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
 """Whoever says these again has not got the answer."""
@@ -81,7 +86,9 @@ class Receiver:
     ) -> tuple[int, ...]:
         """Take one frame apart; returns the streams of what was in it."""
         heard = self._heard(opened, received, port, now)
-        self._handshake.begin_frame(heard.source, now, unicast=heard.is_unicast)
+        self._handshake.begin_frame(
+            heard.source, len(opened.records), now, unicast=heard.is_unicast
+        )
         if opened.life is not None:
             self._handshake.authentic(heard.source, opened.life, opened.digest, now)
             heard.epoch = opened.life
@@ -153,6 +160,8 @@ class Receiver:
         """Take something in the second pass; returns why it is dropped, or None."""
         if isinstance(item, Stray):
             return item.reason
+        if not self._table.lists(heard.source) and self._is_answered(item):
+            return "stranger"
         if not isinstance(item, Record):
             return self._reception.second(heard, item)
         heard.streams.append(item.stream_id)
@@ -168,6 +177,16 @@ class Receiver:
             return "unknown_stream"
         give = self._reception.ack if is_ack else self._reception.record
         return give(heard, stream, item)
+
+    def _is_answered(self, item: Item) -> bool:
+        """Tell whether this node would answer something, or keep it: it does so for its fleet."""
+        if not isinstance(item, Record):
+            return isinstance(item, Fragment)
+        stream = self._table.get(item.stream_id)
+        is_best_effort = stream is not None and (
+            isinstance(stream.spec, TopicSpec) and stream.qos.reliability is Reliability.BEST_EFFORT
+        )
+        return item.prefixes.acknowledged is None and not is_best_effort
 
     def _drop(self, reason: str | None) -> None:
         if reason is not None:
