@@ -164,6 +164,28 @@ def test_files_come_back_and_only_the_list_may_be_read(
         read_members(listed)
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        b'{"network":"n","public":{"300":"' + b"A" * 43 + b'="}}',
+        b'{"network":"n","public":{"0":"' + b"A" * 43 + b'="}}',
+        b'{"network":"n","public":{"1":"AAAA"}}',
+        b'{"network":"n","wrapped":{"255":{}}}',
+        b'{"network":"n","generation":70000}',
+        b'{"network":"","generation":0}',
+        b'{"network":"n","former":{"network":"n","generation":-1}}',
+        b'{"network":"n","former":' * 100_000,
+        b"\xff",
+    ],
+    ids=range(9),
+)
+def test_a_list_that_is_none_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "fleet.members"
+    path.write_bytes(content)
+    with pytest.raises(KeyFileError, match=r"fleet\.members: "):
+        read_members(path)
+
+
 def test_a_fingerprint_tells_lists_apart(identities: dict[int, Identity], members: Members) -> None:
     others = [
         members.rotated(identities.values()),

@@ -1,6 +1,6 @@
 """Key files: who may read them, what is in them, what no message shows."""
 
-import os
+import random
 from pathlib import Path
 
 import pytest
@@ -32,7 +32,13 @@ def test_a_key_that_others_may_read_is_refused(tmp_path: Path, mode: int) -> Non
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"{}", b"\xff", b'{"network":"x","generation":0,"secret":"AAAA"}', os.urandom(90)],
+    [
+        b"",
+        b"{}",
+        b"\xff",
+        b'{"network":"x","generation":0,"secret":"AAAA"}',
+        random.Random(1).randbytes(90),
+    ],
 )
 def test_what_is_no_key_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "fleet.key"

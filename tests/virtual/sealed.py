@@ -1,5 +1,6 @@
 """Engines of a fleet with a key, for networks in virtual time."""
 
+from collections.abc import Callable
 from typing import Any
 
 from zacoustic.core.engine.engine import Engine
@@ -36,10 +37,12 @@ class SealedFleet:
 
     Args:
         key: Of all nodes.
+        make: Makes an engine.
     """
 
-    def __init__(self, key: FleetKey = KEY) -> None:
+    def __init__(self, key: FleetKey = KEY, make: Callable[..., Engine] = Engine) -> None:
         self._key = key
+        self._make = make
         self.nonces: set[tuple[int, bytes]] = set()
         """All that were used."""
         self.lives: dict[int, Engine] = {}
@@ -52,5 +55,5 @@ class SealedFleet:
         assert life <= LAST_LIFE
         cipher = Recorded(self.nonces, self._key)
         settings["cipher"] = cipher
-        self.lives[address] = Engine(address=address, epoch=life, **settings)
+        self.lives[address] = self._make(address=address, epoch=life, **settings)
         return self.lives[address]

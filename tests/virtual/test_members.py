@@ -47,7 +47,7 @@ def test_all_holds_in_any_random_scenario(count: Callable[[int], int]) -> None:
 
 
 @pytest.mark.parametrize("is_revoked", [False, True])
-def test_a_revoked_node_is_neither_heard_nor_obeyed(is_revoked: bool) -> None:
+def test_a_revoked_node_is_neither_heard_nor_followed(is_revoked: bool) -> None:
     left = members_of(IDENTITIES).without(3, IDENTITIES.values())
     lists = {1: left, 2: left} if is_revoked else {}
     network = VirtualNetwork(line(0, 400, 800, **QUIET), table(3), build=MemberFleet(lists))

@@ -7,7 +7,7 @@ import random
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import pytest
 
@@ -23,6 +23,8 @@ from zacoustic.core.engine.events import (
     StreamsDiffer,
 )
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -174,6 +176,46 @@ def asks(target: int) -> Callable[[Engine, int], int]:
     """Return a command to a node, which goes as that of silence does."""
     command = RemoteCommand(kind=CommandKind.ASK)
     return lambda engine, now: engine.commands.send(target, command, now)
+
+
+def test_a_call_is_not_taken_from_a_frame_with_the_short_tag() -> None:
+    weak = TransmitRules(sealing=SealRules(strong=frozenset()))
+    network = VirtualNetwork(
+        line(0, 800, **QUIET), table(), build=SealedFleet(), rules={1: weak, 2: TransmitRules()}
+    )
+    network.at(10.0, lambda: network.publish(1, NAV, b"report"))
+    network.at(20.0, lambda: network.apply(1, lambda each, now: each.call(ARM, b"arm", now)))
+    network.run(until_s=600.0)
+    assert [event.value for event in network.samples(2, NAV)] == [b"report"]
+    assert not any(isinstance(event, RequestReceived) for _, event in network.events)
+    assert network.engine(2).stats.dropped["weak"] > 0
+
+
+@pytest.mark.parametrize("checked", [True, False])
+@pytest.mark.parametrize("allowed", [frozenset[int](), frozenset({NAV})])
+def test_an_emergency_without_a_key_is_taken_where_that_is_wanted(
+    allowed: frozenset[int], checked: bool
+) -> None:
+    """Node 1 has no key; node 2 takes the topic that it allows, and nothing else."""
+    fleet = SealedFleet()
+
+    def build(*, address: int, **settings: Any) -> Engine:
+        make = fleet if address == 2 else Engine
+        return make(address=address, **settings)
+
+    rules = TransmitRules(sealing=SealRules(unsealed=allowed))
+    network = VirtualNetwork(
+        line(0, 800, **QUIET), table(), modem=Modem(checked=checked), build=build, rules=rules
+    )
+    network.at(10.0, lambda: network.publish(1, NAV, b"stop"))
+    network.at(20.0, lambda: network.publish(1, LOG, b"log"))
+    network.at(30.0, lambda: network.apply(1, lambda each, now: each.call(ARM, b"arm", now)))
+    network.run(until_s=600.0)
+    taken = [event for at, event in network.events if at == 2]
+    samples = [event.value for event in taken if isinstance(event, SampleReceived)]
+    assert samples == [b"stop"] * bool(allowed)
+    assert not any(isinstance(event, RequestReceived) for event in taken)
+    assert network.engine(2).stats.frames_transmitted == 0
 
 
 def test_frames_of_strangers_do_nothing(count: Callable[[int], int]) -> None:

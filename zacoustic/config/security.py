@@ -10,6 +10,7 @@ from pathlib import Path
 from zacoustic.config.later import check_word
 from zacoustic.config.problems import SECTION_PATH, Place
 from zacoustic.config.sections import ALLOWED, SecurityEntry
+from zacoustic.core.base.qos import Reliability
 from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -86,11 +87,16 @@ def _check_lengths(place: Place, lengths: tuple[int, ...]) -> None:
 
 
 def _read_topics(place: Place, names: tuple[str, ...], table: StreamTable) -> frozenset[int]:
-    topics = {each.name: each.stream_id for each in table if isinstance(each.spec, TopicSpec)}
+    topics = {
+        each.name: each.stream_id
+        for each in table
+        if isinstance(each.spec, TopicSpec) and each.qos.reliability is Reliability.BEST_EFFORT
+    }
     for index, name in enumerate(names):
         if name not in topics:
             place.at(index).refuse(
-                f'"{name}" is no topic of streams', allowed=", ".join(topics) or "none, no topic"
+                f'"{name}" is no best-effort topic of streams',
+                allowed=", ".join(topics) or "none, no such topic",
             )
     return frozenset(topics[name] for name in names)
 

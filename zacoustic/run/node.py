@@ -24,9 +24,10 @@ from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError
 from zacoustic.link.contract import Link
+from zacoustic.run.audit import AuditLog, audit_path
 from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.hostclock import HostClock
-from zacoustic.run.journal import Journal, JournalState, MemoryJournal
+from zacoustic.run.journal import Journal, JournalState, MemoryJournal, SqliteJournal
 from zacoustic.run.journal.thread import recover, release
 from zacoustic.run.permitlog import PermitLog, open_permit_log
 from zacoustic.run.replacement.intact import Intact
@@ -96,7 +97,19 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
                 failing.push_async_callback(recording.close)
             permit_log = open_permit_log(self.permits)
             failing.pop_all()
-        return PreparedNode(self, state, permit_log, recording, seal)
+        return PreparedNode(self, state, permit_log, recording, seal, self._open_audit())
+
+    def _open_audit(self) -> AuditLog | None:
+        """Open the audit log beside a journal that is a file."""
+        if not isinstance(self.journal, SqliteJournal):
+            return None
+        path = audit_path(self.journal.path)
+        is_sealed = self.security is not None
+        try:
+            return AuditLog(path, self.address, self.table, self.host.utc_ns, sealed=is_sealed)
+        except OSError as error:  # as with the journal: a full disk does not stop the node
+            _logger.warning("audit log %s: %s; nothing is noted", path, error.strerror)
+            return None
 
 
 class PreparedNode:
@@ -108,6 +121,7 @@ class PreparedNode:
         permit_log: Takes each emission, or None.
         recording: Makes its engines, or None.
         seal: Seals its frames, or None.
+        audit: Notes what is asked of it, or None.
     """
 
     def __init__(
@@ -117,12 +131,14 @@ class PreparedNode:
         permit_log: PermitLog | None,
         recording: "LiveRecording | None",
         seal: NodeSeal | None = None,
+        audit: AuditLog | None = None,
     ) -> None:
         self.parts = parts
         self.seal = seal
         """Seals its frames, or None."""
         self._state = state
         self._permit_log = permit_log
+        self._audit = audit
         self.recording = recording
         """Makes its engines, or None."""
         self._has_runner = False
@@ -163,6 +179,8 @@ class PreparedNode:
     async def close(self) -> None:
         """Finish the recording, behind the runner; without a runner, close all that is open."""
         async with AsyncExitStack() as each:
+            if self._audit is not None:
+                each.push_async_callback(self._audit.close)
             recording, self.recording = self.recording, None
             if recording is not None:
                 each.push_async_callback(recording.close)
@@ -177,7 +195,7 @@ class PreparedNode:
         parts, seed = self.parts, random.SystemRandom().getrandbits(64)
         _logger.info("node %d: epoch %d, seed %d", parts.address, epoch, seed)
         make = Engine if self.recording is None else self.recording.make
-        return make(
+        engine = make(
             address=parts.address,
             table=parts.table,
             epoch=epoch,
@@ -187,6 +205,9 @@ class PreparedNode:
             trace=trace,
             cipher=None if self.seal is None else self.seal.cipher,
         )
+        if self._audit is not None:
+            self._audit.watch(engine)
+        return engine
 
 
 def _repeat_range(address: int, every_s: float, engine: Engine, now: int) -> None:

@@ -40,6 +40,7 @@ from zacoustic.seal.keys import (
     KeyFileError,
     check_network,
     expand,
+    is_network,
     key_info,
     read_private,
     write_private,
@@ -262,11 +263,19 @@ def read_members(path: Path) -> Members:
         KeyFileError: There is none, or it is damaged.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Members)
+        members = msgspec.json.decode(path.read_bytes(), type=Members)
     except OSError as error:
         raise KeyFileError(f"{path}: {error.strerror}", hint="copy it from land") from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise KeyFileError(f"{path}: no list of members: {error}", hint="copy it anew") from None
+    for each in (members, members.former):
+        if each is not None and not _is_in_range(each):
+            raise KeyFileError(
+                f"{path}: network, generation, address or key is out of range; allowed: a name, "
+                f"0..{LAST_GENERATION}, {_FIRST_ADDRESS}..{_LAST_ADDRESS}, {SECRET_BYTES} bytes",
+                hint="copy it anew",
+            )
+    return members
 
 
 def write_members(path: Path, members: Members) -> None:
@@ -276,6 +285,16 @@ def write_members(path: Path, members: Members) -> None:
         KeyFileError: It cannot be written.
     """
     write_private(path, members, replace=True)
+
+
+def _is_in_range(members: Members) -> bool:
+    listed = [*members.public, *members.wrapped]
+    return (
+        is_network(members.network)
+        and 0 <= members.generation <= LAST_GENERATION
+        and all(_FIRST_ADDRESS <= each <= _LAST_ADDRESS for each in listed)
+        and all(len(half) == SECRET_BYTES for half in members.public.values())
+    )
 
 
 def _pair_secret(identity: Identity, members: Members, one: int, other: int) -> bytes:

@@ -113,7 +113,7 @@ def check_network(network: str) -> None:
     Raises:
         KeyFileError: It is none.
     """
-    if not _is_name(network):
+    if not is_network(network):
         raise KeyFileError(f'network "{network}"; allowed: {_NAMES}')
 
 
@@ -151,7 +151,7 @@ def read_key(path: Path) -> FleetKey:
                 f"{path}: {name} has {len(secret)} bytes; allowed: {SECRET_BYTES}",
                 hint="put back a copy of it",
             )
-    if not 0 <= key.generation <= LAST_GENERATION or not _is_name(key.network):
+    if not 0 <= key.generation <= LAST_GENERATION or not is_network(key.network):
         raise KeyFileError(
             f"{path}: generation or network is out of range; allowed: 0..{LAST_GENERATION}, "
             f"{_NAMES}",
@@ -222,5 +222,6 @@ def write_private(path: Path, record: msgspec.Struct, *, replace: bool = False) 
         beside.unlink(missing_ok=True)
 
 
-def _is_name(network: str) -> bool:
+def is_network(network: str) -> bool:
+    """Tell whether a text can be the name of a network."""
     return network.isprintable() and 1 <= len(network.encode()) <= _NAME_BYTES

@@ -49,15 +49,15 @@ _ROOMS: Final = {
     "recordings": ("journal", "decode", "record", "replay", "report"),
     "design": ("demo", "check", "plan", "sim", "init", "schema", "fit", "bench"),
     "host": ("doctor", "predive", "links", "completion"),
-    "security": ("key", "acl"),
+    "security": ("key", "acl", "audit"),
 }
 """The verbs of each room."""
 _ROOM_OF: Final = {verb: room for room, verbs in _ROOMS.items() for verb in verbs}
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "predive", "links", "pub", "sub", "call",
     "action", "ping", "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal",
-    "key", "acl", "decode", "sim", "record", "replay", "report", "init", "schema", "fit", "bench",
-    "completion",
+    "audit", "key", "acl", "decode", "sim", "record", "replay", "report", "init", "schema", "fit",
+    "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order of the help."""
 

@@ -28,7 +28,7 @@ from zacoustic.core.transport.actions.events import (
     ResultReceived,
 )
 from zacoustic.core.transport.calls.calls import CallFailed, RequestReceived, ResponseReceived
-from zacoustic.core.transport.commands.commands import StreamOverridden
+from zacoustic.core.transport.commands.commands import CommandHandled, StreamOverridden
 from zacoustic.core.transport.contract import TransportEvent
 from zacoustic.core.transport.deliveries import (
     DeliveryEnded,
@@ -50,6 +50,7 @@ __all__ = [
     "CancelAnswered",
     "CancelRequested",
     "ClockStateChanged",
+    "CommandHandled",
     "DeadlineMissed",
     "DeadlineSide",
     "DeliveryEnded",
@@ -136,6 +137,7 @@ Event = (
     | ModemRead
     | SilenceChanged
     | StreamOverridden
+    | CommandHandled
     | ClockStateChanged
     | NothingHeard
     | LinkStateChanged

@@ -21,7 +21,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.trace import Tracer
-from zacoustic.core.peers.sealing import Inside
+from zacoustic.core.peers.sealing import Inside, Refusal
 from zacoustic.core.profiles.native.protocols import Protocols
 from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
@@ -37,6 +37,7 @@ from zacoustic.core.transport.contract import MakeTransport
 from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.core.wire.seal import NO_TABLE, Way
 
+_MAYBE_UNSEALED: Final = (Refusal.UNSEALED, Refusal.FORGED, Refusal.OUT_OF_STEP)
 _PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
 
@@ -205,8 +206,20 @@ class LinkStack:
             return reason
         if refusal is None:
             return reason
+        if refusal in _MAYBE_UNSEALED and self._take_unsealed(opened, frame, port, now):
+            refusal = Refusal.UNSEALED
         context.node.alarms.refused(refusal, opened.source, now)
         return refusal.value
+
+    def _take_unsealed(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> bool:
+        """Take what the config allows of a frame that nobody has sealed; False: nothing."""
+        allowed = self._context.node.sealing.unsealed
+        plain = port.envelope.unsealed(opened) if allowed else None
+        if plain is None:
+            return False
+        return bool(self.protocols.receive_unsealed(plain, frame, port, allowed, now))
 
     def _opened(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, inside: Inside, now: int
@@ -215,7 +228,11 @@ class LinkStack:
         self._context.node.alarms.opened(opened.source)
         digest = b"" if inside.digest == NO_TABLE else inside.digest
         opened = msgspec.structs.replace(
-            opened, records=inside.records, life=inside.life, digest=digest
+            opened,
+            records=inside.records,
+            life=inside.life,
+            digest=digest,
+            strong=inside.strong,
         )
         self._receive(opened, frame, port, now)
 

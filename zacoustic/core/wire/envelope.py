@@ -45,6 +45,8 @@ class Opened(msgspec.Struct, frozen=True, kw_only=True):
     """Which life of its sender has sealed it; None: it was not sealed."""
     digest: bytes = b""
     """Of the sender's table, as the seal says; empty: it says nothing."""
+    strong: bool = False
+    """It had the long tag."""
 
 
 class Damaged(msgspec.Struct, frozen=True, kw_only=True):
@@ -72,6 +74,7 @@ class Envelope:
         self._address = address
         self._addressed = capabilities.addressed
         self._checked = capabilities.checked or sealed
+        self._has_check = not capabilities.checked
         self._framed = capabilities.framed
         self._mtu_bytes = capabilities.mtu_bytes
         self._buffer = bytearray()
@@ -102,6 +105,19 @@ class Envelope:
         if self._framed:
             return [self._open_frame(received.frame_bytes, received)]
         return self._open_stream(received)
+
+    def unsealed(self, opened: Opened) -> Opened | None:
+        """Return what is in a frame that nobody has sealed; None: its check fails.
+
+        Args:
+            opened: As `open` has returned it, where frames are sealed.
+        """
+        if not self._has_check:
+            return opened
+        records, check = opened.records[:-_CHECK_BYTES], opened.records[-_CHECK_BYTES:]
+        if check != self._check(records, opened.destination, opened.source):
+            return None
+        return msgspec.structs.replace(opened, records=records)
 
     def _open_frame(self, frame: bytes, received: ReceivedFrame) -> Opened | Damaged:
         size_bytes = len(frame)

@@ -90,6 +90,7 @@ class EngineRecorder:
             stored=stored,
             utc_offset_ns=offset_ns,
             program=program(),
+            is_sealed=cipher is not None,
         )
         engine = Engine(
             address=address, table=table, epoch=epoch, rng=rng, rules=rules, stored=stored,

@@ -7,7 +7,7 @@ from here.
 This is the native wire; `zacoustic.core.profiles.rmw_desert.protocols` has the other one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from types import MappingProxyType
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
@@ -88,7 +88,9 @@ class Protocols(Profile):
         """Samples larger than a frame, under way."""
         context.reception.read.connect(context.pacers.heard)
         self.transports = make_transports(context, transports)
-        self.receiver = Receiver(context.table, context.handshake, context.reception, context.stats)
+        self.receiver = Receiver(
+            context.table, context.handshake, context.reception, context.stats, context.seal
+        )
         made_of = Ingredients(
             queue=context.queue,
             dense=self.topics.dense,
@@ -205,6 +207,17 @@ class Protocols(Profile):
         self._context.doubt.settle(now)
         self._context.peers[opened.source].link = self._context.link
         return self.receiver.handle(opened, frame, port, now)
+
+    def receive_unsealed(
+        self,
+        opened: Opened,
+        frame: ReceivedFrame,
+        port: LinkPort,
+        allowed: Set[int],
+        now: int,
+    ) -> tuple[int, ...]:
+        """Take samples out of a frame that nobody has sealed; returns their streams."""
+        return self.receiver.handle_unsealed(opened, frame, port, allowed, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""
