@@ -14,6 +14,7 @@ unknown_stream``
 ``stranger``            what would be answered, of a node that is not in the table's list
 ``not_publisher         the table does not allow this record between these nodes
 not_subscriber``
+``weak``                a command, call or goal in a frame with the short tag
 ``payload``             the content does not decode, or is out of the bounds of its type
 ``dense``               a dense block that is damaged, or refers to what is not known here
 ``unexpected_answer     an answer to no call, or too late; a request that came before
@@ -46,6 +47,7 @@ from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.reception import Heard, HearingPort, Reception
 from zacoustic.core.profiles.native.controls import CONTROLS
+from zacoustic.core.schedule.linkseal import Unsealed
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
@@ -67,6 +69,7 @@ class Receiver:
         handshake: Decides what may be decoded.
         reception: Knows who takes what.
         stats: Counts what is dropped.
+        seal: Says what wants the long tag.
     """
 
     def __init__(
@@ -75,7 +78,9 @@ class Receiver:
         handshake: Handshake,
         reception: Reception,
         stats: EngineStats,
+        seal: Unsealed,
     ) -> None:
+        self._seal = seal
         self._table = table
         self._handshake = handshake
         self._reception = reception
@@ -91,7 +96,7 @@ class Receiver:
         )
         if opened.life is not None:
             self._handshake.authentic(heard.source, opened.life, opened.digest, now)
-            heard.epoch = opened.life
+            heard.epoch, heard.is_strong = opened.life, opened.strong
         items: list[Item] = []
         for item in self._items(opened, unicast=heard.is_unicast):
             self._drop(self._reception.first(heard, item))
@@ -175,6 +180,8 @@ class Receiver:
             return reason
         if stream is None:
             return "unknown_stream"
+        if self._seal.refuses(stream, strong=heard.is_strong):
+            return "weak"
         give = self._reception.ack if is_ack else self._reception.record
         return give(heard, stream, item)
 
