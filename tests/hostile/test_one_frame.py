@@ -82,12 +82,20 @@ def check(forged: Forged, *, busy: bool) -> None:
         assert outcome.answered <= most
 
 
-def same_service(outcome: Outcome, *, busy: bool) -> bool:
-    """Tell whether the applications got what they get without a forged frame."""
+def same_service(outcome: Outcome, *, busy: bool, collisions: int = 0) -> bool:
+    """Tell whether the applications got what they get without a forged frame.
+
+    Args:
+        outcome: What they got.
+        busy: As for `Work`.
+        collisions: So many best-effort samples may be lost: frames of the same fleet may fall
+            together at other instants.
+    """
     expected = Counter(untouched(busy=busy).got)
     lacking, more = expected - Counter(outcome.got), Counter(outcome.got) - expected
     print("lacking:", *lacking.elements(), "more:", *more.elements(), sep="\n")
-    return not lacking and not more
+    lost = [each for each in lacking.elements() if each[2] in fleet.BEST_EFFORT]
+    return len(lost) == lacking.total() and len(lost) <= collisions and not more
 
 
 @pytest.mark.parametrize("serial", [1, 2, 30000])
@@ -172,7 +180,7 @@ def test_random_frames_of_strangers_change_nothing(count: Callable[[int], int]) 
         frames = list(strangers(rng))
         busy = seed % 2 == 0
         outcome = Work(busy=busy).run(frames)
-        assert same_service(outcome, busy=busy), f"seed {seed}"
+        assert same_service(outcome, busy=busy, collisions=1), f"seed {seed}"
 
 
 def strangers(rng: random.Random) -> Iterator[tuple[float, Forged]]:
