@@ -231,16 +231,10 @@ class Composer:
     def _fill_fragment(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make the frame of a fragment, or the introduction that has to go before it."""
         destination = offer.destination
-        if self._introductions.is_unconfirmed(destination, now):
-            # A fragment fills its frame: whoever does not know us is told in another one.
-            self._since_introduction += 1
-            if self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
-                self._link, destination
-            ):
-                introduction = self._introductions.introduction(
-                    self._link, destination, port.envelope.room_bytes, now
-                )
-                return self._controls(port, destination, [(Cause.HELLO, introduction)], now)
+        if self._introduces_fragment(port, destination, now):
+            room_bytes = port.envelope.room_bytes
+            said = self._introductions.introduction(self._link, destination, room_bytes, now)
+            return self._controls(port, destination, [(Cause.HELLO, said)], now)
         taken = self._objects.take_fragment(
             port.envelope.room_bytes, now, port.frames_before_pause(now)
         )
@@ -248,9 +242,8 @@ class Composer:
             return None
         if taken.ends_run:
             port.end_run()
-            if self._introductions.concerns_others(destination) and port.reaches_all(
-                len(taken.record)
-            ):
+            to_others = self._introductions.concerns_others(destination)
+            if to_others and port.reaches_all(len(taken.record)):
                 destination = BROADCAST  # that a pause follows concerns everybody
         if taken.is_first:
             count(self._stats.transmitted, taken.stream_id)
@@ -265,6 +258,16 @@ class Composer:
             now,
             object_stream=taken.stream_id,
             parts=[taken.part],
+        )
+
+    def _introduces_fragment(self, port: LinkPort, destination: int, now: int) -> bool:
+        """Tell whether a frame goes before a fragment, which fills its own, to introduce us."""
+        # The last fragment of a run tells everybody of the pause, so it goes first.
+        if not self._introductions.is_unconfirmed(destination, now) or port.ends_run_now(now):
+            return False
+        self._since_introduction += 1
+        return self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
+            self._link, destination
         )
 
     def _controls(
@@ -423,7 +426,7 @@ class Composer:
         )
         if said:
             draft.say(Cause.ACCESS, said)
-        comfort_bytes = port.comfort_bytes(now)
+        comfort_bytes = port.comfort_bytes(now, is_copy=self._queue.has_copy)
         if comfort_bytes is not None:
             spent_bytes = port.envelope.room_bytes - draft.room_bytes
             most_bytes = max(first_bytes, comfort_bytes - spent_bytes)
