@@ -5,8 +5,9 @@
 
 Ten bytes from each node to all others once a period, at an instant of its own each time, in a
 square of 3 km of sea, from a cold start, for an hour; mean and 95 % interval over the seeds, each
-the mean over all pairs of nodes. Exits 1 when a fleet delivers too little, or agreement takes too
-many bytes.
+the mean over all pairs of nodes. A seal is no agreement: a fleet with a key (`--agreement sealed`)
+stands beside one whose reports are sealed and nothing else. Exits 1 when a fleet delivers too
+little, or agreement takes too many bytes.
 """
 
 import argparse
@@ -18,7 +19,7 @@ from typing import Final
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from tests.virtual.crowd import OFF, Crowd, run_crowd
+from tests.virtual.crowd import OFF, SEALED, SEALED_OFF, Crowd, run_crowd
 
 PERIODS_S: Final = {10: 60.0, 20: 60.0, 40: 120.0, 60: 180.0}
 """Period of a report, by the number of nodes."""
@@ -39,11 +40,13 @@ def main() -> int:
     parser.add_argument("--to-shore", action="store_true", help="reports for node 1 alone")
     arguments = parser.parse_args()
     failed = False
-    print("nodes  period  agreement  arrives         of bare         agreement's bytes  frames")
+    print("nodes  period  agreement   arrives         of bare         agreement's bytes  frames")
     for nodes in map(int, arguments.nodes.split(",")):
-        bare: list[Crowd] = []
-        for method in (OFF, *arguments.agreement.split(",")):
-            crowds = [
+        alone: dict[str, list[Crowd]] = {}
+        methods = arguments.agreement.split(",")
+        bare = [OFF] * (methods != [SEALED]) + [SEALED_OFF] * (SEALED in methods)
+        for method in (*bare, *methods):
+            crowds = alone[method] = [
                 run_crowd(
                     seed,
                     method,
@@ -53,13 +56,13 @@ def main() -> int:
                 )
                 for seed in range(1, arguments.seeds + 1)
             ]
-            bare = bare or crowds
+            beside = alone[SEALED_OFF if method in (SEALED, SEALED_OFF) else OFF]
             ratios = [
-                each.arrived / without.arrived for each, without in zip(crowds, bare, strict=True)
+                each.arrived / without.arrived for each, without in zip(crowds, beside, strict=True)
             ]
             share = statistics.fmean(each.agreement for each in crowds)
             print(
-                f"{nodes:5}  {PERIODS_S[nodes]:4.0f} s  {method:9}  "
+                f"{nodes:5}  {PERIODS_S[nodes]:4.0f} s  {method:10}  "
                 f"{_interval([each.arrived for each in crowds]):14}  {_interval(ratios):14}  "
                 f"{share:17.1%}  {statistics.fmean(each.frames for each in crowds):6.0f}",
                 flush=True,

@@ -379,4 +379,59 @@ MISTAKES: list[tuple[str, object, str]] = [
         {"id": 30, "action": "auv1/goto", "server": 2, "depth": 3},
         ".streams[3].depth: unknown key; allowed: id, priority",
     ),
+    # security
+    (
+        "security",
+        {},
+        ".security.key: is missing; allowed: a text, the key file that `zacoustic key",
+    ),
+    (
+        "security",
+        "fleet.key",
+        '.security: "fleet.key"; allowed: { key, members, mode, seal, strong, pad',
+    ),
+    ("security", {"key": ""}, '.security.key: ""; allowed: a text, the key file that'),
+    (
+        "security",
+        {"key": "k", "keys": 1},
+        ".security.keys: unknown key; allowed: key, members, mode, seal",
+    ),
+    ("security", {"key": "~nobody-at-all/k"}, '.security.key: "~nobody-at-all/k"; allowed: a text'),
+    (
+        "security",
+        {"key": "k", "mode": "encrypted"},
+        '.security.mode: "encrypted"; allowed: encrypt, authenticate',
+    ),
+    (
+        "security",
+        {"key": "k", "strong": ["commands", "topics"]},
+        '.security.strong[1]: "topics"; allowed: commands, services, actions',
+    ),
+    ("security", {"key": "k", "pad": [16, 3]}, ".security.pad[1]: 3; allowed: 14..65535"),
+    (
+        "security",
+        {"key": "k", "pad": [64, 32]},
+        ".security.pad[1]: 32 behind 64; allowed: ascending, each length once",
+    ),
+    (
+        "security",
+        {"key": "k", "pad": 32},
+        ".security.pad: 32; allowed: a list of lengths of frames",
+    ),
+    (
+        "security",
+        {"key": "k", "overlap_s": -1},
+        ".security.overlap_s: -1; allowed: seconds, 0..2592000",
+    ),
+    ("security", {"key": "k", "lives": ""}, '.security.lives: ""; allowed: a text, the folder of'),
+    (
+        "security",
+        {"key": "k", "emergency": {"unsealed": ["auv1/arm"]}},
+        '.security.emergency.unsealed[0]: "auv1/arm" is no topic of streams; allowed: auv1/nav',
+    ),
+    (
+        "security",
+        {"key": "k", "emergency": {"sealed": []}},
+        ".security.emergency.sealed: unknown key; allowed: unsealed",
+    ),
 ]

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from tests.gateway.certificates import Authority
 from tests.gateway.networks import (
     LIMIT_S,
     SECTION,
@@ -258,3 +259,54 @@ def test_what_is_printed_is_taken_by_zenoh(
     assert main([*command, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told == json.loads(text.partition("\n")[2])
+
+
+def test_programs_are_known_by_their_certificates(tmp_path: Path) -> None:
+    authority, port = Authority(tmp_path), free_port()
+    names = Names(programs=("planner",), operators=("console",))
+
+    def client(name: str) -> zenoh.Session:
+        settings = zenoh_config("client", connect=port)
+        settings.insert_json5("connect/endpoints", f'["tls/127.0.0.1:{port}"]')
+        certificate, key = authority.issue(name)
+        tls = {
+            "root_ca_certificate": str(authority.path),
+            "connect_certificate": str(certificate),
+            "connect_private_key": str(key),
+            "enable_mtls": True,
+        }
+        settings.insert_json5("transport/link/tls", json.dumps(tls))
+        return zenoh.open(settings)
+
+    async def scene() -> None:
+        settings = zenoh_config("router", listen=port)
+        settings.insert_json5("listen/endpoints", f'["tls/127.0.0.1:{port}"]')
+        config = config_of(1, settings, SECTION)
+        made = access_settings(config, names)
+        certificate, key = authority.issue("router")
+        files = {
+            "root_ca_certificate": authority.path,
+            "listen_certificate": certificate,
+            "listen_private_key": key,
+        }
+        printed = made["transport"]["link"]["tls"]
+        assert {printed[each] for each in files} == {"ca.pem", "router.pem", "router.key"}
+        tls = {each: str(files.get(each, value)) for each, value in printed.items()}
+        tls["enable_mtls"] = printed["enable_mtls"]
+        settings.insert_json5("transport/link/tls", json.dumps(tls))
+        settings.insert_json5("access_control", json.dumps(made["access_control"]))
+        channel = Channel()
+        async with Gateway(config, link=channel.medium.link(1)):
+            with client("planner") as program, client("console") as operator:
+                heard = Heard(operator, "auv1/text")
+                await _settled(operator)
+                program.put("auv1/nav", b"forged")
+                program.put("auv1/text", b"text")
+                assert await heard.payload() == b"text"
+                command = "@acoustic/1/silence?command=begin;for_s=60"
+                assert not (await get(program, command)).good
+                assert (await get(operator, command)).good
+            with client("stranger") as stranger:
+                assert not (await get(stranger, "@acoustic/1/node")).good
+
+    run(scene())

@@ -16,6 +16,7 @@ from tests.virtual.callscenario import CallScenario
 from tests.virtual.commandscenario import CommandScenario
 from tests.virtual.fleet import line
 from tests.virtual.goalscenario import GoalScenario
+from tests.virtual.sealed import KEY, SealedFleet
 from tests.virtual.twolinks import ARM, BESIDE, PLAN, RADIO, SOUND, TwoLinks
 from zacoustic.app.tools.design.sim.recorder import recorded_to
 from zacoustic.app.tools.inspect.recordings.replaying.checking import Verdict, check_messages
@@ -26,8 +27,10 @@ from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.errors import ConfigError
 from zacoustic.run.recording.reading import ReadMessage
 from zacoustic.run.recording.recorder import EngineRecorder
+from zacoustic.seal.ccm import FleetCipher
 from zacoustic.testing.scenarios import draw_scenario, run_scenario
 from zacoustic.testing.virtual import VirtualNetwork
 
@@ -297,7 +300,8 @@ def test_what_an_engine_refuses_is_refused_again() -> None:
 def test_the_tap_stands_on_every_public_method_that_is_no_getter() -> None:
     getters = {"delivering", "pending", "peers", "epoch", "link_state", "capabilities", "is_idle",
                "expired", "superseded", "is_delivering", "owes_acknowledgement",
-               "links", "link_of", "state_of", "capabilities_of", "transport"}  # fmt: skip
+               "links", "link_of", "state_of", "capabilities_of", "transport",
+               "seal_failure"}  # fmt: skip
     public = {name for name in vars(Engine) if not name.startswith("_")}
     assert public - getters == {name for name in CALLS if "." not in name}
 
@@ -327,3 +331,16 @@ def test_numbers_of_a_spec_are_kept_as_they_were_written() -> None:
 
 def _declare(spec: ServiceSpec, engine: Engine, now: int) -> None:
     engine.declare(spec, now)
+
+
+def test_sealed_engines_are_made_again_with_their_key_and_not_without() -> None:
+    recorder, sink = recorded()
+    fleet = SealedFleet(make=recorder.make)
+    assert not run_scenario(draw_scenario(5), (), build=fleet).violations
+    recorder.finish()
+    verdict = check_messages(sink.messages, "memory", lambda address: FleetCipher(KEY))
+    assert verdict.is_same, [life.difference for life in verdict.epochs]
+    assert sum(life.frames for life in verdict.epochs) > 10
+    with pytest.raises(ConfigError, match="were sealed"):
+        check_messages(sink.messages, "memory")
+    assert not any(KEY.secret in message.data for message in sink.messages)

@@ -79,13 +79,13 @@ def test_lines_wait_while_the_file_cannot_be_written(
     async def scene() -> None:
         complained = asyncio.Event()
         handler = _Ring(asyncio.get_running_loop(), complained)
-        logging.getLogger("zacoustic.run.permitlog").addHandler(handler)
+        logging.getLogger("zacoustic.run.linefile").addHandler(handler)
         path.unlink()
         path.mkdir()  # no file any more: as bad as a full disk
         log.note(line(1))
         log.note(line(2))
         await complained.wait()
-        logging.getLogger("zacoustic.run.permitlog").removeHandler(handler)
+        logging.getLogger("zacoustic.run.linefile").removeHandler(handler)
         path.rmdir()
         log.note(line(3))
         await log.close()

@@ -171,6 +171,33 @@ def test_further_link_that_cannot_be_opened_is_told_and_opened_later(
     ]
 
 
+def test_link_that_opens_and_still_waits_is_shown_as_such(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Waiting(Absent):
+        async def open(self, receiver: LinkReceiver) -> None:
+            if self.failures:
+                raise self.failures.pop(0)
+            receiver.state_changed(LinkState.OPENING, "waits for the modem")
+            self.is_open.set()
+
+        def __init__(self, *failures: Exception) -> None:
+            super().__init__(*failures)
+            self.is_open = asyncio.Event()
+
+    async def scenario() -> None:
+        monkeypatch.setattr("zacoustic.run.linkside.FIRST_DELAY_S", 1e-3)
+        medium, radio = two_nodes(), Waiting(LinkOpenError("no such port"))
+        side = Side(1, medium, radio)
+        await side.start()
+        seen = side.runner.side("radio")
+        await radio.is_open.wait()
+        await side.until(lambda: seen.state is LinkState.OPENING)
+        assert seen.detail == "waits for the modem"
+        await side.runner.close()
+        medium.close()
+
+    run(scenario(), limit_s=30.0)
+
+
 def test_close_ends_the_attempts_to_open_a_further_link() -> None:
     class Slow(Absent):
         async def open(self, receiver: LinkReceiver) -> None:
@@ -185,6 +212,18 @@ def test_close_ends_the_attempts_to_open_a_further_link() -> None:
             await side.runner.close()
             assert (radio.attempts, radio.closed > 0) == (1, True)
         medium.close()
+
+    run(scenario(), limit_s=30.0)  # no task is left
+
+
+def test_first_link_that_cannot_be_opened_ends_the_attempts_of_the_others() -> None:
+    async def scenario() -> None:
+        engine = Engine(address=1, table=table(), epoch=1, rng=random.Random(1), rules=RULES)
+        first, radio = ScriptedLink(opens=False), Absent(LinkOpenError("no such port"))
+        runner = LinkRunner(engine, first, beside={"radio": radio})
+        with pytest.raises(LinkOpenError, match="the port is in use"):
+            await runner.start()
+        assert (first.closed, radio.closed > 0) == (1, True)
 
     run(scenario(), limit_s=30.0)  # no task is left
 

@@ -73,6 +73,39 @@ def test_airtime_of_lone_frames_is_exact(tmp_path: Path) -> None:
     assert stream.expected_s == pytest.approx(airtime_s + 1000.8 / 1500, abs=0.02)
 
 
+def test_agreement_is_compared_and_the_policy_that_takes_less_is_proposed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for nodes, proposed in ((2, "confirm"), (12, "tag")):
+        section = {
+            "nodes": [{"address": each, "name": f"n{each}"} for each in range(1, nodes + 1)],
+            "streams": [{"id": 1, "topic": "{node}/report", "min_interval_s": 120}],
+        }
+        for method in ("confirm", "tag"):
+            path = tmp_path / f"{nodes}-{method}.json5"
+            written = {**section, "address": 1, "agreement": method}
+            path.write_text(json.dumps({"plugins": {"acoustic": written}}))
+            found = plan(path, hours=0.5).agreement
+            assert found is not None
+            assert (found.method, found.proposed) == (method, proposed)
+            assert main(["plan", str(path), "--hours", "0.5"]) == 0
+            advice = (
+                "as the file has it" if method == proposed else f'agreement: "{proposed}" is better'
+            )
+            assert advice in capsys.readouterr().out
+            assert main(["check", str(path)]) == 0
+            assert f'agreement "{method}", {nodes} nodes' in capsys.readouterr().out
+
+
+def test_a_long_list_of_nodes_is_planned_for_a_shorter_time(tmp_path: Path) -> None:
+    nodes = [{"address": each, "name": f"n{each}"} for each in range(1, 61)]
+    streams = [{"id": 1, "topic": "{node}/report", "min_interval_s": 20}]
+    section = {"address": 1, "nodes": nodes, "streams": streams, "agreement": "tag"}
+    path = tmp_path / "fleet.json5"
+    path.write_text(json.dumps({"plugins": {"acoustic": section}}))
+    assert plan(path).hours < 0.5
+
+
 def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import msgspec
 
+from tests.virtual.judged import NEWS, JudgedScenario
 from tests.virtual.weather import LONGEST_OUTAGE_S, weather
-from zacoustic.core.base.qos import Qos
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.events import (
     CallFailed,
@@ -20,14 +20,13 @@ from zacoustic.core.engine.events import (
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 SERVER: Final = 1
 ARM: Final = 20
-NEWS: Final = 1
 MOST_ENTRIES: Final = 128
 """Calls of one client in the journal of its server at most: two lives of 64 numbers."""
 _CALM_CALLS: Final = 3
@@ -46,7 +45,7 @@ class Call(msgspec.Struct):
     """With the instants at which they came."""
 
 
-class CallScenario:
+class CallScenario(JudgedScenario):
     """One random scenario.
 
     Args:
@@ -55,14 +54,12 @@ class CallScenario:
 
     def __init__(self, seed: int) -> None:
         self._rng = rng = random.Random(f"calls/{seed}")
-        self.seed = seed
-        self.violations: list[str] = []
+        super().__init__(seed)
         self.calls: dict[tuple[int, int, int], Call] = {}
         """By client, its life and the call id."""
         self.executed: dict[bytes, int] = {}
         self.crashes: list[int] = []
         """When the server crashed."""
-        self.outcomes: dict[str, int] = {}
         self._tickets = 0
         self._addresses = range(1, 2 + rng.choice((1, 1, 2, 3)))
         self._timeout_s = rng.choice((60.0, 120.0, 300.0, 600.0))
@@ -73,7 +70,7 @@ class CallScenario:
         table = StreamTable(
             [
                 ServiceSpec(stream_id=ARM, name="arm", server=SERVER, timeout_s=self._timeout_s),
-                TopicSpec(stream_id=NEWS, name="news", qos=Qos(depth=1)),
+                NEWS,
             ],
             nodes={address: f"n{address}" for address in self._addresses} | absent,
         )
@@ -101,11 +98,7 @@ class CallScenario:
             for number in range(_CALM_CALLS):
                 at_s = calm_s + 60 * number + 10 * client
                 network.at(at_s, partial(self._call, client, is_calm=True))
-        for address in self._addresses:
-            at_s = rng.uniform(0, 60)
-            while at_s < self._busy_s:
-                network.at(at_s, partial(self._tell_news, address))
-                at_s += rng.uniform(10, 120)
+        self._plan_news(rng, self._addresses, self._busy_s)
         end_s = calm_s + 2 * self._timeout_s + 2000
         for second in range(0, int(end_s), 30):
             network.at(second, self._look_at_journal)
@@ -145,10 +138,6 @@ class CallScenario:
             if not self.calls[key].events:
                 self.calls[key].cancelled = True
             self.network.apply(client, lambda engine, now: engine.cancel(call_id, now))
-
-    def _tell_news(self, address: int) -> None:
-        if self.network.is_running(address):
-            self.network.publish(address, NEWS, b"news")
 
     def _serve(self, event: RequestReceived) -> None:
         ticket = bytes(event.value)
@@ -212,9 +201,7 @@ class CallScenario:
                 self._judge_end(call, at, event)
         if self._journalled():
             self._complain(f"left in the journal: {self._journalled()}")
-        for address in self._addresses:
-            if not self.network.engine(address).is_idle:
-                self._complain(f"node {address} does not come to rest")
+        self._expect_rest(self._addresses)
 
     def _judge_end(self, call: Call, at: int, event: Event) -> None:
         if isinstance(event, ResponseReceived):
@@ -234,12 +221,6 @@ class CallScenario:
             self._complain(f"{call.ticket!r} fails: {event}")
         elif call.is_calm and call.ticket not in self.executed:
             self._complain(f"{call.ticket!r} never arrived although all is calm")
-
-    def _count(self, outcome: str) -> None:
-        self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
-
-    def _complain(self, what: str) -> None:
-        self.violations.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
 
 
 def _outage_s(rng: random.Random) -> float:

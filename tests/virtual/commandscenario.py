@@ -12,6 +12,7 @@ from typing import Any, Final
 import msgspec
 
 from tests.virtual.fleet import line, settling_s
+from tests.virtual.judged import JudgedScenario
 from zacoustic.channel.profiles import profile_named
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.qos import Priority, Qos, Reliability
@@ -78,7 +79,7 @@ class Hush(msgspec.Struct):
     """Frames after its beginning."""
 
 
-class CommandScenario:
+class CommandScenario(JudgedScenario):
     """One random scenario.
 
     Args:
@@ -87,12 +88,10 @@ class CommandScenario:
 
     def __init__(self, seed: int) -> None:
         self._rng = rng = random.Random(f"orders/{seed}")
-        self.seed = seed
-        self.violations: list[str] = []
+        super().__init__(seed)
         self.given: dict[tuple[int, int, int], Given] = {}
         """By giver, its life and the call id."""
         self.executed: list[Executed] = []
-        self.outcomes: dict[str, int] = {}
         self.crashes: list[int] = []
         self._serials: dict[tuple[int, int], int] = {}
         self._hush: Hush | None = None
@@ -354,12 +353,6 @@ class CommandScenario:
             and each.at <= before
             for each in self.executed
         )
-
-    def _count(self, outcome: str) -> None:
-        self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
-
-    def _complain(self, what: str) -> None:
-        self.violations.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
 
     def _weather(self, seed: int, modem: Modem) -> Scenario:
         rng, busy_s = self._rng, self._busy_s

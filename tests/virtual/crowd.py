@@ -12,6 +12,7 @@ from typing import Final
 
 import msgspec
 
+from tests.virtual.sealed import SealedFleet
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.engine.engine import Engine
@@ -26,6 +27,10 @@ from zacoustic.testing import VirtualNetwork
 
 OFF: Final = "off"
 """In place of a method: nothing but the reports."""
+SEALED: Final = "sealed"
+"""In place of a method: the fleet has a key."""
+SEALED_OFF: Final = "sealed off"
+"""The same, and nothing but the reports."""
 AGREEMENT: Final = (Cause.HELLO, Cause.CONFIRM, Cause.ASK, Cause.TABLE)
 """What agreement costs."""
 REPORT_BYTES: Final = 10
@@ -104,7 +109,7 @@ def run_crowd(
 
     Args:
         seed: Everything follows from it: places, instants, the channel.
-        method: Word of an `AgreementMethod`, or `OFF`.
+        method: Word of an `AgreementMethod`, `OFF`, `SEALED` or `SEALED_OFF`.
         nodes: How many.
         period_s: Each node reports once in it, at an instant of its own each time, s.
         length_s: How long, s.
@@ -136,15 +141,17 @@ def run_crowd(
         if isinstance(event, SampleReceived | Told):
             arrived[event.source, address] += 1
 
-    is_off = method == OFF
-    agreement = AgreementMethod.CONFIRM if is_off else AgreementMethod(method)
+    is_off, is_sealed = method in (OFF, SEALED_OFF), method in (SEALED, SEALED_OFF)
+    is_open = not is_off and not is_sealed
+    agreement = AgreementMethod(method) if is_open else AgreementMethod.CONFIRM
+    make = partial(Engine, transports=[Plain])
     network = VirtualNetwork(
         scenario,
         table,
         deliver=deliver,
         digest=False,
         rules=TransmitRules(agreement=agreement),
-        build=partial(Engine, transports=[Plain]),
+        build=SealedFleet(make=make) if is_sealed else make,
     )
 
     def report(address: int) -> None:

@@ -11,12 +11,12 @@ from typing import Final
 
 import msgspec
 
+from tests.virtual.judged import NEWS, JudgedScenario
 from tests.virtual.weather import LONGEST_OUTAGE_S, weather
-from zacoustic.core.base.qos import Qos
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, GoalFailure, GoalKey, GoalStatus
-from zacoustic.core.streams.specs import ActionSpec, TopicSpec
+from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.events import (
     CancelAnswered,
@@ -33,7 +33,6 @@ from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 SERVER: Final = 1
 GOTO: Final = 30
-NEWS: Final = 1
 MOST_ENTRIES: Final = 64
 """Goals of one client in the journal of its server at most: two lives of 32 numbers."""
 _CALM_GOALS: Final = 3
@@ -62,7 +61,7 @@ class Goal(msgspec.Struct):
     """With the instants at which they came."""
 
 
-class GoalScenario:
+class GoalScenario(JudgedScenario):
     """One random scenario.
 
     Args:
@@ -71,12 +70,10 @@ class GoalScenario:
 
     def __init__(self, seed: int) -> None:
         self._rng = rng = random.Random(f"goals/{seed}")
-        self.seed = seed
-        self.violations: list[str] = []
+        super().__init__(seed)
         self.goals: list[Goal] = []
         self.by_key: dict[GoalKey, Goal] = {}
         """Of each name the last goal."""
-        self.outcomes: dict[str, int] = {}
         self.shown: dict[bytes, int] = {}
         """How often the server's application was shown a goal, by ticket."""
         self.asked: dict[bytes, int] = {}
@@ -104,7 +101,7 @@ class GoalScenario:
                     result_timeout_s=self._result_timeout_s,
                     feedback_interval_s=rng.choice((0.0, 5.0, 30.0)),
                 ),
-                TopicSpec(stream_id=NEWS, name="news", qos=Qos(depth=1)),
+                NEWS,
             ],
             nodes={address: f"n{address}" for address in self._addresses} | absent,
         )
@@ -131,11 +128,7 @@ class GoalScenario:
                 # Whoever was silent for long is tried again rarely: the first may come too late.
                 is_last = number == _CALM_GOALS - 1
                 network.at(at_s, partial(self._send, client, is_calm=is_last))
-        for address in self._addresses:
-            at_s = rng.uniform(0, 60)
-            while at_s < self._busy_s:
-                network.at(at_s, partial(self._tell_news, address))
-                at_s += rng.uniform(10, 120)
+        self._plan_news(rng, self._addresses, self._busy_s)
         end_s = calm_s + self._timeout_s + 2 * self._result_timeout_s + self._run_s + 2000
         for second in range(0, int(self._busy_s), 30):
             network.at(second, self._look_at_journal)
@@ -193,10 +186,6 @@ class GoalScenario:
             engine.actions.cancel_goal(key, now)
 
         self.network.apply(key.client, cancel)
-
-    def _tell_news(self, address: int) -> None:
-        if self.network.is_running(address):
-            self.network.publish(address, NEWS, b"news")
 
     # What the server does
 
@@ -380,8 +369,7 @@ class GoalScenario:
         for address in self._addresses:
             if self._journalled(address):
                 self._complain(f"left in the journal: {self._journalled(address)}")
-            if not self.network.engine(address).is_idle:
-                self._complain(f"node {address} does not come to rest")
+        self._expect_rest(self._addresses)
 
     def _is_kept(self, goal: Goal) -> bool:
         """Tell whether a goal was written down by its client; what was not, was not sent."""
@@ -413,12 +401,6 @@ class GoalScenario:
             self._complain(f"{goal} was accepted, and is given up")
         elif goal.is_calm and ticket not in self.shown:
             self._complain(f"{goal} never arrived although all is calm")
-
-    def _count(self, outcome: str) -> None:
-        self.outcomes[outcome] = self.outcomes.get(outcome, 0) + 1
-
-    def _complain(self, what: str) -> None:
-        self.violations.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
 
 
 def _outage_s(rng: random.Random) -> float:

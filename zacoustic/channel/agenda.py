@@ -9,8 +9,9 @@ from collections.abc import Callable
 from heapq import heapify, heappop, heappush
 from typing import Any, Final, TypeAlias
 
-MOST_AT_ONCE: Final = 100_000
-"""Actions at one instant that are taken for a timer that is armed for now again and again."""
+MOST_AT_ONCE: Final = 1_000_000
+"""Actions at one instant that are taken for a timer that is armed for now again and again. If 254
+nodes begin to transmit at once, each heard by all, it is a tenth of that."""
 
 Entry: TypeAlias = list[Any]
 """Something on an agenda, for `Agenda.cancel`: instant, number, action or None, arguments."""

@@ -9,6 +9,7 @@ from zacoustic.config.streams import Fleet
 from zacoustic.core.profiles.rules import LinkRules
 from zacoustic.core.streams.keys import fault_of_name
 from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.wire.seal import LAST_PORT
 
 _NAMED = 'a name of its own, such as "acoustic" or "radio"'
 
@@ -89,6 +90,7 @@ def read_link_rules(
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
     found: list[LinkRules] = []
+    ports: list[int] = []
     for index, entry in enumerate(written.links):
         here = place.at("links").at(index)
         access = read_access(here.at("access"), entry.access, fleet.nodes)
@@ -98,5 +100,11 @@ def read_link_rules(
         if share is not None and not 0 < share <= 1:
             here.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
         share = written.max_airtime if share is None else share
-        found.append(LinkRules(name=entry.name or "", access=access, max_airtime=share))
+        if entry.port is not None and not 0 <= entry.port <= LAST_PORT:
+            here.at("port").refuse(allowed=ALLOWED["port"])
+        if entry.port is not None and entry.port in ports:
+            here.at("port").refuse(f"{entry.port} a second time", allowed=ALLOWED["port"])
+        ports.append(index if entry.port is None else entry.port)
+        name = entry.name or ""
+        found.append(LinkRules(name=name, access=access, max_airtime=share, port=entry.port))
     return tuple(found[: len(links)])

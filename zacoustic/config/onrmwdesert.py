@@ -15,6 +15,7 @@ _REASONS: Final = {
     "ranging": "nothing on it asks a modem for a range",
     "commands_from": "no commands cross it",
     "objects": "what is larger than a packet does not cross",
+    "security": "its packets have no room for a seal, and its other programs no key",
     "model": "no stream is dense on it",
 }
 

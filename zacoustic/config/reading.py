@@ -31,6 +31,7 @@ from zacoustic.config.sections import (
     Section,
     TypeEntry,
 )
+from zacoustic.config.security import read_security, seal_rules
 from zacoustic.config.streams import Fleet, check_address, read_streams
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.profiles.rules import TransmitRules
@@ -46,6 +47,7 @@ from zacoustic.core.values.types import (
     type_from_struct,
 )
 from zacoustic.errors import ConfigError
+from zacoustic.seal.spec import SecuritySpec
 from zacoustic.text.digits import whole_number
 
 if TYPE_CHECKING:  # importing it costs its shared library; a node without Zenoh does not need it
@@ -87,6 +89,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """The file's ROS settings; None: no ROS stream."""
     rules: TransmitRules = TransmitRules()
     """When, and how much, this node may transmit."""
+    security: SecuritySpec | None = None
+    """How frames are sealed; None: they are not. Nothing of the key file was read."""
     permit_log: Path | None = None
     """File to which each emission is appended, or None."""
     metrics: tuple[str, int] | None = None
@@ -171,8 +175,8 @@ def config_from_mapping(
         source: What it came from, named in errors.
         address: Address of this node, instead of the one in the section.
         locator: Locator of the modem, instead of those in the section.
-        folder: What the names of the model and of ROS packages are relative to; the present one
-            unless given.
+        folder: What the names of the model, of the key and of ROS packages are relative to; the
+            present one unless given.
 
     Raises:
         ConfigError: One line: source, key path, value, allowed values, what to do.
@@ -208,6 +212,7 @@ def config_from_mapping(
     )
     table = read_streams(place.at("streams"), len(written.streams), fleet, ros)
     check_model(place.at("model"), table)
+    security = read_security(place.at("security"), written.security, table, folder or Path())
     return Config(
         source=source,
         address=own,
@@ -220,7 +225,8 @@ def config_from_mapping(
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
         ros=ros.config() if ros.streams else None,
-        rules=_read_rules(place, written, links, fleet, own, objects, topics),
+        rules=_read_rules(place, written, links, fleet, own, objects, topics, security),
+        security=security,
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
         metrics=read_metrics(place.at("metrics"), written.metrics),
     )
@@ -326,6 +332,7 @@ def _read_rules(
     own: int,
     objects: ObjectLimits,
     topics: AllowedTopics | None,
+    security: SecuritySpec | None,
 ) -> TransmitRules:
     """Read the settings of transmission."""
     own_links = read_link_rules(place, written, links, fleet)
@@ -343,6 +350,8 @@ def _read_rules(
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
         links=own_links if any(each.name for each in links) else (),
         routes=read_routes(place.at("streams"), written.links, links),
+        sealing=seal_rules(security),
+        port=own_links[0].port if own_links else None,
     )
 
 

@@ -17,6 +17,15 @@ from zacoustic.core.values.encoding import TYPED_ENCODINGS
 from zacoustic.core.values.types import SCALAR_TYPES, FieldSpec
 from zacoustic.ros.interfaces import DEFAULT_DISTRO
 from zacoustic.ros.overlays import Overlay, OverlayField
+from zacoustic.seal.spec import (
+    DEFAULT_OVERLAP_S,
+    LARGEST_PAD_BYTES,
+    LEAST_PAD_BYTES,
+    LONGEST_OVERLAP_S,
+    Mode,
+    Seals,
+    Strong,
+)
 
 ALLOWED: Final = {
     "address": "an address, 1..254",
@@ -59,6 +68,7 @@ ALLOWED: Final = {
     "memory_bytes": "a number of bytes, not less than max_bytes",
     "exclusive": "true, false",
     "max_airtime": "a share, above 0, at most 1",
+    "port": "0..127, another one for each link, and the same at both ends",
     "commands_from": "a list of addresses; [] for nobody",
     "permit_log": "a text, the file to append to",
     "metrics": 'a text, "PORT" or "HOST:PORT"',
@@ -100,6 +110,17 @@ ALLOWED: Final = {
     "length": "a number, 1..65535",
     "max_length": "a number, 1..65535",
     "default": "a value of the field's type",
+    "security": "{ key, members, mode, seal, strong, pad, overlap_s, lives, emergency }",
+    "key": "a text, the key file that `zacoustic key new` has made",
+    "members": "a text, the list that `zacoustic key new --identity` has made",
+    "mode": ", ".join(mode.value for mode in Mode),
+    "strong": f"a list of {', '.join(each.value for each in Strong)}",
+    "seal": "transmit, receive",
+    "pad": f"a list of lengths of frames, {LEAST_PAD_BYTES}..{LARGEST_PAD_BYTES}, ascending",
+    "overlap_s": f"seconds, 0..{LONGEST_OVERLAP_S:.0f}",
+    "lives": "a text, the folder of the life records",
+    "emergency": "{ unsealed }",
+    "unsealed": "a list of names of topics",
     "ranging": "a list of { to, every_s }",
     "to": "the address of another node",
     "by": "the address of a node",
@@ -158,6 +179,9 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     """Medium access, read by `zacoustic.config.access`; default: the link's."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air there; default: the section's."""
+    port: int | None = None
+    """Number of the link in what is sealed, the same at all nodes; default: its place in the
+    list."""
 
 
 class TypeEntry(Entry, frozen=True, kw_only=True):
@@ -333,6 +357,36 @@ class RangingEntry(Entry, frozen=True, kw_only=True):
     """Address of the measuring node; default: the node that reads the file."""
 
 
+class EmergencyEntry(Entry, frozen=True, kw_only=True):
+    """What a node does for those who have no key."""
+
+    unsealed: tuple[str, ...] = ()
+    """Topics whose samples are also taken from frames without a seal: anybody can send them."""
+
+
+class SecurityEntry(Entry, frozen=True, kw_only=True):
+    """The seal of frames."""
+
+    key: str
+    """Key file of the fleet, or identity of this node, relative to this file."""
+    members: str | None = None
+    """List of members, where nodes have identities; default: `key` is the fleet's."""
+    mode: str = Mode.ENCRYPT.value
+    """Encrypted, or readable for everybody and not to be forged."""
+    seal: str = Seals.ALL.value
+    """What the node transmits: everything, or nothing, and then it needs no journal."""
+    strong: tuple[str, ...] = tuple(each.value for each in Strong)
+    """What gets a tag of eight bytes in place of four."""
+    pad: tuple[int, ...] | None = None
+    """Frames have only these lengths, bytes; default: none is padded."""
+    overlap_s: float = DEFAULT_OVERLAP_S
+    """How long after its start a node opens frames of the former generation of the key, s."""
+    lives: str = "lives"
+    """Folder of the life records, relative to this file; never copied, never put back."""
+    emergency: EmergencyEntry | None = None
+    """What a node does for those who have no key; default: nothing."""
+
+
 class Section(Entry, frozen=True, kw_only=True):
     """The section `plugins.acoustic`."""
 
@@ -371,6 +425,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """Each node is heard at least this often, s; default: no heartbeats."""
     lost_after_s: float | None = None
     """A node that was not heard for so long is lost, s; default: never."""
+    security: SecurityEntry | None = None
+    """The seal of frames; default: frames are neither encrypted nor authenticated."""
     permit_log: str | None = None
     """File to which each emission is appended, relative to this file; default: none."""
     metrics: str | None = None
@@ -387,6 +443,8 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "ranging": RangingEntry,
     "quiet": QuietEntry,
     "objects": ObjectsEntry,
+    "security": SecurityEntry,
+    "emergency": EmergencyEntry,
     "ros": RosEntry,
     "streams.ros": StreamRosEntry,
     "overlays": Overlay,

@@ -19,15 +19,17 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 somebody else
 `schedule`      `context` is what a node has once, and on each link; `queue` to `composer` and
                 `filling` to `port` to `transmitter`; `access`, `airtime`, `silence` and `hosttime`
-                say when; `timing`, `pacers` and `copies` how often; `hearing` is what frames say of
-                the medium; `sources` and `savings` are what a frame is composed from beside the
-                queue
+                say when; `timing`, `pacers` and `copies` how often; `linkseal` closes a frame;
+                `hearing` is what frames say of the medium; `sources` and `savings` are what a frame
+                is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
                 tables; `handshake`, `introducing`, `contact`, `heartbeats`, `bootepoch`, `ranging`,
                 `measurements`; `peerrules` and `agreementpolicy` are the settings; `doubt` is what
-                this one does not know of itself; `statements` are what a frame says of its sender,
-                `reception` dispatches the rest of it
-`wire`          grammar only: `envelope`, `frame`, `content`, the table of `controls`; `access`,
+                this one does not know of itself; `sealing` seals frames and opens each once
+                (`replay`), `alarms` tell what does not open; `statements` are what a frame says of
+                its sender, `reception` dispatches the rest of it
+`wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
+                `access`,
                 `agreement`, `calls`, `goals`, `numbers`, `objects`, `subscriptions` (docs/wire.md
                 is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;

@@ -69,6 +69,8 @@ class LinkSide:
         self.open_failure = ""
         """Why it could not be opened; it is tried again."""
         self._runner = runner
+        self._awaits: str | None = None
+        """What a repeated attempt waits for; told when it has succeeded."""
         self._opening: asyncio.Task[None] | None = None
 
     def keep_opening(self) -> None:
@@ -103,6 +105,8 @@ class LinkSide:
                 self._runner.take_state(self, LinkState.DOWN, self.open_failure)
             return False
         self.open_failure = ""
+        if self._awaits is not None:
+            self._runner.take_state(self, LinkState.OPENING, self._awaits)
         return True
 
     def frame_received(self, frame: ReceivedFrame) -> None:
@@ -114,8 +118,10 @@ class LinkSide:
         self._runner.take_report(self, report)
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:
-        """The link went up or down; an attempt after one that failed says nothing new."""
-        if state is not LinkState.OPENING or not self.open_failure:
+        """The link went up or down; an attempt after one that failed is no news before its end."""
+        is_attempt = state is LinkState.OPENING and bool(self.open_failure)
+        self._awaits = detail if is_attempt else None
+        if not is_attempt:
             self._runner.take_state(self, state, detail)
 
     def carrier_changed(self, busy: bool) -> None:

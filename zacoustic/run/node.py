@@ -5,6 +5,7 @@ recording and the permit log are opened, and an engine is made of what the journ
 whenever one has raised. This is told here once.
 """
 
+import asyncio
 import logging
 import random
 import time
@@ -21,14 +22,18 @@ from zacoustic.core.base.trace import TraceSink
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.errors import ConfigError
 from zacoustic.link.contract import Link
+from zacoustic.run.audit import AuditLog, audit_path
 from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.hostclock import HostClock
-from zacoustic.run.journal import Journal, JournalState, MemoryJournal
+from zacoustic.run.journal import Journal, JournalState, MemoryJournal, SqliteJournal
 from zacoustic.run.journal.thread import recover, release
 from zacoustic.run.permitlog import PermitLog, open_permit_log
 from zacoustic.run.replacement.intact import Intact
 from zacoustic.run.runner import LinkRunner
+from zacoustic.run.sealing import NodeSeal, open_seal
+from zacoustic.seal.spec import SecuritySpec
 
 if TYPE_CHECKING:
     from zacoustic.run.recording.live import LiveRecording
@@ -62,6 +67,8 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
     """Where instants come from; the same as the link's."""
     host: HostClock = msgspec.field(default_factory=HostClock)
     """The clock of the computer."""
+    security: SecuritySpec | None = None
+    """How its frames are sealed; None: they are not."""
 
     async def prepare(self, record: OpenRecording | None = None) -> "PreparedNode":
         """Begin a boot epoch of the journal, and open recording and permit log.
@@ -72,6 +79,13 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: One of them cannot be used; nothing is left open.
         """
+        seal = None if self.security is None else open_seal(self.security, self.address)
+        if seal is not None and self.journal is None and not seal.only_opens:
+            raise ConfigError(
+                f"{seal.source}: node {self.address} has no journal",
+                hint='give "journal": a folder, where it keeps which frames it has opened; or '
+                '"seal": "receive", and it opens frames and transmits none',
+            )
         async with AsyncExitStack() as failing:
             if self.journal is None:
                 state = MemoryJournal().recover()
@@ -83,7 +97,19 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
                 failing.push_async_callback(recording.close)
             permit_log = open_permit_log(self.permits)
             failing.pop_all()
-        return PreparedNode(self, state, permit_log, recording)
+        return PreparedNode(self, state, permit_log, recording, seal, self._open_audit())
+
+    def _open_audit(self) -> AuditLog | None:
+        """Open the audit log beside a journal that is a file."""
+        if not isinstance(self.journal, SqliteJournal):
+            return None
+        path = audit_path(self.journal.path)
+        is_sealed = self.security is not None
+        try:
+            return AuditLog(path, self.address, self.table, self.host.utc_ns, sealed=is_sealed)
+        except OSError as error:  # as with the journal: a full disk does not stop the node
+            _logger.warning("audit log %s: %s; nothing is noted", path, error.strerror)
+            return None
 
 
 class PreparedNode:
@@ -94,6 +120,8 @@ class PreparedNode:
         state: What the journal has kept.
         permit_log: Takes each emission, or None.
         recording: Makes its engines, or None.
+        seal: Seals its frames, or None.
+        audit: Notes what is asked of it, or None.
     """
 
     def __init__(
@@ -102,10 +130,15 @@ class PreparedNode:
         state: JournalState,
         permit_log: PermitLog | None,
         recording: "LiveRecording | None",
+        seal: NodeSeal | None = None,
+        audit: AuditLog | None = None,
     ) -> None:
         self.parts = parts
+        self.seal = seal
+        """Seals its frames, or None."""
         self._state = state
         self._permit_log = permit_log
+        self._audit = audit
         self.recording = recording
         """Makes its engines, or None."""
         self._has_runner = False
@@ -118,12 +151,17 @@ class PreparedNode:
         """
         parts = self.parts
         renew = partial(self._renew, trace)
+        epoch, journal = self._state.boot_epoch, parts.journal
+        if self.seal is not None:
+            epoch = self.seal.epoch
+            journal = None if journal is None else self.seal.keep_lives(journal)
+            self.seal.begin(asyncio.get_running_loop())
         runner = LinkRunner(
-            Intact(renew, self._state.boot_epoch, self._state.entries),
+            Intact(renew, epoch, self._state.entries),
             parts.link,
             beside=parts.beside,
             clocks=NodeClocks(parts.clock, parts.host, stated_error_s=parts.rules.clock_error_s),
-            journal=parts.journal,
+            journal=journal,
             permit_log=self._permit_log,
         )
         self._has_runner = True
@@ -141,6 +179,8 @@ class PreparedNode:
     async def close(self) -> None:
         """Finish the recording, behind the runner; without a runner, close all that is open."""
         async with AsyncExitStack() as each:
+            if self._audit is not None:
+                each.push_async_callback(self._audit.close)
             recording, self.recording = self.recording, None
             if recording is not None:
                 each.push_async_callback(recording.close)
@@ -155,7 +195,7 @@ class PreparedNode:
         parts, seed = self.parts, random.SystemRandom().getrandbits(64)
         _logger.info("node %d: epoch %d, seed %d", parts.address, epoch, seed)
         make = Engine if self.recording is None else self.recording.make
-        return make(
+        engine = make(
             address=parts.address,
             table=parts.table,
             epoch=epoch,
@@ -163,7 +203,11 @@ class PreparedNode:
             stored=parts.host.named(stored),
             rules=parts.rules,
             trace=trace,
+            cipher=None if self.seal is None else self.seal.cipher,
         )
+        if self._audit is not None:
+            self._audit.watch(engine)
+        return engine
 
 
 def _repeat_range(address: int, every_s: float, engine: Engine, now: int) -> None:

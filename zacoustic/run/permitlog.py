@@ -12,19 +12,11 @@ whose `utc` nothing has kept right. An `outcome` other than
 ``sent``, ``delivered`` and ``not_delivered`` may have been cut short: ``aborted``; what was
 ``rejected`` made no sound and is not in the log.
 
-Files may block, so a separate thread writes the lines, in order, each flushed at once.
-A file that cannot be opened is an error at the start. One that cannot be written later is a
-warning, once, and lines are tried again with the next emission: a node at sea does not fall silent
-because a disk is full.
+A file that cannot be opened is an error at the start; see `zacoustic.run.linefile`.
 """
 
-import asyncio
-import logging
-from collections import deque
-from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
 
 import msgspec
 
@@ -32,10 +24,7 @@ from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds
 from zacoustic.core.base.linktypes import Transmission, TransmitOutcome, TransmitReport
 from zacoustic.core.engine.engine import Engine
 from zacoustic.errors import ConfigError
-
-_WAITING_LIMIT: Final = 10_000  # emissions while the disk is full: hours of them
-
-_logger = logging.getLogger(__name__)
+from zacoustic.run.linefile import LineFile
 
 
 class Emission(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -72,23 +61,16 @@ class PermitLog:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self._waiting: deque[bytes] = deque(maxlen=_WAITING_LIMIT)
-        self._fails = False
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("ab"):
-                pass
+            self._file = LineFile(path, "permit log")
         except OSError as error:
             raise ConfigError(
                 f"permit_log: {path}: {error.strerror}", hint="name a file that can be written"
             ) from error
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="permit log")
 
     def note(self, emission: Emission) -> None:
         """Append an emission; does not block."""
-        line = msgspec.json.encode(emission) + b"\n"
-        self._thread.submit(self._append, line)
+        self._file.append(msgspec.json.encode(emission))
 
     def note_report(
         self, engine: Engine, sent: Transmission, report: TransmitReport, offset_ns: int
@@ -120,21 +102,7 @@ class PermitLog:
 
     async def close(self) -> None:
         """Write what waits, and end."""
-        await asyncio.wrap_future(self._thread.submit(lambda: None))  # the last of its thread
-        self._thread.shutdown()
-
-    def _append(self, line: bytes) -> None:
-        self._waiting.append(line)
-        try:
-            with self._path.open("ab") as file:
-                file.write(b"".join(self._waiting))
-        except OSError as error:
-            if not self._fails:
-                _logger.warning("permit log %s: %s; trying again", self._path, error.strerror)
-            self._fails = True
-            return
-        self._waiting.clear()
-        self._fails = False
+        await self._file.close()
 
 
 def utc_text(utc_ns: int) -> str:

@@ -48,19 +48,21 @@ _ROOMS: Final = {
     "remote": ("silence", "resume", "stream"),
     "recordings": ("journal", "decode", "record", "replay", "report"),
     "design": ("demo", "check", "plan", "sim", "init", "schema", "fit", "bench"),
-    "host": ("doctor", "links", "completion"),
-    "security": ("acl",),
+    "host": ("doctor", "predive", "links", "completion"),
+    "security": ("key", "acl", "audit"),
 }
 """The verbs of each room."""
 _ROOM_OF: Final = {verb: room for room, verbs in _ROOMS.items() for verb in verbs}
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
-    "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal", "acl", "decode",
-    "sim", "record", "replay", "report", "init", "schema", "fit", "bench", "completion",
+    "demo", "gateway", "check", "plan", "doctor", "predive", "links", "pub", "sub", "call",
+    "action", "ping", "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal",
+    "audit", "key", "acl", "decode", "sim", "record", "replay", "report", "init", "schema", "fit",
+    "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order of the help."""
 
 _PACKAGES: Final = {
+    "cryptography": "'zacoustic[secure]'",
     "matplotlib": "'zacoustic[report]'", "mcap": "'zacoustic[recording]'",
     "nicegui": "'zacoustic[console]'", "prometheus_client": "'zacoustic[metrics]'",
     "rich": "'zacoustic[terminal]'", "rosbags": "'zacoustic[ros]'", "serial": "pyserial",

@@ -19,6 +19,8 @@ class Cause(enum.Enum):
     """Stream id, prefixes, wildcards, call number, age, LEN."""
     ENVELOPE = "envelope"
     """Addresses, check and delimiting that the link lacks."""
+    SEAL = "seal"
+    """Head and tag of a sealed frame, and what pads it."""
     HELLO = "hello"
     """HELLO and TAG: who sends, with which table."""
     CONFIRM = "confirm"

@@ -65,6 +65,7 @@ from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
+from zacoustic.core.wire.seal import Cipher
 from zacoustic.errors import LocalError
 
 OtherTransport = TypeVar("OtherTransport", bound=Transport)
@@ -84,6 +85,8 @@ class Engine:
         trace: Takes a record of each thing done, or None.
         transports: Make transports of somebody else, one for each link
             (`zacoustic.core.transport.contract`).
+        cipher: Has the keys of the fleet; `epoch` is the node's life then, which no start before
+            or after has. None: frames are not sealed.
     """
 
     def __init__(
@@ -97,6 +100,7 @@ class Engine:
         rules: TransmitRules = _NO_RULES,
         trace: TraceSink | None = None,
         transports: Sequence[MakeTransport] = (),
+        cipher: Cipher | None = None,
     ) -> None:
         self.address = address
         self.table = table
@@ -107,9 +111,12 @@ class Engine:
         self._now = 0
         self._events: deque[Event] = deque()
         emit = self._events.append
-        node = NodeContext(address, table, epoch, rng, stored, rules.of_peers, emit)
+        node = NodeContext(
+            address, table, epoch, rng, stored, rules.of_peers, emit, cipher, rules.sealing
+        )
         self.stats = node.stats
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
+        self._seal = node.seal
         self._journal, self._timers = journal, timers = node.journal, node.timers
         self.measurements = node.measurements
         """What was measured of peers and modems; read only."""
@@ -128,7 +135,7 @@ class Engine:
         self._routes = rules.routes
         self._stacks: dict[str, LinkStack] = {}
         for index, own in enumerate(rules.of_links):
-            context = Context(node, own.name, index)
+            context = Context(node, own.name, index, own.port)
             self._stacks[own.name] = LinkStack(
                 context, rules, own, self.silence, self._trace, transports
             )
@@ -386,6 +393,11 @@ class Engine:
     # Getters
 
     @property
+    def seal_failure(self) -> str:
+        """Why no frame of this node is sealed, and none transmitted; empty: it is not so."""
+        return self._seal.failure if self._seal is not None else ""
+
+    @property
     def epoch(self) -> int:
         """The current boot epoch."""
         return self._handshake.epoch
@@ -490,6 +502,8 @@ class Engine:
     def peers(self) -> dict[int, bool]:
         """Return the nodes heard so far, and whether each has confirmed our table."""
         known = self._handshake.peers()
+        if self._handshake.is_sealed:
+            return {each: peer.shares(self._handshake.digest) for each, peer in known.items()}
         return {address: peer.confirmed_us for address, peer in known.items()}
 
     # Below the methods above

@@ -6,6 +6,7 @@ Each is defined where it arises; this module has their union, and the events of 
 import msgspec
 
 from zacoustic.core.base.linktypes import ONE_LINK, LinkState, ModemRead, PeerMeasured
+from zacoustic.core.peers.alarms import SealAlarm
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.doubt import JournalDoubted
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
@@ -27,7 +28,7 @@ from zacoustic.core.transport.actions.events import (
     ResultReceived,
 )
 from zacoustic.core.transport.calls.calls import CallFailed, RequestReceived, ResponseReceived
-from zacoustic.core.transport.commands.commands import StreamOverridden
+from zacoustic.core.transport.commands.commands import CommandHandled, StreamOverridden
 from zacoustic.core.transport.contract import TransportEvent
 from zacoustic.core.transport.deliveries import (
     DeliveryEnded,
@@ -49,6 +50,7 @@ __all__ = [
     "CancelAnswered",
     "CancelRequested",
     "ClockStateChanged",
+    "CommandHandled",
     "DeadlineMissed",
     "DeadlineSide",
     "DeliveryEnded",
@@ -83,6 +85,7 @@ __all__ = [
     "ResultReceived",
     "RosEntitySeen",
     "SampleReceived",
+    "SealAlarm",
     "SilenceChanged",
     "StreamOverridden",
     "StreamsDiffer",
@@ -134,11 +137,13 @@ Event = (
     | ModemRead
     | SilenceChanged
     | StreamOverridden
+    | CommandHandled
     | ClockStateChanged
     | NothingHeard
     | LinkStateChanged
     | JournalStateChanged
     | JournalDoubted
+    | SealAlarm
     | EngineRestarted
     | TransportEvent
 )

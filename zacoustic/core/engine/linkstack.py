@@ -7,7 +7,10 @@ stream goes by.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Final
+
+import msgspec
 
 from zacoustic.core.base.linktypes import (
     UNKNOWN_SOURCE,
@@ -18,6 +21,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.trace import Tracer
+from zacoustic.core.peers.sealing import Inside, Refusal
 from zacoustic.core.profiles.native.protocols import Protocols
 from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
@@ -31,7 +35,9 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.contract import MakeTransport
 from zacoustic.core.wire.envelope import Envelope, Opened
+from zacoustic.core.wire.seal import NO_TABLE, Way
 
+_MAYBE_UNSEALED: Final = (Refusal.UNSEALED, Refusal.FORGED, Refusal.OUT_OF_STEP)
 _PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
 
@@ -63,6 +69,7 @@ class LinkStack:
         self.stats = context.stats
         """Counts on this link."""
         self._context = context
+        self._seal = context.node.seal
         self._silence = silence
         self._trace = trace
         self.protocols: Profile = _PROTOCOLS[context.table.wire](context, rules, transports)
@@ -98,30 +105,15 @@ class LinkStack:
         self.stats.heard(len(frame.frame_bytes))
         for opened in port.envelope.open(frame):
             reason = port.refuse(opened, frame)
-            if isinstance(opened, Opened) and reason in (None, "not_for_us"):
-                if opened.source != UNKNOWN_SOURCE:
-                    self._context.node.contact.heard(opened.source, now)
-                    measurements = self._context.node.measurements
-                    measurements.note(opened.source, frame.metrics, frame.received_at)
-                port.heard(opened.source, len(frame.frame_bytes), now)
-                if reason is None:
-                    streams = self.protocols.receive(opened, frame, port, now)
-                    self._trace.note(
-                        now,
-                        "receive",
-                        peer=opened.source,
-                        frame=frame.frame_bytes,
-                        streams=streams,
-                        link=self.name,
-                    )
-                    continue
-                self.protocols.overhear(opened, frame, port, now)
-            assert reason is not None
-            self.stats.drop(reason)
-            self._trace.note(
-                now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason,
-                link=self.name,
-            )  # fmt: skip
+            if isinstance(opened, Opened):
+                take = self._take_plain if self._seal is None else self._take_sealed
+                reason = take(opened, frame, port, reason, now)
+            if reason is not None:
+                self.stats.drop(reason)
+                self._trace.note(
+                    now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason,
+                    link=self.name,
+                )  # fmt: skip
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
         """A transmission has ended."""
@@ -182,6 +174,83 @@ class LinkStack:
         return not (port is not None and port.is_busy) and self.protocols.is_idle
 
     # Below the methods above
+
+    def _take_plain(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
+    ) -> str | None:
+        """Take a frame that is not sealed; returns why it is dropped, or None."""
+        if reason is None:
+            self._receive(opened, frame, port, now)
+        elif reason == "not_for_us":
+            self._hear(opened, frame, port, now)
+            self.protocols.overhear(opened, frame, port, now)
+        return reason
+
+    def _take_sealed(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
+    ) -> str | None:
+        """Take a sealed frame; returns why it is dropped, or None.
+
+        Of one that is for another node nothing is believed, not even who has sent it.
+        """
+        seal, context = self._seal, self._context
+        assert seal is not None
+        way = Way(opened.source, opened.destination, context.port_number)
+        digest = context.handshake.digest
+        if reason == "own":
+            refusal = seal.overhear_own(opened.records, way, digest)
+        elif reason is None:
+            opens = partial(self._opened, opened, frame, port)
+            refusal = seal.open(opened.records, way, digest, now, opens)
+        else:
+            return reason
+        if refusal is None:
+            return reason
+        if refusal in _MAYBE_UNSEALED and self._take_unsealed(opened, frame, port, now):
+            refusal = Refusal.UNSEALED
+        context.node.alarms.refused(refusal, opened.source, now)
+        return refusal.value
+
+    def _take_unsealed(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> bool:
+        """Take what the config allows of a frame that nobody has sealed; False: nothing."""
+        allowed = self._context.node.sealing.unsealed
+        plain = port.envelope.unsealed(opened) if allowed else None
+        if plain is None:
+            return False
+        return bool(self.protocols.receive_unsealed(plain, frame, port, allowed, now))
+
+    def _opened(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, inside: Inside, now: int
+    ) -> None:
+        """A sealed frame was opened, and no later life of this node will open it again."""
+        self._context.node.alarms.opened(opened.source)
+        digest = b"" if inside.digest == NO_TABLE else inside.digest
+        opened = msgspec.structs.replace(
+            opened, records=inside.records, life=inside.life, digest=digest
+        )
+        self._receive(opened, frame, port, now)
+
+    def _receive(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
+        self._hear(opened, frame, port, now)
+        streams = self.protocols.receive(opened, frame, port, now)
+        self._trace.note(
+            now,
+            "receive",
+            peer=opened.source,
+            frame=frame.frame_bytes,
+            streams=streams,
+            link=self.name,
+        )
+
+    def _hear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
+        """A node is there, and was heard."""
+        if opened.source != UNKNOWN_SOURCE:
+            self._context.node.contact.heard(opened.source, now)
+            measurements = self._context.node.measurements
+            measurements.note(opened.source, frame.metrics, frame.received_at)
+        port.heard(opened.source, len(frame.frame_bytes), now)
 
     def _make_port(self, capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
         return LinkPort(

@@ -11,10 +11,12 @@ policy     frames for all                                 good for
            CONFIRM per pair and life                      CONFIRM per pair and life
 `TAG`      always marked; nobody confirms, and what is    many nodes: 3.4 bytes a frame, and nothing
            asked and answered is for all who hear it      that grows with the square of the nodes
+`SEALED`   bare, with a HELLO in one of sixteen; nobody   fleets with a key: which life and which
+           confirms                                       table a frame is of is said by its seal
 =========  =============================================  ==========================================
 
-Frames for one node are the same with both: of those pairs there are as many as have something for
-each other, and a confirmation rides on what goes there anyway.
+Unsealed frames for one node are the same with both: of those pairs there are as many as have
+something for each other, and a confirmation rides on what goes there anyway.
 """
 
 import enum
@@ -65,6 +67,10 @@ class AgreementPolicy(Protocol):
     """What `Introductions` and `Handshake` ask."""
 
     @property
+    def is_sealed(self) -> bool:
+        """Which life and which table a frame is of is said by its seal."""
+
+    @property
     def speaks_to_all(self) -> bool:
         """What a broadcast frame gives cause to say is told to all, without haste.
 
@@ -106,6 +112,7 @@ class AgreementPolicy(Protocol):
 class Confirming:
     """`AgreementMethod.CONFIRM`: all who hear a broadcast confirm it, each to each."""
 
+    is_sealed: Final = False
     speaks_to_all: Final = False
 
     def opening(self, *, to_all: bool, hearers: Hearers, since_hello: int, hellos: int) -> Opening:
@@ -137,6 +144,7 @@ class Tagging:
     has heard twelve frames without one asks; once, since in the end it comes by itself.
     """
 
+    is_sealed: Final = False
     speaks_to_all: Final = True
 
     def opening(self, *, to_all: bool, hearers: Hearers, since_hello: int, hellos: int) -> Opening:
@@ -161,7 +169,33 @@ class Tagging:
         return max(_SHORT_PAUSE_UNITS, _PAUSE_UNITS_A_NODE * nodes)
 
 
+class Sealed:
+    """Of a fleet with a key: a HELLO is for those whose table is not known to be the same."""
+
+    is_sealed: Final = True
+    speaks_to_all: Final = True
+
+    def opening(self, *, to_all: bool, hearers: Hearers, since_hello: int, hellos: int) -> Opening:
+        """See `AgreementPolicy`: the first of a life, and one of sixteen."""
+        is_turn = hellos == 0 or since_hello >= _HELLO_GAP
+        is_wanted = to_all or hearers is not Hearers.AGREED
+        return Opening.HELLO if is_turn and is_wanted else Opening.BARE
+
+    def answers(self, *, unicast: bool) -> bool:
+        """See `AgreementPolicy`: there is nothing to answer."""
+        return False
+
+    def asks(self, marked: int, *, unicast: bool) -> bool:
+        """See `AgreementPolicy`: a TAG says nothing."""
+        return False
+
+    def longest_pause_units(self, nodes: int) -> int:
+        """See `AgreementPolicy`: all who have missed something may want to speak at once."""
+        return max(_SHORT_PAUSE_UNITS, 4 * nodes)
+
+
 CONFIRMING: Final = Confirming()
+SEALED: Final = Sealed()
 POLICIES: Final[Mapping[AgreementMethod, AgreementPolicy]] = {
     AgreementMethod.CONFIRM: CONFIRMING,
     AgreementMethod.TAG: Tagging(),

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
 from zacoustic.core.base.signals import Signal
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.sealing import Seal
 
 
 class BootEpoch:
@@ -13,11 +14,15 @@ class BootEpoch:
     Args:
         handshake: Says it to others.
         journal: Keeps it.
+        seal: Has it in its nonces, as the life of the node; None: frames are not sealed.
     """
 
-    def __init__(self, handshake: Handshake, journal: JournalPort) -> None:
+    def __init__(
+        self, handshake: Handshake, journal: JournalPort, seal: Seal | None = None
+    ) -> None:
         self._handshake = handshake
         self._journal = journal
+        self._seal = seal
         self._to_keep = 0
         self.began = Signal[int]()
         """``(now)``: a new epoch has begun."""
@@ -29,7 +34,10 @@ class BootEpoch:
         """The epoch is journalled: no other life of the node has it.
 
         A store that cannot be written blocks nothing: the next life draws a number after this one.
+        That is good enough for agreement, and not for a nonce.
         """
+        if self._seal is not None:
+            return not self._to_keep and self._seal.may_seal
         return not self._to_keep or bool(self._journal.failure)
 
     def outlast(self, is_calling: Callable[[], bool]) -> None:
@@ -39,6 +47,8 @@ class BootEpoch:
     def begin(self, now: int) -> None:
         """Begin a new epoch; every confirmation of the old one is void."""
         self._handshake.table_changed(now)
+        if self._seal is not None:
+            self._seal.begin(self._handshake.epoch)
         self._write()
         self.began(now)
 

@@ -57,12 +57,12 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.base.parts import Offer
 from zacoustic.core.base.stats import Cause
-from zacoustic.core.peers.agreementpolicy import POLICIES, AgreementMethod
+from zacoustic.core.peers.agreementpolicy import CONFIRMING, AgreementPolicy
 from zacoustic.core.peers.introducing import Introductions
 from zacoustic.core.peers.peer import Peer
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import Agreement, Change, Life
-from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.wire.agreement import (
     ABSENT_DIGEST,
     ASSURED,
@@ -121,7 +121,7 @@ class Handshake:
         table: Its stream table.
         peers: The other nodes.
         rng: Draws the pauses before frames of its own.
-        method: How much is said and answered for the sake of agreement.
+        policy: How much is said and answered for the sake of agreement.
     """
 
     def __init__(
@@ -131,13 +131,15 @@ class Handshake:
         table: StreamTable,
         peers: Peers,
         rng: random.Random,
-        method: AgreementMethod = AgreementMethod.CONFIRM,
+        policy: AgreementPolicy = CONFIRMING,
     ) -> None:
         self._address = address
         self._table = table
         self._rng = rng
         self._peers = peers
-        self._policy = POLICIES[method]
+        self._policy = policy
+        self.is_sealed = policy.is_sealed
+        """Which life and which table a frame is of is said by its seal."""
         self.introductions = Introductions(address, epoch, table, peers, self._policy)
         self._units_ns: dict[str, int] = {}
         """Of each link that was up."""
@@ -172,7 +174,7 @@ class Handshake:
         """
         self._units_ns[link] = unit_ns(capabilities)
         longest_ns = max(self._units_ns.values())
-        if len(self._units_ns) > 1 and longest_ns > self._unit_ns:
+        if len(self._units_ns) > 1 and longest_ns > self._unit_ns and not self.is_sealed:
             for peer in self._peers.values():  # of a former life frames may come by that link
                 peer.settled_at = max(peer.settled_at, now + SETTLING_UNITS * longest_ns)
         self._unit_ns = longest_ns
@@ -193,8 +195,8 @@ class Handshake:
         """Make a record in the next frame to a node readable, whatever the node has forgotten."""
         peer = self._peers[address]
         peer.link = link
-        peer.owes_hello = True
-        if peer.digest != self.digest:
+        peer.owes_hello = not self.is_sealed
+        if peer.digest != self.digest and (peer.digest or not self.is_sealed):
             peer.owed_rows[stream_id] = None
 
     def owed(
@@ -272,6 +274,33 @@ class Handshake:
         peer.confirms_now = False
         peer.ripen(now)
 
+    def authentic(self, source: int, life: int, digest: bytes, now: int) -> None:
+        """A sealed frame was opened.
+
+        Args:
+            source: Who has sent it.
+            life: Which life of it.
+            digest: Of its table; empty: that was not said.
+            now: The instant.
+        """
+        peer = self._peers[source]
+        is_new_life = peer.epoch != life
+        if is_new_life:
+            peer.begin_life(Change.NEW_LIFE)
+            peer.epoch, peer.digest, peer.settled_at = life, b"", now
+        if digest and digest != peer.digest:
+            if peer.digest:
+                peer.doubt(Change.TABLE_CHANGED)
+            peer.digest = digest
+            same = digest == self.digest
+            self.news.append(
+                PeerSeen(address=source, epoch=life, same_table=same, wire_version=WIRE_VERSION)
+            )
+            if not same and not peer.answer_pause.is_longest:
+                self._introduce_soon(peer, now)
+        if is_new_life:
+            self._peers.restarted(source, life, now)
+
     def heard_hello(self, source: int, hello: Hello, now: int, *, unicast: bool = False) -> None:
         """A HELLO arrived: remember it, and answer if it is new."""
         peer = self._peers[source]
@@ -320,7 +349,8 @@ class Handshake:
 
     def heard_too_short(self, source: int, now: int) -> None:
         """A record takes this node for assured, which it is not any more: tell its source so."""
-        self._introduce_soon(self._peers[source], now)
+        if not self.is_sealed:
+            self._introduce_soon(self._peers[source], now)
 
     def heard_too_long(self, source: int, now: int) -> None:
         """A record does not take this node for assured: if it is, tell its source so."""
@@ -436,6 +466,24 @@ class Handshake:
         if epoch is None or _ASK_HELLO in peer.questions:
             self._ask(peer, _ASK_HELLO, now)
         return "unconfirmed"
+
+    def may_measure(self, source: int, stream: Stream) -> bool:
+        """Tell whether a record of a node ends where this node's table says, in a sealed frame."""
+        peer = self._peers.get(source)
+        return (
+            peer is None
+            or peer.shares(self.digest)
+            or stream.is_built_in
+            or peer.rows.get(stream.stream_id) == stream.digest
+        )
+
+    def misses_reference(self, source: int, now: int) -> None:
+        """Tell a node that something of it is not held here, which it takes to be.
+
+        Without a seal it would not be understood at all before both know of each other.
+        """
+        if self.is_sealed:
+            self._ask(self._peers[source], _ASK_HELLO, now)
 
     def differs(self, address: int, stream_id: int) -> bool:
         """Tell whether a node is known to define a stream in another way."""

@@ -104,10 +104,13 @@ class Introductions:
         """
         receivers = self._receivers(destination, now)
         opening = self._opening(link, destination, receivers)
+        fits = room_bytes >= HELLO_BYTES
+        if self._policy.is_sealed and (opening is Opening.BARE or (urgent and not fits)):
+            self._since_hello[destination][link] += 1
+            return b""
         if opening is Opening.BARE:
             return b""
         tag = Tag(self.epoch).encode()
-        fits = room_bytes >= HELLO_BYTES
         if opening is Opening.TAG or not (fits or (opening is Opening.HELLO and not urgent)):
             self._since_hello[destination][link] += 1
             return tag
@@ -119,10 +122,7 @@ class Introductions:
         self.is_told = True
         if destination != BROADCAST and not asked and receivers[0].shares(self.digest):
             return tag + self._early_confirm(destination, receivers[0], now)
-        for peer in self._peers.values() if destination == BROADCAST else receivers:
-            if peer.owes_hello and (destination != BROADCAST or peer.link == link):
-                peer.owes_hello = False
-                peer.answer_pause.use(now, self.unit_ns)
+        self._introduced(link, destination, now)
         return Hello(WIRE_VERSION, self.epoch, self.digest).encode()
 
     def introduces(self, link: str, destination: int) -> bool:
@@ -131,8 +131,28 @@ class Introductions:
             return any(peer.owes_hello and peer.link == link for peer in self._peers.values())
         return self._peers[destination].owes_hello
 
+    def is_due(self, link: str, destination: int) -> bool:
+        """Tell whether a sealed frame to `destination` is to say which table this node has."""
+        if not self._policy.is_sealed:
+            return False
+        receivers = [self._peers[destination]] if destination != BROADCAST else []
+        return self._opening(link, destination, receivers) is Opening.HELLO
+
+    def reaches_others(self, destination: int) -> bool:
+        """Tell whether somebody who hears frames to `destination` is known to have another table.
+
+        Of a sealed frame they find out; where its records end they do not.
+        """
+        if not self._policy.is_sealed:
+            return False
+        if destination != BROADCAST:
+            return self._peers[destination].differs_from(self.digest)
+        return any(peer.differs_from(self.digest) for peer in self._peers.values())
+
     def is_unconfirmed(self, destination: int, now: int) -> bool:
         """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
+        if self._policy.is_sealed:
+            return False
         receivers = self._receivers(destination, now)
         return not receivers or any(
             peer.agreement is Agreement.UNCONFIRMED and not peer.differs_from(self.digest)
@@ -147,6 +167,14 @@ class Introductions:
         )
 
     # Below the methods above
+
+    def _introduced(self, link: str, destination: int, now: int) -> None:
+        """Take note that whoever waits for a HELLO gets one."""
+        to_all = destination == BROADCAST
+        for peer in self._peers.values() if to_all else (self._peers[destination],):
+            if peer.owes_hello and (not to_all or peer.link == link):
+                peer.owes_hello = False
+                peer.answer_pause.use(now, self.unit_ns)
 
     def _opening(self, link: str, destination: int, receivers: list[Peer]) -> Opening:
         """Return what a frame begins with; a HELLO that was asked for goes in any case."""
@@ -165,6 +193,9 @@ class Introductions:
         # Without a list nobody knows who hears a broadcast, whoever has confirmed.
         if not receivers or (destination == BROADCAST and not self._table.nodes):
             return Hearers.UNKNOWN
+        if self._policy.is_sealed:
+            shares = all(peer.shares(self.digest) for peer in receivers)
+            return Hearers.AGREED if shares else Hearers.UNKNOWN
         silent = [peer for peer in receivers if not peer.confirmed_us]
         if not silent:
             return Hearers.AGREED

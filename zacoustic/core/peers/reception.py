@@ -82,6 +82,10 @@ class Heard:
         """Return why a dense block may not be decoded, one word, or None."""
         return self._handshake.verdict_dense(self.source, self.epoch, self.now)
 
+    def misses_reference(self) -> None:
+        """Have its sender told that this node does not hold what it takes to be held here."""
+        self._handshake.misses_reference(self.source, self.now)
+
 
 Take = Callable[[Heard, Any], str | None]
 """Takes an item of a frame; returns why it is dropped, one word, or None."""
@@ -103,6 +107,8 @@ class Reception:
         self._extensions: dict[int, TakeExtension] = {}
         self.read = Signal[int, int]()
         """``(address, now)``: a frame of a node has been read."""
+        self.came_again = Signal[int]()
+        """``(address)``: a node repeats what has come before: it has not got the answer."""
         self.on(Extension, self._extension)
 
     # Who takes what

@@ -23,11 +23,14 @@ class Statements:
     def __init__(self, handshake: Handshake, peers: Peers, reception: Reception) -> None:
         self._handshake = handshake
         self._peers = peers
+        reception.of_sender(Ask, self._ask)
+        reception.of_sender(TableRow, self._row)
+        if handshake.is_sealed:
+            reception.of_sender(Hello, self._sealed_hello)
+            return
         reception.of_sender(Hello, self._hello)
         reception.of_sender(Tag, self._tag)
         reception.of_sender(Confirm, self._confirm)
-        reception.of_sender(Ask, self._ask)
-        reception.of_sender(TableRow, self._row)
 
     def _hello(self, heard: Heard, hello: Hello) -> str | None:
         self._handshake.heard_hello(heard.source, hello, heard.now, unicast=heard.is_unicast)
@@ -35,6 +38,13 @@ class Statements:
             heard.is_foreign = True
             return "version"
         heard.epoch = hello.epoch
+        return None
+
+    def _sealed_hello(self, heard: Heard, hello: Hello) -> str | None:
+        """Take which table its sender has: which life of it speaks is said by the seal."""
+        if hello.epoch != heard.epoch or hello.version != WIRE_VERSION:
+            return "version"
+        self._handshake.authentic(heard.source, hello.epoch, hello.digest, heard.now)
         return None
 
     def _tag(self, heard: Heard, tag: Tag) -> None:

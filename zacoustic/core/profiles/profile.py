@@ -7,6 +7,7 @@ have is absent, and commands to it do nothing.
 # ruff: noqa: B027
 
 from abc import ABC, abstractmethod
+from collections.abc import Set
 from types import MappingProxyType
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
@@ -172,6 +173,17 @@ class Profile(ABC):
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
+
+    def receive_unsealed(
+        self,
+        opened: Opened,
+        frame: ReceivedFrame,
+        port: LinkPort,
+        allowed: Set[int],
+        now: int,
+    ) -> tuple[int, ...]:
+        """Take samples of some topics out of a frame that is not sealed; returns their streams."""
+        return ()
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""

@@ -8,6 +8,7 @@ from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.core.schedule.access.spec import AccessSpec, TdmaSpec
+from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.schedule.silence import QuietWindow
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.errors import ConfigError
@@ -23,6 +24,8 @@ class LinkRules(msgspec.Struct, frozen=True, kw_only=True):
     max_airtime: float | None = None
     """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
     None: all of it."""
+    port: int | None = None
+    """Its number in what is sealed, 0…127, the same at both ends; None: its place in the list."""
 
 
 class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
@@ -47,7 +50,11 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """How much is said and answered to agree on tables."""
     discovery: DiscoverySpec | None = None
     """Beacons of rmw_desert, if the wire is that; None: none."""
+    sealing: SealRules = SealRules()
+    """Which frames get the long tag, and what is padded, where there is a key."""
 
+    port: int | None = None
+    """As `LinkRules.port`, where there is one link."""
     links: tuple[LinkRules, ...] = ()
     """The links; whatever names none goes by the first. Empty: one link, with the rules above."""
     routes: dict[int, str] = {}
@@ -55,7 +62,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
 
     def on_one_link(self) -> "TransmitRules":
         """Return these rules for a node that has one link, by which all streams go."""
-        return msgspec.structs.replace(self, links=(), routes={})
+        port = self.links[0].port if self.links else self.port
+        return msgspec.structs.replace(self, links=(), routes={}, port=port)
 
     @property
     def of_links(self) -> tuple[LinkRules, ...]:
@@ -64,7 +72,9 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: Two links have one name, or a stream goes by a link that is not there.
         """
-        one = LinkRules(name=ONE_LINK, access=self.access, max_airtime=self.max_airtime)
+        one = LinkRules(
+            name=ONE_LINK, access=self.access, max_airtime=self.max_airtime, port=self.port
+        )
         links = self.links or (one,)
         names = [each.name for each in links]
         for name in names:

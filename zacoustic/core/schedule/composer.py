@@ -31,6 +31,7 @@ from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.copies import MOST_COPIES
 from zacoustic.core.schedule.filling import Filling
+from zacoustic.core.schedule.linkseal import Closing, Unsealed
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.sources import DenseSource, ExtensionSource, ObjectSource, Source
@@ -89,6 +90,8 @@ class Ingredients(msgspec.Struct, frozen=True, kw_only=True):
     """Fragments, and what is to be said of those that arrived."""
     heartbeats: Heartbeats
     """What goes when nothing else has gone for long."""
+    seal: Unsealed
+    """Closes the frames."""
     extensions: Sequence[ExtensionSource] = ()
     """Transports of somebody else."""
 
@@ -110,9 +113,10 @@ class _Owed:
 class _Draft:
     """A frame while it is filled: what it says beside records, and the room that is left."""
 
-    def __init__(self, destination: int, room_bytes: int) -> None:
+    def __init__(self, destination: int, room_bytes: int, closing: Closing) -> None:
         self.destination = destination
-        self.room_bytes = room_bytes
+        self.closing = closing
+        self.room_bytes = room_bytes - closing.overhead_bytes
         self.introduction = b""
         self.parts: list[Part] = []
         self._said: list[tuple[Cause, bytes]] = []
@@ -161,6 +165,7 @@ class Composer:
         self._ranging = made_of.ranging
         self._objects = made_of.objects
         self._heartbeats = made_of.heartbeats
+        self._seal = made_of.seal
         self._extensions = made_of.extensions
         self._sources: tuple[Source, ...] = (
             made_of.heartbeats, made_of.objects, _Owed(handshake, link), made_of.ranging,
@@ -173,7 +178,8 @@ class Composer:
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame of what medium access has to say, and nothing else."""
-        said = port.access.controls(port.envelope.room_bytes, now, alone=True)
+        room_bytes = port.envelope.room_bytes - self._seal.overhead_bytes
+        said = port.access.controls(room_bytes, now, alone=True)
         if not said:
             return None
         return self._controls(port, port.access.answers_to, [(Cause.ACCESS, said)], now)
@@ -231,19 +237,25 @@ class Composer:
     def _fill_fragment(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make the frame of a fragment, or the introduction that has to go before it."""
         destination = offer.destination
-        if self._introduces_fragment(port, destination, now):
-            room_bytes = port.envelope.room_bytes
-            said = self._introductions.introduction(self._link, destination, room_bytes, now)
-            return self._controls(port, destination, [(Cause.HELLO, said)], now)
-        taken = self._objects.take_fragment(
-            port.envelope.room_bytes, now, port.frames_before_pause(now)
+        room_bytes = port.envelope.room_bytes - self._seal.fragment_overhead_bytes
+        tells_all = self._introductions.concerns_others(destination) and port.reaches_all(
+            port.envelope.room_bytes
         )
+        for hearers in (destination, BROADCAST) if tells_all else (destination,):
+            if not self._seal.is_known(hearers, now):
+                hello = self._introductions.introduction(self._link, hearers, room_bytes, now)
+                return self._controls(port, hearers, [(Cause.HELLO, hello)], now)
+        if self._introduces_fragment(port, destination, now):
+            hello = self._introductions.introduction(self._link, destination, room_bytes, now)
+            return self._controls(port, destination, [(Cause.HELLO, hello)], now)
+        taken = self._objects.take_fragment(room_bytes, now, port.frames_before_pause(now))
         if taken is None:
             return None
         if taken.ends_run:
             port.end_run()
-            to_others = self._introductions.concerns_others(destination)
-            if to_others and port.reaches_all(len(taken.record)):
+            if self._introductions.concerns_others(destination) and port.reaches_all(
+                len(taken.record) + self._seal.fragment_overhead_bytes
+            ):
                 destination = BROADCAST  # that a pause follows concerns everybody
         if taken.is_first:
             count(self._stats.transmitted, taken.stream_id)
@@ -256,6 +268,7 @@ class Composer:
             destination,
             taken.record,
             now,
+            closing=self._seal.settle(destination, None, None, now),
             object_stream=taken.stream_id,
             parts=[taken.part],
         )
@@ -276,7 +289,9 @@ class Composer:
         """Make a frame of controls."""
         for cause, control in said:
             self._stats.attribute(NO_STREAM, cause, len(control))
-        return self._composed(port, destination, b"".join(control for _, control in said), now)
+        closing = self._seal.settle(destination, None, None, now)
+        content = b"".join(control for _, control in said)
+        return self._composed(port, destination, content, now, closing=closing, needs_no_table=True)
 
     def _composed(
         self,
@@ -285,25 +300,33 @@ class Composer:
         content: bytes,
         now: int,
         *,
+        closing: Closing,
         records: tuple[Waiting, ...] = (),
         object_stream: int | None = None,
         parts: Sequence[Part] = (),
         is_pressing: bool = False,
+        needs_no_table: bool = False,
     ) -> Composed:
-        """Put the envelope around all that a frame says, and see who is told of it.
+        """Put seal and envelope around all that a frame says, and see who is told of it.
 
         Args:
             port: The link.
             destination: Address, or `BROADCAST`.
-            content: What stands in the envelope.
+            content: What stands in them.
             now: The instant.
+            closing: How it is closed.
             records: What of it comes from the queue.
             object_stream: Stream of the fragment that is in it.
             parts: What else of it is told what becomes of it.
             is_pressing: It carries what may go again before anything can have come back.
+            needs_no_table: It has a HELLO, or no record of any stream.
         """
-        frame_bytes = port.envelope.wrap(content, destination)
-        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(content))
+        closed = self._seal.close(
+            content, destination, closing, now, items=records, needs_no_table=needs_no_table
+        )
+        frame_bytes = port.envelope.wrap(closed, destination)
+        self._stats.attribute(NO_STREAM, Cause.SEAL, len(closed) - len(content))
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(closed))
         exchange = self._ranging.exchange(destination, now, gives_way=is_pressing)
         if is_pressing:
             until = now + _GIVE_WAY_PERIODS * port.listening.period_ns
@@ -321,11 +344,15 @@ class Composer:
 
     def _fill(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make a frame of what is owed to its hearers and of payloads; None: nothing is said."""
-        draft = _Draft(offer.destination, port.envelope.room_bytes)
-        self._introductions.begin_frame(draft.destination)
-        self._answer(draft, now)
         # Who waits for an answer listens for as long as a short frame takes.
         first = None if offer.is_answer else next(self._concerning(offer, now), None)
+        lane, item = first or (None, None)
+        priority = lane.qos.priority if lane else None
+        is_due = self._introductions.is_due(self._link, offer.destination)
+        closing = self._seal.settle(offer.destination, item, priority, now, introduces=is_due)
+        draft = _Draft(offer.destination, port.envelope.room_bytes, closing)
+        self._introductions.begin_frame(draft.destination)
+        self._answer(draft, now)
         first_bytes = first[1].size_bytes if first else 0
         if not self._agree(draft, offer, first, now):
             first = None
@@ -334,8 +361,10 @@ class Composer:
             self._arrange(draft, port, first_bytes, now)
         filling: Filling | None = None
         if first:
-            introduced = bool(draft.introduction)
-            filling = self._choose(offer, draft.room_bytes, now, introduced=introduced)
+            introduced = bool(draft.introduction) or self._introductions.reaches_others(
+                draft.destination
+            )
+            filling = self._choose(offer, draft, now, introduced=introduced)
         self._handshake.spoken(self._link, draft.destination, now)
         items = filling.items if filling is not None else ()
         if draft.is_empty and not items:
@@ -351,9 +380,11 @@ class Composer:
             draft.destination,
             draft.encode() + records,
             now,
+            closing=draft.closing,
             records=items,
             parts=draft.parts,
             is_pressing=first is not None and first[0].qos.priority in MOST_COPIES,
+            needs_no_table=bool(draft.introduction) or not items,
         )
 
     def _answer(self, draft: "_Draft", now: int) -> None:
@@ -439,10 +470,14 @@ class Composer:
             if item.destination == offer.destination or (to_all and not item.for_one_node):
                 yield lane, item
 
-    def _choose(self, offer: Offer, room_bytes: int, now: int, *, introduced: bool) -> Filling:
+    def _choose(self, offer: Offer, draft: "_Draft", now: int, *, introduced: bool) -> Filling:
         """Take payloads until no more fits."""
-        filling = Filling(offer.destination, room_bytes, now, self._dense, introduced=introduced)
+        filling = Filling(
+            offer.destination, draft.room_bytes, now, self._dense, introduced=introduced
+        )
         for lane, item in self._concerning(offer, now):
+            if not self._seal.admits(item, draft.closing):
+                continue
             if filling.add(item):
                 self._queue.take(lane, now)
             elif filling.is_full:

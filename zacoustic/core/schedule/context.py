@@ -15,6 +15,8 @@ from zacoustic.core.base.journal import BOOT_KEY, LIFE_KEY, JournalPort, stored_
 from zacoustic.core.base.linkids import LinkIds
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
+from zacoustic.core.peers.agreementpolicy import POLICIES, SEALED
+from zacoustic.core.peers.alarms import SealAlarms
 from zacoustic.core.peers.bootepoch import BootEpoch
 from zacoustic.core.peers.contact import Contact
 from zacoustic.core.peers.doubt import Doubt
@@ -23,11 +25,16 @@ from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Reception
+from zacoustic.core.peers.sealing import Seal
 from zacoustic.core.peers.statements import Statements
 from zacoustic.core.schedule.hearing import hear_medium
+from zacoustic.core.schedule.linkseal import LinkSeal, SealRules, Unsealed
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.queue import TransmitQueue
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.seal import Cipher
+
+_SEALING = SealRules()
 
 
 class NodeContext:
@@ -41,6 +48,8 @@ class NodeContext:
         stored: What the journal has kept from earlier lives.
         rules: How the other nodes are treated.
         emit: Takes events.
+        cipher: Has the keys of the fleet; None: frames are not sealed.
+        sealing: What the config says of sealing.
     """
 
     def __init__(
@@ -52,6 +61,8 @@ class NodeContext:
         stored: Mapping[str, bytes],
         rules: PeerRules,
         emit: Callable[[Any], None],
+        cipher: Cipher | None = None,
+        sealing: SealRules = _SEALING,
     ) -> None:
         self.address = address
         self.table = table
@@ -71,19 +82,38 @@ class NodeContext:
         """What was measured of peers and modem."""
         self.doubt = Doubt(address, table, stored, self.journal, emit)
         """Whether something of former lives is forgotten."""
+        self.seal: Seal | None = None
+        """Seals and opens frames; None: they are not sealed."""
+        if cipher is not None:
+            self.seal = Seal(address, epoch, cipher, self.journal, stored, self._announced)
+            self.peers.restarted.connect(lambda peer, life, now: self._reintroduce(peer))
+        self.alarms = SealAlarms(emit)
+        """Tell of frames that were refused."""
+        self.sealing = sealing
+        """What the config says of sealing."""
         self.handshake = Handshake(
             address,
             epoch,
             table,
             self.peers,
             self.generators.of("handshake"),
-            rules.agreement,
+            SEALED if cipher is not None else POLICIES[rules.agreement],
         )
         """What is agreed with the others."""
         self.contact = Contact(address, rules.contact, self.peers, self.timers, emit)
         """Who is lost."""
-        self.epoch = BootEpoch(self.handshake, self.journal)
+        self.epoch = BootEpoch(self.handshake, self.journal, self.seal)
         """The boot epoch."""
+
+    # Below the methods above
+
+    def _announced(self, address: int) -> bytes:
+        peer = self.peers.get(address)
+        return peer.digest if peer is not None else b""
+
+    def _reintroduce(self, address: int) -> None:
+        assert self.seal is not None
+        self.seal.reintroduce(address)
 
 
 class Context:
@@ -93,10 +123,15 @@ class Context:
         node: What is there once.
         link: Name of the link.
         index: Which of the node's links it is; the first is 0.
+        port: Its number in what is sealed, the same at both ends; None: the index.
     """
 
-    def __init__(self, node: NodeContext, link: str, index: int = 0) -> None:
+    def __init__(
+        self, node: NodeContext, link: str, index: int = 0, port: int | None = None
+    ) -> None:
         apart = index > 0
+        self.port_number = index if port is None else port
+        """Number of the link in what is sealed."""
         self.node = node
         self.link = link
         """Name of the link."""
@@ -126,11 +161,24 @@ class Context:
         """Dispatches what arrives to the components that registered."""
         self.queue = TransmitQueue()
         """Records that wait for a frame."""
+        self.seal: Unsealed = Unsealed()
+        """Closes the frames of the link."""
+        if node.seal is not None:
+            self.reception.came_again.connect(node.seal.reintroduce)
+            self.seal = LinkSeal(
+                node.seal, node.sealing, node.table, self.port_number,
+                lambda: node.handshake.digest,
+            )  # fmt: skip
         self.pacers = Pacers(node.peers, partial(node.handshake.introduce, link))
         """When something may be repeated to the others."""
         Statements(self.handshake, self.peers, self.reception)
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)
+
+    @property
+    def is_sealed(self) -> bool:
+        """The frames of the link are sealed."""
+        return self.node.seal is not None
 
     def emit(self, event: Any) -> None:  # noqa: ANN401 (each transport has its own events)
         """Take an event for the application."""

@@ -43,6 +43,17 @@ class Pacers(PerPeer[Pacer]):
         self._repeating: deque[Callable[[int], None]] = deque()
         self._repeated_at = -1
 
+    @property
+    def link_times(self) -> LinkTimes:
+        """`times` of a link that has been up, as after any transmission.
+
+        Raises:
+            RuntimeError: It has not.
+        """
+        if self.times is None:
+            raise RuntimeError("the link has not been up")
+        return self.times
+
     def on_repeat(self, told: Callable[[int], None]) -> None:
         """Register a mechanism that repeats what is due, whichever of them was due first."""
         self._repeating.append(told)

@@ -174,8 +174,7 @@ class Repeater:
         peer = repetition.record.destination
         if answered:
             if repetition.tries == 1 and repetition.stage is _Stage.SENT:
-                times = self._pacers.times
-                assert times is not None
+                times = self._pacers.link_times
                 round_trip_ns = now - repetition.sent_at
                 if prompt or round_trip_ns < 2 * times.first_round_trip_ns:
                     self._pacers[peer].measured(round_trip_ns, times)
@@ -270,8 +269,7 @@ class Repeater:
         if repetition.stage is not _Stage.ON_AIR:
             return
         repetition.stage = _Stage.SENT
-        priority, times = repetition.qos.priority, self._pacers.times
-        assert times is not None
+        priority, times = repetition.qos.priority, self._pacers.link_times
         if follow(repetition.record, priority, repetition.tries, times, at, self._rng):
             self._push_again(repetition)
             return

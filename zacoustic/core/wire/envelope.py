@@ -5,7 +5,8 @@ it is intact, and where it ends. From `LinkCapabilities` the envelope knows whic
 
 - not ``addressed``: destination and source, one byte each, in front;
 - not ``checked``: a CRC-32, big-endian, behind. It covers the addresses as well, also those that
-  the link carries, so that a frame whose address was damaged is not taken for somebody else's;
+  the link carries, so that a frame whose address was damaged is not taken for somebody else's; a
+  sealed frame has a tag in its place (`zacoustic.core.wire.seal`);
 - not ``framed``: the link is a byte stream. The frame is stuffed by COBS (no zero byte inside,
   one byte more per 254) and stands between two zero bytes. The leading one costs a byte and saves
   a frame: without it, noise before a frame would be read as its beginning.
@@ -39,7 +40,11 @@ class Opened(msgspec.Struct, frozen=True, kw_only=True):
     destination: int
     """Address it was sent to, or `BROADCAST`."""
     records: bytes
-    """The records."""
+    """The records; where frames are sealed those of a sealed frame."""
+    life: int | None = None
+    """Which life of its sender has sealed it; None: it was not sealed."""
+    digest: bytes = b""
+    """Of the sender's table, as the seal says; empty: it says nothing."""
 
 
 class Damaged(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,12 +63,16 @@ class Envelope:
     Args:
         capabilities: What the link brings by itself.
         address: Address of this node, 1…254.
+        sealed: Frames have a tag, which is the check.
     """
 
-    def __init__(self, capabilities: LinkCapabilities, address: int) -> None:
+    def __init__(
+        self, capabilities: LinkCapabilities, address: int, *, sealed: bool = False
+    ) -> None:
         self._address = address
         self._addressed = capabilities.addressed
-        self._checked = capabilities.checked
+        self._checked = capabilities.checked or sealed
+        self._has_check = not capabilities.checked
         self._framed = capabilities.framed
         self._mtu_bytes = capabilities.mtu_bytes
         self._buffer = bytearray()
@@ -94,6 +103,19 @@ class Envelope:
         if self._framed:
             return [self._open_frame(received.frame_bytes, received)]
         return self._open_stream(received)
+
+    def unsealed(self, opened: Opened) -> Opened | None:
+        """Return what is in a frame that nobody has sealed; None: its check fails.
+
+        Args:
+            opened: As `open` has returned it, where frames are sealed.
+        """
+        if not self._has_check:
+            return opened
+        records, check = opened.records[:-_CHECK_BYTES], opened.records[-_CHECK_BYTES:]
+        if check != self._check(records, opened.destination, opened.source):
+            return None
+        return msgspec.structs.replace(opened, records=records)
 
     def _open_frame(self, frame: bytes, received: ReceivedFrame) -> Opened | Damaged:
         size_bytes = len(frame)

@@ -20,6 +20,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.dense.model.prior import Model
 from zacoustic.core.values.types import TypeSpec, TypeTable
+from zacoustic.core.wire.seal import Cipher
 from zacoustic.errors import ConfigError
 
 FORMAT: Final = 1
@@ -123,6 +124,8 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
     """Its streams."""
     digest: bytes
     """Of the table."""
+    is_sealed: bool = False
+    """Its frames were sealed: to make it again takes the key, which is not kept here."""
 
     def engine(
         self,
@@ -130,6 +133,7 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
         table: StreamTable | None = None,
         rules: TransmitRules | None = None,
         trace: TraceSink | None = None,
+        cipher: Cipher | None = None,
     ) -> Engine:
         """Make the engine again.
 
@@ -137,10 +141,16 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
             table: Another table in place of its own.
             rules: Other rules.
             trace: Takes trace records.
+            cipher: Has the keys of the fleet, where frames were sealed.
 
         Raises:
-            ConfigError: It cannot be made by this program.
+            ConfigError: It cannot be made by this program, or without a key.
         """
+        if self.is_sealed and cipher is None:
+            raise ConfigError(
+                f"the frames of node {self.address} were sealed: its engine needs the key",
+                hint="zacoustic replay --check --config FILE, a configuration with `security`",
+            )
         if table is None:
             table = self.table.table()
             if table.digest != self.digest:
@@ -157,6 +167,7 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
             rules=self.rules if rules is None else rules,
             stored=self.stored,
             trace=trace,
+            cipher=cipher if self.is_sealed else None,
         )
 
 
@@ -170,6 +181,7 @@ def encode_life(
     stored: Mapping[str, bytes],
     utc_offset_ns: int,
     program: str,
+    is_sealed: bool = False,
 ) -> bytes:
     """Write down the parameters of a new engine."""
     life = Life(
@@ -182,6 +194,7 @@ def encode_life(
         rules=rules,
         table=Table.of(table),
         digest=table.digest,
+        is_sealed=is_sealed,
     )
     return msgspec.msgpack.encode(life)
 

@@ -14,6 +14,7 @@ from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.engine.tap import EngineCall, Tap
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.seal import Cipher
 from zacoustic.ros.streams import RosStream
 from zacoustic.run.recording.calls import encode_call, plain
 from zacoustic.run.recording.channels import (
@@ -76,6 +77,7 @@ class EngineRecorder:
         rules: TransmitRules,
         stored: Mapping[str, bytes],
         trace: TraceSink | None,
+        cipher: Cipher | None = None,
     ) -> Engine:
         """Return a new engine that is recorded."""
         offset_ns = self._utc_offset(address)
@@ -88,10 +90,11 @@ class EngineRecorder:
             stored=stored,
             utc_offset_ns=offset_ns,
             program=program(),
+            is_sealed=cipher is not None,
         )
         engine = Engine(
             address=address, table=table, epoch=epoch, rng=rng, rules=rules, stored=stored,
-            trace=trace,
+            trace=trace, cipher=cipher,
         )  # fmt: skip
         values = ValueWriter(self._sink, address, table, self.ros)
         recorder = _LifeRecorder(self._sink, engine, life, offset_ns, values)

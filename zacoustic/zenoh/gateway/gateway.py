@@ -109,6 +109,7 @@ class Gateway:
             ranges=config.ranges_to(),
             journal=journal,
             permits=config.permit_log,
+            security=config.security,
             clock=clock,
             host=host or HostClock(),
         )

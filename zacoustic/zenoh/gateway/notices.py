@@ -174,6 +174,38 @@ class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
         return [f"journal   in doubt, a new life with what is right in it: {self.reason}"]
 
 
+class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
+    """Frames do not open that say they are of a node, or open and cannot be of it."""
+
+    address: int
+    """The node."""
+    name: str = ""
+    """Its name in `nodes`."""
+    refusal: str
+    """``forged``, ``unsealed``, ``former_life`` or ``clone``."""
+    frames: int
+    """How many since the start."""
+    is_too_many: bool
+    """So many that the key is to be rotated."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Always."""
+        return True
+
+    def lines(self) -> list[str]:
+        """One line."""
+        text = {
+            "unsealed": "its frames are not sealed",
+            "forged": "its frames do not open: another key, or not from it",
+            "former_life": "it speaks as in a former life: old records, or a recording of it",
+            "clone": "another computer has this key and address; nothing is transmitted any more",
+        }[self.refusal]
+        rotate = "; rotate the key" if self.is_too_many else ""
+        node = f"{self.address} {self.name}".rstrip()
+        return [f"seal      {node}: {text} ({self.frames}){rotate}"]
+
+
 class ClockChanged(Notice, frozen=True, kw_only=True, tag="clock"):
     """Nothing is transmitted for want of a time that is sure; or no longer."""
 

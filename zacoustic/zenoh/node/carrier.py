@@ -25,6 +25,7 @@ from zacoustic.core.engine.events import (
     PeerFound,
     PeerLost,
     PeerSeen,
+    SealAlarm,
     SilenceChanged,
     StreamOverridden,
     StreamsDiffer,
@@ -53,6 +54,7 @@ NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
     | JournalDoubted
+    | SealAlarm
     | ClockStateChanged
     | NothingHeard
     | EngineRestarted

@@ -32,7 +32,10 @@ class PlanCommand(Command):
             help="share of the frames of a config that are lost, 0 to 0.9 (0)",
         )  # fmt: skip
         parser.add_argument(
-            "--hours", type=float, metavar="H", help="how long the model goes, h (4)"
+            "--hours",
+            type=float,
+            metavar="H",
+            help="how long the model goes, h (4, or less)",
         )
         parser.add_argument(
             "--transmit-w", type=float, metavar="W",
@@ -60,7 +63,9 @@ class PlanCommand(Command):
         from zacoustic.app.tools.design.plan.report import DEFAULT_HOURS, plan
         from zacoustic.app.tools.design.plan.text import as_text
 
-        hours = _within("--hours", arguments.hours, DEFAULT_HOURS, 0.1, 240.0)
+        hours = arguments.hours
+        if hours is not None:
+            hours = _within("--hours", hours, DEFAULT_HOURS, 0.1, 240.0)
         transmit_w = arguments.transmit_w
         if transmit_w is not None:
             transmit_w = _within("--transmit-w", transmit_w, 0.0, 0.0, 10_000.0)

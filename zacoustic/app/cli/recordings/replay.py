@@ -12,6 +12,7 @@ from zacoustic.link.serving import stopped_by_signals
 from zacoustic.text.safetext import one_line
 
 if TYPE_CHECKING:
+    from zacoustic.app.tools.inspect.recordings.replaying.checking import CipherOf
     from zacoustic.app.tools.inspect.recordings.replaying.playing import Played
 
 
@@ -70,7 +71,8 @@ def _add_modes(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--check",
         action="store_true",
-        help="make every engine again and compare frames, events and timers, byte for byte",
+        help="make every engine again and compare frames, events and timers, byte for byte; "
+        "sealed ones take --config with `security`",
     )
     what.add_argument(
         "--through", metavar="CONFIG",
@@ -140,13 +142,24 @@ def _check(arguments: argparse.Namespace) -> int:
     from zacoustic.app.tools.inspect.recordings.replaying.checking import check_recording
     from zacoustic.app.tools.inspect.recordings.replaying.checktext import as_text
 
-    verdict = check_recording(arguments.recording)
+    verdict = check_recording(arguments.recording, _cipher_of(arguments.config))
     if arguments.json:
         found = {**msgspec.to_builtins(verdict), "is_same": verdict.is_same}
         print_json(found)
     else:
         print_text(as_text(verdict))
     return EXIT_OK if verdict.is_same else EXIT_FAILED
+
+
+def _cipher_of(path: str | None) -> "CipherOf | None":
+    """Return who gives the keys of the nodes of a configuration; None: it names no key."""
+    from zacoustic.app.tools.fleetfile import read_fleet
+    from zacoustic.seal.keyring import open_keyring
+
+    security = None if path is None else read_fleet(path).security
+    if security is None:
+        return None
+    return lambda address: open_keyring(security, address).cipher
 
 
 def _through(arguments: argparse.Namespace) -> int:

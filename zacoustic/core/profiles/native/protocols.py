@@ -7,7 +7,7 @@ from here.
 This is the native wire; `zacoustic.core.profiles.rmw_desert.protocols` has the other one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from types import MappingProxyType
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
@@ -96,6 +96,7 @@ class Protocols(Profile):
             objects=self.objects,
             heartbeats=self.heartbeats,
             extensions=tuple(self.transports.values()),
+            seal=context.seal,
         )
         self.composer = Composer(context.link, context.handshake, made_of, context.stats)
 
@@ -179,7 +180,7 @@ class Protocols(Profile):
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a frame on a link."""
-        return Envelope(capabilities, self._context.address)
+        return Envelope(capabilities, self._context.address, sealed=self._context.is_sealed)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
@@ -205,6 +206,17 @@ class Protocols(Profile):
         self._context.doubt.settle(now)
         self._context.peers[opened.source].link = self._context.link
         return self.receiver.handle(opened, frame, port, now)
+
+    def receive_unsealed(
+        self,
+        opened: Opened,
+        frame: ReceivedFrame,
+        port: LinkPort,
+        allowed: Set[int],
+        now: int,
+    ) -> tuple[int, ...]:
+        """Take samples out of a frame that nobody has sealed; returns their streams."""
+        return self.receiver.handle_unsealed(opened, frame, port, allowed, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""
@@ -238,8 +250,10 @@ class Protocols(Profile):
         self.actions.use_link(times, settling_ns)
         for each in self.transports.values():
             each.use_link(capabilities, now)
-        self.objects.use_link(capabilities, port.envelope.room_bytes, port.listening.pause_ns, now)
-        oversized = self.queue.limit(port.envelope.room_bytes - TAG_BYTES)
+        seal, room_bytes = self._context.seal, port.envelope.room_bytes
+        fragment_bytes = room_bytes - seal.fragment_overhead_bytes
+        self.objects.use_link(capabilities, fragment_bytes, port.listening.pause_ns, now)
+        oversized = self.queue.limit(room_bytes - (seal.overhead_bytes or TAG_BYTES))
         self.topics.sending.dropped(oversized, now)
         for _ in oversized:
             self._stats.drop("oversized")

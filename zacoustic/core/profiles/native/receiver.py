@@ -33,7 +33,7 @@ object_room``
 ======================  ===================================================================
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from functools import partial
 
 import msgspec
@@ -49,6 +49,9 @@ from zacoustic.core.wire.content import measure_content
 from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.envelope import Opened
 from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
+
+_REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
+"""Whoever says these again has not got the answer."""
 
 
 class Receiver:
@@ -79,6 +82,9 @@ class Receiver:
         """Take one frame apart; returns the streams of what was in it."""
         heard = self._heard(opened, received, port, now)
         self._handshake.begin_frame(heard.source, now, unicast=heard.is_unicast)
+        if opened.life is not None:
+            self._handshake.authentic(heard.source, opened.life, opened.digest, now)
+            heard.epoch = opened.life
         items: list[Item] = []
         for item in self._items(opened, unicast=heard.is_unicast):
             self._drop(self._reception.first(heard, item))
@@ -86,12 +92,39 @@ class Receiver:
                 break
             items.append(item)
         for item in items:
-            self._drop(self._take(heard, item))
+            reason = self._take(heard, item)
+            self._drop(reason)
+            if reason in _REPEATED:
+                self._reception.came_again(heard.source)
         if heard.streams and heard.epoch is not None:
             self._handshake.heard_introduced(
                 heard.source, heard.epoch, now, unicast=heard.is_unicast
             )
         self._reception.read(heard.source, now)
+        return tuple(heard.streams)
+
+    def handle_unsealed(
+        self,
+        opened: Opened,
+        received: ReceivedFrame,
+        port: HearingPort,
+        allowed: Set[int],
+        now: int,
+    ) -> tuple[int, ...]:
+        """Take samples of some topics out of a frame that nobody has sealed; returns their streams.
+
+        Nothing is known of its sender, so nothing else is believed, and no count of samples is.
+        """
+        heard = self._heard(opened, received, port, now)
+        for item in self._items(opened, unicast=heard.is_unicast):
+            if not isinstance(item, Record) or item.stream_id not in allowed:
+                continue
+            stream = self._table.by_id(item.stream_id)
+            if item.prefixes.acknowledged is None and item.prefixes.sync is None:
+                reason = self._reception.record(heard, stream, item)
+                self._drop(reason)
+                if reason is None:
+                    heard.streams.append(item.stream_id)
         return tuple(heard.streams)
 
     def overhear(
@@ -124,10 +157,13 @@ class Receiver:
             return self._reception.second(heard, item)
         heard.streams.append(item.stream_id)
         is_ack = item.prefixes.acknowledged is not None
-        reason = None if is_ack else heard.refusal(item.stream_id)
+        stream = self._table.get(item.stream_id)
+        needs_verdict = not is_ack and not (
+            self._handshake.is_sealed and stream is not None and stream.is_built_in
+        )
+        reason = heard.refusal(item.stream_id) if needs_verdict else None
         if reason is not None:
             return reason
-        stream = self._table.get(item.stream_id)
         if stream is None:
             return "unknown_stream"
         give = self._reception.ack if is_ack else self._reception.record
@@ -143,4 +179,6 @@ class Receiver:
         stream = self._table.get(stream_id)
         if stream is None:
             raise KeyError(stream_id)
+        if self._handshake.is_sealed and not self._handshake.may_measure(source, stream):
+            return None
         return measure_content(stream, buffer, offset, prefixes, source)

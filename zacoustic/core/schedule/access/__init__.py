@@ -10,9 +10,9 @@ One file per policy, all with the interface of `zacoustic.core.schedule.access.b
 `polling`          when one node gives the turn
 =================  =================================================================================
 
-`spec` is what the config says, `choose` makes the policy of it, or picks one by what the link says
-of itself. `listening` holds for all policies without turns: pauses in which others are heard.
-`networktime` is the clock of slots; what policies say is in `zacoustic.core.wire.access`.
+`spec` has the settings; `choose` makes the policy of them, or picks one by the link's capabilities.
+`listening` holds for all policies without turns: pauses in which others are heard. `networktime` is
+the clock of slots; the controls of policies are in `zacoustic.core.wire.access`.
 """
 
 import random

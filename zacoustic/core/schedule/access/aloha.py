@@ -1,16 +1,16 @@
 """ALOHA: a frame goes when it is due, or at the next slot.
 
 Nothing is better where the delay of sound exceeds the frame: what a carrier sense could hear is
-over, and a schedule would be guard time for the most part. With random traffic G of all nodes
-together (in frames per frame's airtime), G·exp(-2G) gets through, at most 18 % of the channel.
+over, and a schedule would mostly be guard time. With random traffic G of all nodes (in frames per
+frame's airtime), G·exp(-2G) gets through, at most 18 % of the channel.
 
 Slots (starts at multiples of a length, in network time) help only as far as the slot has a guard
 for the differences in delay: with a guard of the longest delay aT, 1/(e(1 + a)). A slot as long as
-the frame gains nothing at all: frames that started together arrive at different times. Without a
-clock that is sure, frames go at any instant; a wrong slot is no worse than none.
+the frame gains nothing: frames that start together arrive at different times. Without a sure clock,
+frames go at any instant; a wrong slot is no worse than none.
 
-Back-off: a frame of which nothing was heard probably met another one, and the other sender will try
-again as well. Until the channel carries something again, each waits a random time whose window
+Back-off: a frame without any answer probably collided, and the other sender will repeat its frame
+as well. Until the channel carries something again, each node waits a random time whose window
 doubles. An urgent frame does not wait.
 """
 
@@ -30,7 +30,7 @@ _LATE_LIMIT_NS: Final = NS_PER_S // 50
 
 
 class Aloha(MediumAccess):
-    """Waits for nobody.
+    """Waits for no other node.
 
     Args:
         spec: The settings.
@@ -47,7 +47,7 @@ class Aloha(MediumAccess):
         self._resume_at = 0
 
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
-        """Return the due instant, or that of the next slot, behind the back-off."""
+        """Return the due instant, or the next slot, behind the back-off."""
         due_at = wanted.due_at if wanted.is_urgent else max(wanted.due_at, self._resume_at)
         offset_ns = self._time.offset_ns
         if self._slot_ns is None or offset_ns is None or self._time.sure_at is not None:

@@ -1,7 +1,7 @@
 """Back-off: a random wait whose window doubles with each failure and is small again after success.
 
-Nodes that failed together would fail together again; each draws its own wait. The window is
-bounded, so that a node that failed often still tries.
+Nodes that collided would collide again, so each draws its own wait. The window is bounded, so a
+node that failed often still tries.
 """
 
 import random
@@ -11,7 +11,7 @@ _LARGEST_WINDOW_SLOTS: Final = 32
 
 
 class BackOff:
-    """The window, and draws from it.
+    """The window, and waits drawn from it.
 
     Args:
         slot_ns: Length of the smallest window, ns.

@@ -1,9 +1,9 @@
-"""The interface of a medium access policy: when a frame may start, and what the policy must hear.
+"""The interface of a medium access policy: when a frame may start, and what the policy hears.
 
-A policy answers one question, `ready_at`, and is told what happens: carriers, own transmissions,
-news of arrival or loss, the network's time. Two policies also speak: a poller gives the channel
-away, a clock reference tells the time. What they say are controls of three to eight bytes, in
-frames that go anyway (`controls`) or in one of their own (`speak_at`).
+A policy answers one question, `ready_at`. It is told what happens: carriers, own transmissions,
+acknowledgements and losses, the network's time. Two policies also transmit: a poller gives turns, a
+clock reference tells the time. Their controls take three to eight bytes, in frames that go anyway
+(`controls`) or in one of their own (`speak_at`).
 
 A policy owns no timer. `ready_at` is asked again after every input, and an instant that it returned
 comes back as a time-out.
@@ -26,9 +26,9 @@ class Wanted(msgspec.Struct, frozen=True):
     is_urgent: bool = False
     """It carries a REAL_TIME payload."""
     is_invited: bool = False
-    """It is to arrive in an announced pause of a node that is heard."""
+    """It shall arrive in an announced pause of a node that is heard."""
     is_copy: bool = False
-    """It carries what was just sent, and may follow that at once where it is heard out."""
+    """It repeats what was just sent, and may follow that at once if the other node hears it out."""
 
     def earliest(self, now: int) -> int:
         """The earliest instant at which it could start, ns."""
@@ -39,7 +39,7 @@ class MediumAccess(ABC):
     """Decides when a frame may start."""
 
     is_scheduled: ClassVar[bool] = False
-    """Others have turns of their own by it, so that nobody needs listen windows."""
+    """It gives all nodes turns, so nobody needs listen windows."""
     answers_to: int = BROADCAST
     """Node for which a frame of its own is meant, or `BROADCAST`."""
 
@@ -47,7 +47,7 @@ class MediumAccess(ABC):
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the instant, ns, at which a frame may start: at or before `now` means at once.
 
-        None means that it depends on an input that has not come yet, such as the end of a carrier.
+        None: it depends on an input that has not come yet, such as the end of a carrier.
         """
 
     def speak_at(self, now: int) -> int | None:
@@ -55,7 +55,7 @@ class MediumAccess(ABC):
         return None
 
     def controls(self, room_bytes: int, now: int, *, alone: bool) -> bytes:
-        """Take the controls that a frame is to carry, of at most `room_bytes`.
+        """Take the controls for a frame, of at most `room_bytes`.
 
         Args:
             room_bytes: What the frame has left.
@@ -65,7 +65,7 @@ class MediumAccess(ABC):
         return b""
 
     def handle_carrier(self, busy: bool, now: int) -> None:  # noqa: B027  a policy may ignore it
-        """Somebody else's transmission began or ended."""
+        """Another node's transmission began or ended."""
 
     def handle_transmitted(self, now: int) -> None:  # noqa: B027  a policy may ignore it
         """An own transmission has ended."""

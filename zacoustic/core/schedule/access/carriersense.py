@@ -1,19 +1,18 @@
 """Carrier sense: wait while somebody is heard, then back off by a seeded random time.
 
-On a quiet channel a frame goes at once. While somebody else is heard it waits; transmitting would
-destroy the reception, since modems are half-duplex, and help nobody. When the carrier ends, every
-node that waited would start in the same instant, so each of them draws a back-off: uniform in a
+On a quiet channel a frame goes at once. While another node is heard it waits: modems are
+half-duplex, so transmitting would destroy the reception and help nobody. When the carrier ends,
+every node that waited would start at the same instant, so each draws a back-off: uniform in a
 window of one slot, doubled each time the channel is taken again before the node's turn, back to one
-slot after an own transmission. A slot is the time in which a start of another node can be noticed:
+slot after an own transmission. A slot is the time in which the start of another node is noticed:
 the airtime of a short frame. A node that wanted nothing meanwhile has no back-off, and an urgent
-frame waits for the end of the carrier only.
+frame waits only for the end of the carrier.
 
-A frame for the announced pause of a node that is heard does not wait: it has to leave before that
-pause is heard (`zacoustic.core.schedule.access.listening`).
+A frame for the announced pause of another node does not wait: it has to leave before that pause is
+heard (`zacoustic.core.schedule.access.listening`).
 
-The delay of sound makes carrier sensing weak (a frame that has left the other end is not heard
-yet): it pays for frames that are longer than the delay. Between few nodes it is a courtesy, not a
-schedule.
+The delay of sound weakens carrier sensing (a frame that has left the other end is not heard yet):
+it pays for frames longer than the delay. Between few nodes it is a courtesy, not a schedule.
 
 A carrier whose end is never reported (a modem that forgets a notification) is taken to have ended
 after twice the airtime of the largest frame.
@@ -31,7 +30,7 @@ _CARRIER_LIMIT_FRAMES: Final = 2
 
 
 class CarrierSense(MediumAccess):
-    """Waits for the end of a carrier and a random time behind it.
+    """Waits for the end of a carrier, then for a random time.
 
     Args:
         capabilities: The link's, for its airtime.
@@ -48,7 +47,7 @@ class CarrierSense(MediumAccess):
         self._waits = False
 
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
-        """Return the end of the back-off, or of the longest carrier that is possible."""
+        """Return the end of the back-off, or of the longest possible carrier."""
         if wanted.is_invited:
             return wanted.due_at
         if self._busy_since is not None:
@@ -62,7 +61,7 @@ class CarrierSense(MediumAccess):
         return max(wanted.due_at, clear_at)
 
     def handle_carrier(self, busy: bool, now: int) -> None:
-        """Note the carrier; whoever waited for its end draws a back-off."""
+        """Take note of the carrier; at its end, draw a back-off if a frame waited for it."""
         if busy:
             if now < self._resume_at and self._waits:
                 self._back_off.grow()

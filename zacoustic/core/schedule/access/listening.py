@@ -1,46 +1,46 @@
-"""Listen windows: whoever speaks for long stops now and then, so that others reach it.
+"""Listen windows: a node that transmits for long pauses regularly, so that others reach it.
 
-A half-duplex modem that sends is deaf. A node that sends one frame behind the other (an object, a
-thousand queued samples) would not hear an emergency, nor the acknowledgement that it waits for. So
-no node transmits for more than four seconds without a pause, which holds a short frame and some
-uncertainty about the distance; frames in a row are a *run*, and runs and pauses alternate in a
+A half-duplex modem is deaf while it transmits. A node that sends one frame behind the other (an
+object, a thousand queued samples) would not hear an emergency, nor the acknowledgement that it
+waits for. So no node transmits for more than four seconds without a pause that holds a short frame
+and some uncertainty about the distance. Frames in a row are a *run*; runs and pauses alternate in a
 fixed rhythm as long as there is something to send.
 
 The delay of sound makes the rhythm necessary. At 1 km a frame that was sent when the pause was
 heard arrives 1.3 s after it began, when the next run is under way. The other node must start
-*before* it hears the pause, by the way there and back. So the pause is announced: a TURN for
-anybody says in how long it begins, seen from the beginning of the frame, and whoever has heard it
-computes the later ones from the same rhythm. It costs three bytes in the second frame of a first
-run and in one of every third run, and only while so much waits that the run will be full. Payloads
-that fill a frame leave no room for it; who makes them can announce the pause in a way of its own
-and hand it to `heard_pause` at the other end; `end_run` tells this one.
+*before* it hears the pause, by the round trip. So the pause is announced: a TURN for anybody says
+when it begins, counted from the beginning of the frame, and a node that has heard it computes the
+later pauses from the same rhythm. The TURN costs three bytes in the second frame of a first run and
+in one of every third run, and only while so much waits that the run will be full. Payloads that
+fill a frame leave no room for it; their mechanism can announce the pause in its own way and hand it
+to `heard_pause` at the other end; `end_run` tells this one.
 
-A rhythm that was told is kept until nothing was said for more than a period: while an answer is
-awaited it goes on, and the next run begins in its midst. What is smaller than a full frame, a
-report among the fragments of a photo, leaves no room for a whole number of those: the last one
-waits until it ends with the run, so that it can say that the pause follows (`sends_full`). Where
-none fits, the pause is longer: one begins when the last frame ends, and ends when it was to end.
-Such a frame does not say that a pause follows (`frames_before_pause`).
+An announced rhythm is kept until nothing was transmitted for more than a period: while an answer is
+awaited it goes on, and the next run begins in its midst. A smaller frame, such as a report among
+the fragments of a photo, leaves no room for a whole number of fragments: the last one waits until
+it ends with the run, so that it can announce the pause (`sends_full`). If none fits, the pause is
+longer: it begins when the last frame ends, and ends as planned. Such a frame does not announce a
+pause (`frames_before_pause`).
 
-Whoever hears a run and does not know its pauses has to hear an announcement, and does not speak
-meanwhile (`listens_until`). If none came where carriers are sensed, copies of an emergency go for a
-whole period, whoever is heard: one of them is in the pause (`search_ns`). What is heard of others
-is in `zacoustic.core.schedule.access.otherruns`.
+A node that hears a run and does not know its pauses has to hear an announcement, and does not
+transmit meanwhile (`listens_until`). If none came where carriers are sensed, copies of an emergency
+go for a whole period, whatever is heard: one of them is in the pause (`search_ns`). What is heard
+of others is in `zacoustic.core.schedule.access.otherruns`.
 
-While another node is in a run, a frame of ours starts so that it arrives in the next pause, and is
-to be short (`comfort_ns`): a longer one goes nevertheless. Any one frame may be lost, and the next
-pause is four seconds away. So where carriers are sensed, whoever pauses hears out what begins in
-its pause; and when no frame came of it, it waits for another one to follow at once, again and
-again, for the airtime of the largest frame and the way there and back (`_heard_out_until`). Whoever
-has something pressing to say counts on that, and sends a few copies in a row (`is_heard_out`,
-`zacoustic.core.schedule.copies`); what is for another node than the one that pauses may arrive
-there by the way there and back too early, so it goes on for that much longer (`detour_ns`). A pause
-that is longer for that costs a frame, but not the rhythm.
+While another node is in a run, a frame of this node starts so that it arrives in the next pause,
+and shall be short (`comfort_ns`); a longer one goes nevertheless. Any one frame may be lost, and
+the next pause is four seconds away. So where carriers are sensed, the pausing node hears out what
+begins in its pause. If no frame came of it, it waits for another one to follow at once, again and
+again, for the airtime of the largest frame and the round trip (`_heard_out_until`). A node with
+something urgent counts on that and sends a few copies in a row (`is_heard_out`,
+`zacoustic.core.schedule.copies`). A frame for another node than the pausing one may arrive too
+early by the round trip, so the row goes on for that much longer (`detour_ns`). A pause that is
+longer because of that costs a frame, but not the rhythm.
 
-`exclusive` switches the own pauses off, for a transfer that is agreed to have the channel alone.
+`exclusive` switches the own pauses off, for a transfer that has the channel alone by agreement.
 Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent. Nor
-do devices that hear while they send; DESERT counts as one, since its airtime is waiting, and sound
-for some hundredths.
+do devices that hear while they send; DESERT counts as one, since its airtime is mostly waiting,
+with sound for some hundredths of it.
 """
 
 from typing import Final
@@ -52,9 +52,9 @@ from zacoustic.core.wire.access import ANYBODY, TURN_BYTES, Turn
 ANNOUNCED_RUNS: Final = 3
 """Runs for which one announcement holds."""
 _BACKLOG_FRAMES: Final = 2
-"""Frames that must be to send behind the pause, so that it is one."""
+"""Frames that must wait behind the pause to make it worth while."""
 _LISTENED_PERIODS: Final = 2
-"""For so many runs and pauses an announcement is awaited: at 40 % loss one comes in 84 of 100
+"""An announcement is awaited for this many runs and pauses: at 40 % loss one comes in 84 of 100
 cases."""
 _LISTENED_PERIODS_OF_SEARCH: Final = 1
 """The same before something urgent that finds the pause by itself."""
@@ -71,22 +71,22 @@ class Listening(OtherRuns):
     def __init__(self, capabilities: LinkCapabilities) -> None:
         super().__init__(capabilities)
         self.sends_full = False
-        """What waits fills frames, and announces a pause where one ends with the run."""
+        """The waiting payloads fill frames, and announce a pause if one ends with the run."""
         self.exclusive = False
         """A transfer has the channel alone: no pauses."""
         self._run_begun_at = 0
         self._last_ended_at: int | None = None
         self._is_announced = False
-        """Others were told of the rhythm, since it began."""
+        """Other nodes were told of the rhythm since it began."""
         self._runs_since_announcement = ANNOUNCED_RUNS
         self._announces = False
         self._ends_run = False
         self._row_since: int | None = None
-        """Since when others are heard, one sound at once behind the other, ns."""
+        """Instant since when others are heard, one sound directly behind the other, ns."""
         self._row_ends_at: int | None = None
-        """Until when a sound is awaited behind one of which no frame came, ns."""
+        """Instant until which a sound is awaited behind one that gave no frame, ns."""
         self._is_understood = False
-        """A frame came of the sound that is, or was, heard."""
+        """The sound that is, or was, heard gave a frame."""
         self._burst_at: int | None = None
         """Start of the first own frame of those that followed each other at once."""
         self._searches = False
@@ -103,7 +103,7 @@ class Listening(OtherRuns):
         return paused_until if paused_until > at else due_at
 
     def comfort_ns(self, now: int, *, is_copy: bool = False) -> int | None:
-        """How long a frame that starts now had better be, at most, ns; None: no matter.
+        """Return the longest desirable airtime of a frame that starts now, ns; None: any.
 
         Args:
             now: The instant.
@@ -120,9 +120,9 @@ class Listening(OtherRuns):
         return 0 if is_short else None
 
     def frames_before_pause(self, now: int) -> int:
-        """How many of the largest frames, one that starts now included, go before the pause.
+        """Return how many of the largest frames go before the pause, one that starts now included.
 
-        1 is only said of a frame behind which others may expect the pause, and all that follow.
+        1 only if others may expect the pause behind this frame, and behind all that follow.
         """
         if not self._continues(now):
             begin_at = self._told_begin_at(now)
@@ -135,13 +135,13 @@ class Listening(OtherRuns):
         return has_pauses and self.frames_before_pause(now) == 1
 
     def end_run(self) -> None:
-        """The frame that is about to start says that a pause follows."""
+        """Take note: the frame that is about to start announces a pause."""
         self._ends_run = True
 
     def controls(
         self, room_bytes: int, backlog_bytes: int, now: int, *, has_object: bool = False
     ) -> bytes:
-        """Announce the pause, if that is worth it.
+        """Return the announcement of the pause, if it is worth it.
 
         Args:
             room_bytes: What the frame, which starts now, has left.
@@ -166,7 +166,7 @@ class Listening(OtherRuns):
         return Turn(ANYBODY, begun_at + self._run_ns - now).encode()
 
     def handle_started(self, now: int) -> None:
-        """An own frame is handed to the link."""
+        """Take note of an own frame that goes to the link."""
         if not self._follows_at_once(now):
             self._burst_at = now
             is_run = self._senses_carrier and now <= self._run_heard_until
@@ -183,7 +183,7 @@ class Listening(OtherRuns):
             self._runs_since_announcement = 0
 
     def handle_transmitted(self, started_at: int, ended_at: int) -> None:
-        """That frame has ended; it began when the device was ready."""
+        """Take note of its end; it began when the device was ready."""
         is_told = self._is_told(started_at)
         if not is_told and not self._continues(started_at):
             self._run_begun_at = started_at
@@ -197,7 +197,7 @@ class Listening(OtherRuns):
             self._runs_since_announcement = 0
 
     def handle_carrier(self, busy: bool, now: int) -> None:
-        """Somebody else began to be heard, or is not heard any more."""
+        """Another node began to be heard, or is not heard any more."""
         if busy:
             if self._busy_since is None:
                 self._is_understood = False
@@ -239,8 +239,8 @@ class Listening(OtherRuns):
     def listens_until(self, at: int, *, is_urgent: bool, follows: bool) -> int:
         """Return until when to listen for an announcement before a frame starts, ns; or `at`.
 
-        Whoever speaks into a run is not heard, and hears nothing of when it ends. But a run may be
-        one that is never announced, so it is not listened to for ever.
+        A node that transmits into a run is not heard, and does not hear when it ends. But a run may
+        be one that is never announced, so the wait is bounded.
 
         Args:
             at: When the frame is to start.
@@ -273,7 +273,7 @@ class Listening(OtherRuns):
         return self.period_ns if self._searches else 0
 
     def is_heard_out(self, at: int) -> bool:
-        """Tell whether what was sent last went into a pause, and a short frame may follow there.
+        """Tell whether the last frame went into a pause, and a short one may follow it there.
 
         So it may where the pause is not known, for one period: then it is in one of these frames.
         """
@@ -386,7 +386,7 @@ class Listening(OtherRuns):
         return at <= self._burst_at + self.period_ns + self._patience_ns
 
     def _is_in_pause(self, at: int) -> bool:
-        """Whether what was sent last went into a pause, and a short frame may follow there."""
+        """Whether the last frame went into a known pause, and a short one may follow it there."""
         if self._burst_at is None:
             return False
         rhythms = self._active(self._burst_at)

@@ -1,4 +1,4 @@
-"""One goal that this node has sent, and what it waits for."""
+"""One goal that this node has sent, and its state."""
 
 import enum
 
@@ -8,16 +8,16 @@ from zacoustic.core.wire.goals import GoalKey
 
 
 class ClientStage(enum.Enum):
-    """How far a goal is, as its client knows."""
+    """State of a goal at its client."""
 
     OFFERED = "offered"
     """The server has not answered."""
     FOUND = "found"
-    """A former life has sent it; what became of it is asked."""
+    """A former life sent it; its outcome is asked."""
     RUNS = "runs"
     """The server has accepted it."""
     ENDED = "ended"
-    """Its end is being written down."""
+    """Its end is being journalled."""
 
 
 class ClientGoal:
@@ -46,12 +46,12 @@ class ClientGoal:
         self.deadline_at = deadline_at
         self.tag = tag
         self.claim_at: int | None = None
-        """Instant at which it is asked what became of it, ns; None: it is being asked, or need
-        not be."""
+        """Instant at which its outcome is asked, ns; None: the question is under way, or not
+        needed."""
         self.numbers: GoalNumbers | None = None
-        """Where its number came from; None for a goal of a former life."""
+        """Source of its number; None for a goal of a former life."""
         self.index = 0
-        """How many goals had begun there before."""
+        """How many goals had begun there before it."""
         self.offer: Repetition | None = None
         """The GOAL."""
         self.claim: Repetition | None = None
@@ -61,23 +61,23 @@ class ClientGoal:
         self.cancel_wanted = False
         """The application waits for an answer to its cancel."""
         self.cancel_stands = False
-        """The server has said that the goal will end."""
+        """The server has agreed to end the goal."""
         self.attempt = -1
         """The last attempt to cancel it, counted from 0; -1: there was none."""
         self.attempts_journalled = 0
-        """How many attempts may be sent, for what is written down."""
+        """How many attempts the journal allows."""
         self.repetitions: list[Repetition] = []
-        """All that was ever to be sent of it."""
+        """All repetitions for it, ended ones included."""
 
     @property
     def due_at(self) -> int | None:
-        """Instant at which something is to be done about it, ns."""
+        """Instant of the next step, ns."""
         if self.stage is ClientStage.ENDED:
             return None
         return self.deadline_at if self.claim_at is None else min(self.claim_at, self.deadline_at)
 
     @property
     def is_unsent(self) -> bool:
-        """The server cannot have it: nothing of it has been on the air."""
+        """The server cannot have it: it was never transmitted."""
         is_new = self.stage is ClientStage.OFFERED
         return is_new and all(each.tries == 0 for each in self.repetitions)

@@ -1,7 +1,7 @@
-"""What a client of actions writes down: which goals it has sent, and which cancels of them.
+"""The journal of a client of actions: the goals that it has sent, and its cancels.
 
-Attempt 0 to cancel a goal needs no entry of its own: that a goal was sent is written down before,
-and the next life begins at attempt 1. A later attempt is written down before it is sent.
+Attempt 0 to cancel a goal needs no entry of its own: the goal was journalled before it was sent,
+and the next life begins at attempt 1. A later attempt is journalled before it is sent.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -25,11 +25,11 @@ class _Journalled(msgspec.Struct, frozen=True, array_like=True):
     digest: bytes
     tag: bytes
     attempts: int = 1
-    """How many attempts to cancel it may have been sent."""
+    """How many cancels of it may have been sent."""
 
 
 class ClientJournal:
-    """Writes down the goals that one node has sent.
+    """Journals the goals that one node has sent.
 
     Args:
         address: Address of the node.
@@ -44,11 +44,11 @@ class ClientJournal:
 
     @property
     def failure(self) -> str:
-        """Why nothing can be written down now; empty: it can."""
+        """Why nothing can be journalled now; empty: it can."""
         return self._journal.failure
 
     def recover(self, stored: Mapping[str, bytes]) -> Iterator[ClientGoal]:
-        """Yield the goals that a former life has sent; what nobody can read any more is deleted."""
+        """Yield the goals of a former life; delete entries that cannot be read."""
         for name, value in stored.items():
             if not name.startswith(f"{_JOURNAL}/"):
                 continue
@@ -66,14 +66,14 @@ class ClientJournal:
             yield goal
 
     def keep(self, goal: ClientGoal, then: Callable[[int], None], now: int) -> None:
-        """Write down that a goal is sent, and its cancels up to `goal.attempt`; then go on."""
+        """Journal a goal and its cancels up to `goal.attempt`; then continue."""
         stream = self._table.by_id(goal.key.stream_id)
         goal.attempts_journalled = max(goal.attempt, 0) + 1
         kept = _Journalled(stream.digest, goal.tag, goal.attempts_journalled)
         self._write(goal.key, msgspec.msgpack.encode(kept), then, now)
 
     def forget(self, key: GoalKey, then: Callable[[int], None], now: int) -> None:
-        """Write down that the end of a goal was told; then go on."""
+        """Delete the entry of a goal whose end was reported; then continue."""
         self._write(key, None, then, now)
 
     def _write(

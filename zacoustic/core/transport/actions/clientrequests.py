@@ -1,4 +1,4 @@
-"""What a client of an action sends again and again: a goal, a question after it, a cancel."""
+"""The repeated requests of a client of an action: a goal, a question about it, a cancel."""
 
 from typing import Final
 
@@ -13,7 +13,7 @@ _NEVER: Final = 1 << 62
 
 
 class ClientRequests:
-    """Sends for the goals of one client.
+    """Sends the requests of one client.
 
     Args:
         table: Its streams.
@@ -42,7 +42,7 @@ class ClientRequests:
         goal.claim = self._repeat(goal, Operation.CLAIM, GoalLane.CLAIM, now)
 
     def insist(self, goal: ClientGoal, now: int) -> None:
-        """Ask now what became of a goal: its end was said, and not heard."""
+        """Ask at once what became of a goal: its end was sent, and not heard."""
         if goal.claim is None:
             self.claim(goal, now)
         else:

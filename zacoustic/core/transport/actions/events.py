@@ -1,4 +1,4 @@
-"""What actions tell the application."""
+"""Events of actions for the application."""
 
 from typing import Any
 
@@ -26,7 +26,7 @@ class CancelRequested(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GoalRecovered(msgspec.Struct, frozen=True, kw_only=True):
-    """A former life of this node has sent a goal whose end it did not learn; it goes on."""
+    """A former life of this node sent a goal and did not learn its end; the goal goes on."""
 
     goal: GoalKey
     """Names it, as in the former life."""
@@ -35,7 +35,7 @@ class GoalRecovered(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GoalAnswered(msgspec.Struct, frozen=True, kw_only=True):
-    """The server has accepted or refused a goal of this node; refused, that is its end."""
+    """The server has accepted or refused a goal of this node; a refusal is its end."""
 
     goal: GoalKey
     """Names it."""
@@ -48,7 +48,7 @@ class GoalAnswered(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FeedbackReceived(msgspec.Struct, frozen=True, kw_only=True):
-    """The server tells how far a goal of this node is."""
+    """Progress of a goal of this node."""
 
     goal: GoalKey
     """Names it."""
@@ -79,7 +79,7 @@ class ResultReceived(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GoalFailed(msgspec.Struct, frozen=True, kw_only=True):
-    """A goal of this node has no result, and none will come."""
+    """A goal of this node has no result and will get none."""
 
     goal: GoalKey
     """Names it."""

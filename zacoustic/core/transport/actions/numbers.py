@@ -1,6 +1,6 @@
 """Which of the 32 numbers of a client's goals on one stream are free.
 
-Numbers come again, so both ends must agree when one is free. The rules are those of calls
+Numbers are used again, so both ends must agree when one is free. The rules are those of calls
 (`zacoustic.core.transport.calls.calls`), with other figures:
 
 1. No goal is begun before the one `WINDOW` numbers earlier has ended, and nothing that was sent of
@@ -29,7 +29,7 @@ def closes(number: int, other: int) -> bool:
 
 
 class GoalNumbers:
-    """The numbers of one stream in one epoch; goals are counted by an *index* from 0.
+    """The numbers of one stream in one epoch; an *index* counts goals from 0.
 
     Args:
         first_number: Number of the first goal, 0…31.
@@ -69,13 +69,13 @@ class GoalNumbers:
 
     @property
     def is_stuck(self) -> bool:
-        """The next goal may not begin, and no passing of time will change that."""
+        """The next goal may not begin, and waiting will not change that."""
         oldest = min(self._open, default=self._next)
         closed_below = self._proofs[-1][1] if self._proofs else self._closed_below
         return self._next - oldest >= WINDOW or self._next - GOAL_NUMBERS >= closed_below
 
     def proved(self, index: int, settled_at: int) -> None:
-        """The server has shown that it has the goal of this index, and closed what is far behind.
+        """The server has proved that it has the goal of this index, and closed those far behind it.
 
         Args:
             index: Of the goal.
@@ -87,12 +87,12 @@ class GoalNumbers:
             self._proofs.append((settled_at, below))
 
     def ended(self, index: int, sent: Iterable[Repetition]) -> None:
-        """A goal has ended; of this, which was sent, something may still be on its way."""
+        """A goal has ended; if it was sent, frames of it may still be under way."""
         self._open.discard(index)
         self._ended[index] = tuple(sent)
 
     def rest(self, number: int, until: int) -> None:
-        """Something of the last goal of that number is still on its way, until an instant, ns."""
+        """Frames of the last goal of that number are under way until an instant, ns."""
         self._rests_until[number] = until
 
     # Below the methods above

@@ -1,4 +1,4 @@
-"""Gets what is said about goals onto the queue: once, or again and again."""
+"""Queues records about goals: once, or repeated."""
 
 import enum
 from collections.abc import Callable
@@ -40,13 +40,14 @@ class GoalLane(enum.IntEnum):
 
 
 _SHARED: Final = (GoalLane.GOAL, GoalLane.RESULT)
-"""Lanes in which the goals between two nodes wait in their order; else each goal has its own."""
+"""Lanes that the goals between two nodes share, in their order; in other lanes each goal is
+alone."""
 _HEADER_BYTES: Final = 2 + FORMER_BYTES
 _URGENT: Final = (GoalLane.CANCEL, GoalLane.CANCEL_ANSWER)
 
 
 class _Said(Waiting):
-    """What is said once about a goal; whether with its epoch is decided when the frame goes."""
+    """A record that is sent once; whether it has an epoch is decided when the frame goes."""
 
     __slots__ = ("heading",)
     heading: Callable[[], bytes]
@@ -57,7 +58,7 @@ class _Said(Waiting):
 
 
 class _Repeated(Waiting):
-    """What is repeated about a goal; as `_Said`."""
+    """A repeated record about a goal; as `_Said`."""
 
     __slots__ = ("heading",)
     heading: Callable[[], bytes]
@@ -100,7 +101,7 @@ class GoalOutbox:
         now: int,
         payload: bytes = b"",
     ) -> None:
-        """Say something once; it takes the place of what waits in its lane."""
+        """Send a record once; it replaces what waits in its lane."""
         qos = Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=self._linger_s)
         if lane in _URGENT:
             qos = Qos(priority=Priority.REAL_TIME)
@@ -124,7 +125,7 @@ class GoalOutbox:
     def feed(
         self, goal: GoalKey, stream: Stream, peer: int, payload: bytes, interval_s: float, now: int
     ) -> None:
-        """Send feedback; it takes the place of what waits, and keeps its age."""
+        """Send feedback; it replaces what waits, and keeps its age."""
         qos = msgspec.structs.replace(
             stream.qos, depth=1, lifespan_s=None, min_interval_s=interval_s
         )
@@ -154,7 +155,7 @@ class GoalOutbox:
         until: int,
         is_reminded: bool = False,
     ) -> Repetition:
-        """Say something until it is stopped, or until an instant, ns.
+        """Repeat a record until it is stopped, or until an instant, ns.
 
         Args:
             goal: What it is about.
@@ -202,11 +203,11 @@ class GoalOutbox:
             self._repeater.stop(repetition, now, answered=answered)
 
     def again(self, repetition: Repetition) -> None:
-        """Repeat at once: the other end has shown that it lacks the record."""
+        """Repeat at once: the other end lacks the record."""
         self._repeater.again(repetition)
 
     def withdraw(self, goal: GoalKey, peer: int, *lanes: GoalLane) -> None:
-        """Take back what waits to be said of a goal."""
+        """Take back the waiting records of a goal."""
         for lane in lanes:
             self._queue.drop_lane(_lane_key(goal, peer, lane))
 
@@ -226,8 +227,8 @@ class GoalOutbox:
     def needs_no_epoch(self, goal: GoalKey) -> bool:
         """Tell whether the other end takes a record without an epoch for one about this goal.
 
-        A client takes such a record only when it has been told that its epoch is known to the
-        server, in the same frame or before: else the record might be meant for another life.
+        A client takes such a record only if the server has told it, in the same frame or before,
+        that it knows its epoch: otherwise the record might be meant for another life.
         """
         if goal.client == self._address:
             return goal.epoch == self._handshake.epoch

@@ -1,4 +1,4 @@
-"""One goal that this node was sent, and how far it is."""
+"""One goal that this node serves, and its state."""
 
 import enum
 
@@ -7,10 +7,10 @@ from zacoustic.core.wire.goals import GoalKey
 
 
 class ServedStage(enum.Enum):
-    """How far a goal is at its server."""
+    """State of a goal at its server."""
 
     TAKEN = "taken"
-    """It is being written down; the application does not know it."""
+    """It is being journalled; the application does not know it."""
     OFFERED = "offered"
     """The application has not answered."""
     RUNS = "runs"
@@ -22,12 +22,12 @@ class ServedStage(enum.Enum):
 
 
 class CancelStage(enum.Enum):
-    """What the client wants of a goal that runs, or may yet run."""
+    """The client's wish to end a goal that runs, or may still run."""
 
     NONE = "none"
     """Nothing."""
     WANTED = "wanted"
-    """That it ends; the application does not know it yet."""
+    """The client wants its end; the application does not know it yet."""
     ASKED = "asked"
     """The application has not answered."""
     ACCEPTED = "accepted"
@@ -43,7 +43,7 @@ class ServedGoal:
         key: Names it.
         stage: How far it is.
         deadline_at: Instant after which its client does not wait for an answer any more, ns.
-        forget_at: Instant from which it need not be known, ns; None: as long as it runs.
+        forget_at:Instant from which it may be forgotten, ns; None: it runs.
     """
 
     __slots__ = (
@@ -61,7 +61,7 @@ class ServedGoal:
         self.answer = b""
         """Payload of REFUSED or RESULT."""
         self.is_journalled = False
-        """The answer is written down and may be sent."""
+        """The answer is journalled and may be sent."""
         self.is_confirmed = False
         """The client has the result."""
         self.claimed_in: int | None = None

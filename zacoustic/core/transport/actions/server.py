@@ -1,4 +1,4 @@
-"""The goals that this node was sent: shown to the application once, and their ends kept."""
+"""The goals that this node serves: shown to the application once, their ends kept."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -35,8 +35,8 @@ from zacoustic.errors import LocalError, PayloadInvalidError
 
 _JOURNAL: Final = "goal/taken"
 _WORTH_A_REMINDER_BYTES: Final = 8
-"""From this size on a reminder, and sometimes the question that it calls forth, takes less than one
-more copy of a result."""
+"""From this size on a reminder, and the question that sometimes follows, costs less than one more
+copy of a result."""
 _NEVER: Final = 1 << 62
 
 
@@ -49,7 +49,7 @@ class _Journalled(msgspec.Struct, frozen=True, array_like=True):
 
 
 class GoalServer:
-    """The goals that one node was sent.
+    """The goals that one node serves.
 
     Args:
         context: What the components of its engine share.
@@ -70,7 +70,7 @@ class GoalServer:
         """Time within which a repetition of a frame arrives, ns."""
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with the goals of a former life: what ran then has an unknown end."""
+        """Continue the goals of a former life: those that ran then have an unknown end."""
         for name, value in stored.items():
             if not name.startswith(f"{_JOURNAL}/"):
                 continue
@@ -196,7 +196,7 @@ class GoalServer:
         return None
 
     def client_restarted(self, client: int, now: int) -> None:
-        """Say no more of a client's goals of other epochs, unless it asks for them."""
+        """Stop repeating a client's goals of other epochs, unless it asks for them."""
         for goal in self._goals.values():
             if goal.key.client == client and not self._is_wanted(goal):
                 self._outbox.stop(goal.repetition, now)
@@ -213,7 +213,7 @@ class GoalServer:
     # Below the methods above
 
     def _forget_at(self, goal: ServedGoal, instant: int | None) -> None:
-        """Know a goal until an instant, ns, or as long as it runs."""
+        """Remember a goal until an instant, ns, or as long as it runs."""
         goal.forget_at = instant
         if instant is None:
             self._timers.cancel((Due.SERVED_GOAL, goal.key))
@@ -229,12 +229,12 @@ class GoalServer:
         return spec
 
     def _is_wanted(self, goal: ServedGoal) -> bool:
-        """Tell whether the client's present life is known, or hoped, to know the goal."""
+        """Tell whether the client's present life knows, or may know, the goal."""
         present = self._handshake.peer(goal.key.client).epoch
         return present is None or present in (goal.key.epoch, goal.claimed_in)
 
     def _take(self, key: GoalKey, stage: ServedStage, now: int) -> ServedGoal | None:
-        """Note a goal that is new; None when there are too many."""
+        """Remember a new goal; None when there are too many."""
         for other in [*self._goals.of(key)]:
             if other.key.epoch == key.epoch and closes(key.number, other.key.number):
                 self._forget(other, now)
@@ -301,7 +301,7 @@ class GoalServer:
         return None
 
     def _attempt_cancel(self, goal: ServedGoal, attempt: int) -> None:
-        """Take another attempt to cancel; while the application is asked, it answers that too."""
+        """Take another attempt to cancel; an answer that is awaited already is for that too."""
         goal.cancel_attempt = attempt
         if goal.stage is ServedStage.OFFERED:
             goal.cancel = CancelStage.WANTED
@@ -324,14 +324,14 @@ class GoalServer:
             self._outbox.say(goal.key, stream, client, operation, lane, now, payload)
 
     def _say(self, goal: ServedGoal, operation: Operation, now: int) -> None:
-        """Say how far a goal is, to whoever has asked."""
+        """Send the state of a goal to the node that has asked."""
         if self._is_wanted(goal):
             payload = goal.answer if operation is Operation.REFUSED else b""
             stream, client = self._stream(goal), goal.key.client
             self._outbox.say(goal.key, stream, client, operation, GoalLane.ANSWER, now, payload)
 
     def _answer_again(self, goal: ServedGoal, now: int) -> None:
-        """The client has not heard how far a goal is."""
+        """Answer again: the client has not heard the state of a goal."""
         match goal.stage:
             case ServedStage.TAKEN:
                 pass
@@ -378,7 +378,7 @@ class GoalServer:
         self._keep(goal, kept, now)
 
     def _push(self, goal: ServedGoal, now: int) -> None:
-        """Send a result until it is confirmed, or nobody waits for it any more."""
+        """Repeat a result until it is confirmed, or nobody waits for it any more."""
         if goal.is_confirmed or not self._is_wanted(goal):
             return
         assert goal.forget_at is not None
@@ -417,7 +417,7 @@ class GoalServer:
             self._journal.write(_journal_name(goal.key), None)
 
     def _keep(self, goal: ServedGoal, then: Callable[[int], None], now: int) -> None:
-        """Write down how far a goal is, then go on."""
+        """Journal the state of a goal, then continue."""
         stream = self._stream(goal)
         if not stream.spec.journal:
             then(now)

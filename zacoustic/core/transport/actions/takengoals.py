@@ -1,4 +1,4 @@
-"""The goals that a server knows of, by client: bounded, whoever sends them."""
+"""The goals that a server remembers, by client; bounded, whoever sends them."""
 
 from collections.abc import Collection
 from typing import Final
@@ -7,9 +7,9 @@ from zacoustic.core.transport.actions.servedgoal import ServedGoal
 from zacoustic.core.wire.goals import GOAL_NUMBERS, GoalKey
 
 MOST_OF_ONE: Final = 2 * GOAL_NUMBERS
-"""Goals of one client on one stream: those that two lives of it can have."""
+"""Most goals of one client on one stream: those of two of its lives."""
 MOST_GOALS: Final = 1024
-"""Goals of all clients together, those included whose addresses somebody has forged."""
+"""Most goals of all clients, including those whose addresses somebody has forged."""
 
 
 class TakenGoals:
@@ -32,17 +32,17 @@ class TakenGoals:
         return self._by_client.get((key.client, key.stream_id), {}).values()
 
     def has_room(self, key: GoalKey) -> bool:
-        """Tell whether a goal that is not known can be."""
+        """Tell whether there is room for a new goal."""
         return len(self.of(key)) < MOST_OF_ONE and len(self._all) < MOST_GOALS
 
     def add(self, goal: ServedGoal) -> None:
-        """Know a goal from now on."""
+        """Remember a goal."""
         key = goal.key
         self._all[key] = goal
         self._by_client.setdefault((key.client, key.stream_id), {})[key] = goal
 
     def remove(self, goal: ServedGoal) -> None:
-        """Know a goal no more."""
+        """Forget a goal."""
         key = goal.key
         place = (key.client, key.stream_id)
         del self._all[key]

@@ -46,6 +46,21 @@ class StreamOverridden(msgspec.Struct, frozen=True, kw_only=True):
     """Instant, ns."""
 
 
+class CommandHandled(msgspec.Struct, frozen=True, kw_only=True):
+    """A command of another node that changes something was executed, or any one refused."""
+
+    commanded_by: int
+    """Address of the commanding node."""
+    kind: CommandKind | None
+    """What was wanted; None: it was refused."""
+    stream_id: int | None
+    """The topic that it was about, or None."""
+    refusal: str
+    """Why it was refused, one line; empty: it was executed."""
+    handled_at: int
+    """Instant, ns."""
+
+
 class Commands:
     """What a node commands others to do, and does for them.
 
@@ -75,7 +90,7 @@ class Commands:
         self._handshake = node.handshake
         self._silence = silence
         self._deduplication = DeduplicationTable(node.stored, node.journal)
-        self._emit: Callable[[StreamOverridden], None] = node.emit
+        self._emit: Callable[[StreamOverridden | CommandHandled], None] = node.emit
         self._serial = 0
         node.peers.forgotten.connect(self._deduplication.peer_forgotten)
         stream = node.table.get(COMMANDS_STREAM_ID)
@@ -198,9 +213,24 @@ class Commands:
 
     def _answer(self, call: CallKey, command: RemoteCommand, now: int) -> None:
         self._carrier.reply(call, self.state(command, now).to_wire(), now)
+        if command.changes:
+            self._note(call.client, command, "", now)
 
     def _refuse(self, call: CallKey, reason: str, now: int) -> None:
         self._carrier.reply_error(call, CallFailure.HANDLER, reason, now)
+        self._note(call.client, None, reason, now)
+
+    def _note(self, by: int, command: RemoteCommand | None, refusal: str, now: int) -> None:
+        """Tell the application of a command that was executed or refused."""
+        self._emit(
+            CommandHandled(
+                commanded_by=by,
+                kind=None if command is None else command.kind,
+                stream_id=None if command is None else command.stream_id,
+                refusal=refusal,
+                handled_at=now,
+            )
+        )
 
     # Below the methods above
 

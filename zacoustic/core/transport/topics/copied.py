@@ -1,11 +1,11 @@
 """Urgent best-effort samples go several times while another node is in a run.
 
 A best-effort sample is neither acknowledged nor repeated, and most of those for a node that sends
-an object would collide with its run. A sample of priority `real_time` that is published while a run
-is heard goes eight times, four copies in each of two pauses
-(`zacoustic.core.schedule.access.listening`): at 40 % loss one of a thousand is lost. SYNC numbers
-it, so that it is delivered once; a sample that is published without a run goes once, without a
-number.
+an object would collide with its run. A sample of priority `real_time` goes eight times, four copies
+in each of two pauses (`zacoustic.core.schedule.access.listening`), if a run is heard when its first
+frame is composed, or somebody listens for an answer after one: at 40 % loss one of a thousand is
+lost. SYNC numbers it, so that it is delivered once. Any other sample goes once, without a number;
+so it is lost if a run begins just then, of which nothing is heard yet.
 
 A newer sample of its key ends the copies of one that was sent; so does half a minute: a subscriber
 that restarts knows no numbers, and would take an old one for new.

@@ -28,7 +28,7 @@ from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.transport.topics.publication import EncodedSample, Publication, encode_sample
 from zacoustic.core.values.age import decode_age_s
-from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.payload import PayloadError, ReferenceUnknownError
 from zacoustic.core.wire.frame import SYNC_BYTES, DenseBlock, Record
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
 from zacoustic.errors import UnknownStreamError
@@ -88,7 +88,6 @@ class Topics:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
         self.copied.use_link(times)
         self.sending.use_link(settling_ns)
-        self.receiving.use_link(times)
 
     def link_up(self, now: int) -> None:
         """The link is up: go on with what was begun."""
@@ -237,6 +236,9 @@ class Topics:
             return "not_subscriber"
         try:
             samples = self.dense.receive(heard.source, block.block)
+        except ReferenceUnknownError:
+            heard.misses_reference()
+            return "dense"
         except PayloadError:
             return "dense"
         for stream_id, value in samples:

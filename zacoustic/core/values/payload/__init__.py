@@ -11,7 +11,12 @@ the way in is a `PayloadError`, internal to the core: it is counted, traced, dro
 """
 
 from zacoustic.core.values.payload.cbor import CborCodec
-from zacoustic.core.values.payload.codec import OpaqueCodec, PayloadCodec, PayloadError
+from zacoustic.core.values.payload.codec import (
+    OpaqueCodec,
+    PayloadCodec,
+    PayloadError,
+    ReferenceUnknownError,
+)
 from zacoustic.core.values.payload.packed import PackedCodec
 from zacoustic.core.values.payload.typed import TypedCodec
 
@@ -21,5 +26,6 @@ __all__ = [
     "PackedCodec",
     "PayloadCodec",
     "PayloadError",
+    "ReferenceUnknownError",
     "TypedCodec",
 ]

@@ -12,6 +12,10 @@ class PayloadError(Exception):
     """A received payload that its codec does not accept; never leaves the core."""
 
 
+class ReferenceUnknownError(PayloadError):
+    """It refers to something of its source that is not held here."""
+
+
 class PayloadCodec(ABC):
     """Values of one stream as the bytes that cross the channel, and back.
 

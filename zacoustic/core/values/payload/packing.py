@@ -71,7 +71,7 @@ class _Index(Packing):
         self._width = max(1, (self._codes - 1).bit_length())
         self.smallest_bits = self._width
         self.largest_bits = self._width + (self._exact.width if self._exact else 0)
-        self._range = field.range
+        self._low, self._high = field.bounds if field.escapes else (0, 0)
 
     def write(self, writer: BitSink, value: Any) -> None:  # noqa: ANN401
         if self._exact is not None and not self._is_inside(value):
@@ -101,17 +101,14 @@ class _Index(Packing):
             reader.skip(self._exact.width)
 
     def _is_inside(self, number: float) -> bool:
-        assert self._range is not None
-        return self._range[0] <= number <= self._range[1]
+        return self._low <= number <= self._high
 
 
 class _Count(Packing):
     """A number with a step and no range: the count of steps, its sign and its width before it."""
 
     def __init__(self, field: FieldSpec) -> None:
-        quantiser = field.quantiser
-        assert quantiser is not None
-        self._quantiser = quantiser
+        quantiser = self._quantiser = field.counting
         self._name = field.name
         self._widths = quantiser.high_count.bit_length()
         self._head_bits = self._widths.bit_length()
@@ -267,10 +264,9 @@ class _Elements(Packing):
             self.smallest_bits = element.smallest_bits * field.length
             self.largest_bits = _times(element.largest_bits, field.length)
         else:
-            assert field.max_length is not None
             self.smallest_bits = self._length.bits
             self.largest_bits = _sum(
-                (_times(element.largest_bits, field.max_length), self._length.bits)
+                (_times(element.largest_bits, field.capacity), self._length.bits)
             )
 
     def write(self, writer: BitSink, value: list[Any]) -> None:

@@ -81,9 +81,8 @@ def _count(field: FieldSpec, buffer: bytes, offset: int) -> tuple[int, int]:
     if field.length is not None:
         return field.length, offset
     count, offset = read_length(buffer, offset, UNSIGNED)
-    assert field.max_length is not None
-    if count > field.max_length:
-        raise PayloadError(f"{field.name} has {count} elements; allowed: {field.max_length}")
+    if count > field.capacity:
+        raise PayloadError(f"{field.name} has {count} elements; allowed: {field.capacity}")
     return count, offset
 
 
@@ -140,8 +139,7 @@ def _out_of_bounds(field: FieldSpec, number: float) -> PayloadError:
 
 
 def _step_reader(field: FieldSpec) -> Read:
-    quantiser = field.quantiser
-    assert quantiser is not None
+    quantiser = field.counting
     low, high, value = quantiser.low_count, quantiser.high_count, quantiser.value
 
     def read(buffer: bytes, offset: int) -> tuple[int | float, int]:
@@ -157,8 +155,7 @@ def _step_reader(field: FieldSpec) -> Read:
 
 def _far_reader(field: FieldSpec, read_count: Read) -> Read:
     """Counts go on outside of the range, as far as the integer type does."""
-    quantiser = field.quantiser
-    assert quantiser is not None
+    quantiser = field.counting
     low, high = quantiser.low_count, quantiser.high_count
     full = Quantiser(int(field.step or 1), INTEGER_LIMITS[field.type])
 
@@ -175,8 +172,7 @@ def _far_reader(field: FieldSpec, read_count: Read) -> Read:
 
 def _escape_reader(field: FieldSpec, read_count: Read) -> Read:
     """Outside of the range the float itself."""
-    assert field.range is not None
-    low, high = field.range
+    low, high = field.bounds
     anything = msgspec.structs.replace(field, range=None, step=None, outside="reject")
     read_exactly = _scalar_reader(anything)
 
@@ -192,8 +188,7 @@ def _escape_reader(field: FieldSpec, read_count: Read) -> Read:
 
 
 def _integer_reader(field: FieldSpec) -> Read:
-    assert field.limits is not None
-    low, high = INTEGER_LIMITS[field.type] if field.escapes else map(int, field.limits)
+    low, high = INTEGER_LIMITS[field.type] if field.escapes else map(int, field.bounds)
     if field.wraps:
         high -= 1  # the top is the bottom
 

@@ -29,9 +29,8 @@ def _field_bytes(type_spec: TypeSpec, field: FieldSpec) -> Sizes:
     if field.length is not None:
         low, high = low * field.length, None if high is None else high * field.length
     elif field.is_bounded_array:
-        assert field.max_length is not None
-        count_bytes = head_bytes(field.max_length)
-        low, high = 1, None if high is None else count_bytes + high * field.max_length
+        count_bytes = head_bytes(field.capacity)
+        low, high = 1, None if high is None else count_bytes + high * field.capacity
     return (1 if field.optional else low), high
 
 
@@ -42,8 +41,8 @@ def _scalar_bytes(field: FieldSpec) -> Sizes:
     if quantiser is not None:
         return integer_bytes(quantiser.low_count, quantiser.high_count)
     if field.is_integer:
-        assert field.limits is not None
-        return integer_bytes(int(field.limits[0]), int(field.limits[1]))
+        low, high = field.bounds
+        return integer_bytes(int(low), int(high))
     if field.is_numeric:
         return 3, 5 if field.type == "float32" else 9
     if field.type == "enum":

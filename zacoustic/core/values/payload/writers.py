@@ -144,9 +144,7 @@ _PLAIN_WRITERS: Final[dict[str, Write]] = {
 
 
 def _step_writer(field: FieldSpec) -> Write:
-    quantiser = field.quantiser
-    assert quantiser is not None
-    count = quantiser.count
+    count = field.counting.count
 
     def write(payload: bytearray, number: float) -> None:
         steps = count(number)
@@ -154,8 +152,7 @@ def _step_writer(field: FieldSpec) -> Write:
 
     if not field.escapes or field.is_integer:
         return write
-    assert field.range is not None
-    low, high = field.range
+    low, high = field.bounds
     rounded = ExactNumber(field).rounded
 
     def write_or_escape(payload: bytearray, number: float) -> None:

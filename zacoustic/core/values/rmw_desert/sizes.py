@@ -29,16 +29,15 @@ def _field_bytes(type_spec: TypeSpec, field: FieldSpec) -> Sizes:
     if field.length is not None:
         return low * field.length, None if high is None else high * field.length
     if field.is_bounded_array:
-        assert field.max_length is not None
-        count_bytes = head_bytes(field.max_length)
-        return 1, None if high is None else count_bytes + high * field.max_length
+        count_bytes = head_bytes(field.capacity)
+        return 1, None if high is None else count_bytes + high * field.capacity
     return low, high
 
 
 def _scalar_bytes(field: FieldSpec) -> Sizes:
     if field.is_integer:
-        assert field.limits is not None
-        return integer_bytes(int(field.limits[0]), int(field.limits[1]))
+        low, high = field.bounds
+        return integer_bytes(int(low), int(high))
     if field.type in FLOAT_TYPES:
         return 3, 5
     if field.type == "enum":
@@ -73,6 +72,5 @@ def _field_items(type_spec: TypeSpec, field: FieldSpec) -> Sizes:
     if field.length is not None:
         return low * field.length, None if high is None else high * field.length
     if field.is_bounded_array:
-        assert field.max_length is not None
-        return 1, None if high is None else 1 + high * field.max_length
+        return 1, None if high is None else 1 + high * field.capacity
     return low, high

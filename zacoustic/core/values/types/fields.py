@@ -147,6 +147,30 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return INTEGER_LIMITS.get(self.type)
 
     @property
+    def bounds(self) -> tuple[Number, Number]:
+        """`limits` of a field that has them.
+
+        Raises:
+            TypeError: It holds any float, or is not a number.
+        """
+        limits = self.limits
+        if limits is None:
+            raise TypeError(f"{self.name} of type {self.type} has no limits")
+        return limits
+
+    @property
+    def capacity(self) -> int:
+        """Most elements of an array.
+
+        Raises:
+            TypeError: It is none.
+        """
+        capacity = self.max_length if self.length is None else self.length
+        if capacity is None:
+            raise TypeError(f"{self.name} of type {self.type} is no array")
+        return capacity
+
+    @property
     def escapes(self) -> bool:
         """Whether numbers outside of `range` are carried too."""
         return self.outside == "escape"
@@ -158,6 +182,18 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         if self.step is None or limits is None:
             return None
         return Quantiser(self.step, limits, wraps=self.wraps)
+
+    @property
+    def counting(self) -> Quantiser:
+        """`quantiser` of a field with a step.
+
+        Raises:
+            TypeError: It has none.
+        """
+        quantiser = self.quantiser
+        if quantiser is None:
+            raise TypeError(f"{self.name} of type {self.type} has no step")
+        return quantiser
 
     @property
     def allowed(self) -> str:
@@ -237,16 +273,14 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         elif self.wraps:
             raise ConfigError("wraps: true without range; allowed: with a range [low, high]")
         if self.step is not None:
-            self._check_step()
+            self._check_step(self.step)
 
-    def _check_step(self) -> None:
-        assert self.step is not None
-        step = self._number("step", self.step)
+    def _check_step(self, written: Number) -> None:
+        step = self._number("step", written)
         if step <= 0:
-            raise ConfigError(f"step: {self.step}; allowed: above 0")
+            raise ConfigError(f"step: {written}; allowed: above 0")
         msgspec.structs.force_setattr(self, "step", step)
-        assert self.limits is not None
-        low, high = self.limits
+        low, high = self.bounds
         if self.range is not None and step > high - low:
             raise ConfigError(f"step: {step} is more than the range; allowed: at most {high - low}")
         if not self.is_integer and max(abs(low), abs(high)) / step > MAX_COUNT:

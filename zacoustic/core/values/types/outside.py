@@ -66,8 +66,7 @@ class OutsideNumbers:
     def _of_number(self, field: FieldSpec, path: str) -> Bound | None:
         if field.outside == "reject":
             return None
-        assert field.range is not None
-        low, high = field.range
+        low, high = field.bounds
         clamps = field.outside == "clamp"
         counter = self.clamped if clamps else self.escaped
 

@@ -40,8 +40,7 @@ def _bool_check(field: FieldSpec) -> Check:
 
 
 def _integer_check(field: FieldSpec) -> Check:
-    assert field.limits is not None
-    low, high = (int(limit) for limit in field.limits)
+    low, high = (int(limit) for limit in field.bounds)
     if field.outside != "reject":
         low, high = INTEGER_LIMITS[field.type]
     span = high - low if field.wraps else 0
@@ -80,8 +79,7 @@ def _float_check(field: FieldSpec) -> Check:
 
 
 def _folding_check(field: FieldSpec) -> Check:
-    assert field.range is not None
-    low, high = field.range
+    low, high = field.bounds
     span = high - low
 
     def check(value: object) -> float:

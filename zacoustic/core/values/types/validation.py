@@ -110,8 +110,7 @@ def _field_check(field: FieldSpec, nested: Mapping[str, Check]) -> Check:
 
 
 def _array_check(field: FieldSpec, check_element: Check) -> Check:
-    low, high = (0, field.max_length) if field.length is None else (field.length, field.length)
-    assert high is not None
+    low, high = field.length or 0, field.capacity
     allowed = f"{high} elements" if low else f"at most {high} elements"
 
     def check(value: object) -> list[Any]:

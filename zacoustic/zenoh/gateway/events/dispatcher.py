@@ -6,6 +6,7 @@ from typing import Any, get_args
 from zacoustic.core.base.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.engine.events import (
     CallFailed,
+    CommandHandled,
     DeliveryEnded,
     DeliveryStored,
     EngineRestarted,
@@ -31,8 +32,8 @@ from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 Take = Callable[[Any], object]
 """Takes an event of one type."""
 
-_HEARD_ELSEWHERE = (DeliveryStored, PeerMeasured, ModemRead, TransportEvent)
-"""For programs on a link; of measurements the health report asks the engine."""
+_HEARD_ELSEWHERE = (DeliveryStored, PeerMeasured, ModemRead, TransportEvent, CommandHandled)
+"""For programs on a link, and the audit log; of measurements the health report asks the engine."""
 
 
 class EventDispatcher:

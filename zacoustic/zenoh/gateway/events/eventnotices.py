@@ -15,6 +15,7 @@ from zacoustic.core.engine.events import (
     PeerFound,
     PeerLost,
     PeerSeen,
+    SealAlarm,
     SilenceChanged,
     StreamOverridden,
     StreamsDiffer,
@@ -39,6 +40,7 @@ from zacoustic.zenoh.gateway.notices import (
     PeerMissed,
     RangingFailed,
     SampleLate,
+    SealBroken,
     SilenceJournalled,
     StreamDiffers,
     Subscribed,
@@ -96,6 +98,15 @@ class EventNotices:
 
     def _doubt(self, event: JournalDoubted) -> Notice:
         return JournalInDoubt(reason=event.reason)
+
+    def _seal(self, event: SealAlarm) -> Notice:
+        return SealBroken(
+            address=event.address,
+            name=self._node(event.address),
+            refusal=event.refusal.value,
+            frames=event.frames,
+            is_too_many=event.is_too_many,
+        )
 
     def _unheard(self, event: NothingHeard) -> Notice:
         return LinkUnheard(frames=event.frames)
@@ -160,6 +171,7 @@ _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = 
     EngineRestarted: EventNotices._restarted,
     JournalStateChanged: EventNotices._journal,
     JournalDoubted: EventNotices._doubt,
+    SealAlarm: EventNotices._seal,
     NothingHeard: EventNotices._unheard,
     ClockStateChanged: EventNotices._clock,
     PeerSeen: EventNotices._seen,

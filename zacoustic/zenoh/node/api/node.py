@@ -302,6 +302,7 @@ class Node(EndpointMaker):
                 ranges=config.ranges_to(),
                 rules=config.rules.on_one_link(),
                 permits=config.permit_log,
+                security=config.security,
             )
         if isinstance(journal, str | Path):
             journal = journal_in(journal, address)

@@ -115,6 +115,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """Digest of the stream table: equal on both ends, or typed streams stop."""
     wire: str
     """Wire profile of the link."""
+    agreement: str
+    """How nodes agree on tables; empty: the wire profile has nothing for it."""
     profile: str
     """Whose airtimes they are: name of a modem profile, or locator of the link."""
     unsaid: str
@@ -162,6 +164,7 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
         links=links,
         digest=config.table.digest.hex(),
         wire=config.table.wire.value,
+        agreement="" if on_desert else config.rules.agreement.value,
         profile=profile.name,
         mtu_bytes=profile.mtu_bytes,
         streams=rows,

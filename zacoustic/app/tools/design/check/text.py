@@ -31,6 +31,9 @@ def _paragraphs(report: Report) -> Iterator[str]:
         yield one_line(f"link {link.locator}" + (f": {reason}" if reason else ""))
     if report.wire != WireProfile.NATIVE.value:
         yield f"wire {report.wire}: sizes are those of its packets"
+    if report.agreement and len(report.nodes) > 1:
+        nodes = f"{len(report.nodes)} nodes"
+        yield f'agreement "{report.agreement}", {nodes}; `zacoustic plan` compares the policies'
     if report.journal:
         yield f"journal {report.journal}"
     if report.forgotten:

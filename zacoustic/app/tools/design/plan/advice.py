@@ -5,6 +5,7 @@ interval of what takes most, all of that together, longer intervals of everythin
 """
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Final
@@ -12,7 +13,13 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.design.plan.fleet import Fleet
-from zacoustic.app.tools.design.plan.verdict import StreamFound, streams_of, verdict_of, walk
+from zacoustic.app.tools.design.plan.verdict import (
+    MOST_TRIED_ARRIVALS,
+    StreamFound,
+    streams_of,
+    verdict_of,
+    walk,
+)
 from zacoustic.core.base.qos import Priority, Reliability
 from zacoustic.core.streams.specs import StreamSpec, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -21,6 +28,9 @@ from zacoustic.errors import ConfigError
 _TRIED_PERIODS: Final = 20.0
 _LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
 """How long a change is tried: so many periods of the rarest, within these, s."""
+_MOST_TRIED_PAIRS: Final = 50_000
+_LEAST_TRIED: Final = 2
+"""Each walk prepares the way from each node to each other one, so with many nodes few are tried."""
 _SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
 _MOST_STREAMS: Final = 2
 _MOST_CHANGES: Final = 4
@@ -48,8 +58,10 @@ def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) ->
         seed: Of the model.
     """
     found: list[Change] = []
+    left = max(_LEAST_TRIED, _MOST_TRIED_PAIRS // len(fleet.tables) ** 2)
     for attempts in _ladders(fleet, streams):
-        for what, changed in attempts:
+        for what, changed in itertools.islice(attempts, left):
+            left -= 1
             change = _fit(what, changed, seed)
             if change is not None:
                 found.append(change)
@@ -62,8 +74,8 @@ def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) ->
 def _fit(what: str, fleet: Fleet, seed: int) -> Change | None:
     rarest_s = max(offer.every_s for offer in fleet.offers)
     tried_s = min(max(_LEAST_TRIED_S, _TRIED_PERIODS * rarest_s), _MOST_TRIED_S)
-    result = walk(fleet, tried_s, seed)
-    verdict = verdict_of(fleet, streams_of(fleet, result), result, tried_s)
+    result = walk(fleet, tried_s, seed, MOST_TRIED_ARRIVALS)
+    verdict = verdict_of(fleet, streams_of(fleet, result), result)
     return Change(what=what, demand=verdict.demand) if verdict.fits else None
 
 

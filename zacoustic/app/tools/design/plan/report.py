@@ -7,8 +7,15 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.design.plan.advice import Change, changes_that_fit
+from zacoustic.app.tools.design.plan.agreement import AgreementPlan, agreement_of
 from zacoustic.app.tools.design.plan.fleet import AssumedChannel, Fleet, fleet_of
-from zacoustic.app.tools.design.plan.verdict import StreamFound, streams_of, verdict_of, walk
+from zacoustic.app.tools.design.plan.verdict import (
+    MOST_ARRIVALS,
+    StreamFound,
+    streams_of,
+    verdict_of,
+    walk,
+)
 from zacoustic.app.tools.design.plan.walk import Found
 from zacoustic.channel.profiles import ModemProfile, profile_named
 from zacoustic.core.streams.specs import ServiceSpec
@@ -95,6 +102,8 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     """What does not fit, in words."""
     changes: tuple[Change, ...]
     """Any one of these makes it fit."""
+    agreement: AgreementPlan | None
+    """What agreement on tables takes with each policy; None: there is one node."""
     notes: tuple[str, ...]
     """Notes on the plan."""
 
@@ -104,7 +113,7 @@ def plan(
     *,
     channel: AssumedChannel | None = None,
     recordings: Sequence[str] = (),
-    hours: float = DEFAULT_HOURS,
+    hours: float | None = None,
     transmit_w: float | None = None,
     seed: int = 1,
 ) -> PlanReport:
@@ -114,7 +123,8 @@ def plan(
         path: A scenario with traffic, or a config.
         channel: What a config does not have.
         recordings: Where sizes and rates come from instead.
-        hours: How long the model walks, h, above 0.
+        hours: How long the model walks, h, above 0; None: `DEFAULT_HOURS`, or less if there are so
+            many nodes that this takes long.
         transmit_w: What the modem takes while it transmits, W; None: from its source level.
         seed: Of the model.
 
@@ -124,10 +134,12 @@ def plan(
     fleet = fleet_of(Path(path), recordings, channel or AssumedChannel())
     if any(table.wire is not WireProfile.NATIVE for table in fleet.tables.values()):
         raise ConfigError(f'{path}: wire: "rmw_desert"; allowed: "native", which is what plans are')
-    until_s = hours * _S_PER_H
-    found = walk(fleet, until_s, seed)
+    most_arrivals = MOST_ARRIVALS if hours is None else None
+    found = walk(fleet, (hours or DEFAULT_HOURS) * _S_PER_H, seed, most_arrivals)
+    until_s = found.walked_s
+    hours = until_s / _S_PER_H
     streams = streams_of(fleet, found)
-    verdict = verdict_of(fleet, streams, found, until_s)
+    verdict = verdict_of(fleet, streams, found)
     profile = profile_named(fleet.scenario.profile)
     power_w = transmit_power_w(profile) if transmit_w is None else transmit_w
     airtime_s = sum(found.airtime_s.values())
@@ -143,6 +155,7 @@ def plan(
         streams=tuple(_stream_plan(each, airtime_s, hours) for each in streams),
         nodes=tuple(_node_plan(each, found, until_s, power_w) for each in sorted(fleet.tables)),
         misfits=verdict.misfits,
+        agreement=agreement_of(fleet, seed),
         changes=() if verdict.fits else changes_that_fit(fleet, streams, seed),
         notes=(*fleet.notes, *_left_out(fleet)),
     )

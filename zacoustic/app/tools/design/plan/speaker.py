@@ -1,6 +1,6 @@
 """One node of the model: its queue, its frames, and the nodes that know it.
 
-It follows docs/wire.md in sizes: HELLO or TAG until the receivers have confirmed, LEN before what
+It follows docs/wire.md in sizes: HELLO or TAG as the policy of agreement says, LEN before what
 does not show its end, a dense block for dense samples. Whether a frame may start is asked of
 the medium access that the node would really have.
 """
@@ -14,7 +14,7 @@ import msgspec
 from zacoustic.app.tools.design.plan.items import NO_STREAM, Item, Lane
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.base.qos import Priority, Qos
-from zacoustic.core.peers.agreementpolicy import HELLO_EVERY
+from zacoustic.core.peers.agreementpolicy import POLICIES, Hearers, Opening
 from zacoustic.core.peers.handshake import PATIENCE_UNITS, SETTLING_UNITS
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access import Wanted
@@ -54,6 +54,16 @@ class Said(msgspec.Struct, kw_only=True):
     """A dense block."""
     acknowledged: tuple[tuple[int, int], ...] = ()
     """Marks of dense blocks that it acknowledges, by their sources."""
+
+    @property
+    def agreement_bytes(self) -> int:
+        """What of it is HELLO, TAG or CONFIRM."""
+        opening_bytes = HELLO_BYTES if self.hello else TAG_BYTES * self.introduced
+        return opening_bytes + sum(
+            each.size_bytes
+            for each in self.items
+            if each.stream_id == NO_STREAM and each.destination != BROADCAST
+        )
 
 
 class _Known:
@@ -103,7 +113,8 @@ class Speaker:
         self._rng = rng
         self._lanes: dict[tuple[object, ...], Lane] = {}
         self._confirmed: set[int] = set()
-        self._since_hello = 0
+        self._policy = POLICIES[rules.agreement]
+        self._since_hello = self._hellos = 0
         self._known: dict[int, _Known] = {}
         self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + int(
             capabilities.propagation_s * 1e9
@@ -183,8 +194,9 @@ class Speaker:
         if first.items[0].alone:
             item = first.items.popleft()
             return Said(destination=destination, size_bytes=item.size_bytes, items=[item])
-        introduced = self._introduces(destination)
-        hello = introduced and self._says_hello(destination)
+        opening = self._opening(destination)
+        introduced = opening is not Opening.BARE
+        hello = introduced and opening is not Opening.TAG
         room_bytes = self.port.envelope.room_bytes
         if introduced:
             room_bytes -= HELLO_BYTES if hello else TAG_BYTES
@@ -277,7 +289,9 @@ class Speaker:
         settling_ns = SETTLING_UNITS * self._unit_ns
         if said.hello and known.settled_at is None:
             known.settled_at = now + settling_ns
-        if said.introduced and known.settled_at is not None and now >= known.confirms_at:
+        answers = self._policy.answers(unicast=said.destination != BROADCAST)
+        is_due = known.settled_at is not None and now >= known.confirms_at
+        if said.introduced and is_due and answers:
             self._confirm(source, known, now)
         if said.block and known.settled_at is not None:
             self._hear_block(source, said.block)
@@ -313,16 +327,24 @@ class Speaker:
         """A hearer knows this node's table."""
         self._confirmed.add(hearer)
 
-    def _introduces(self, destination: int) -> bool:
+    def _opening(self, destination: int) -> Opening:
+        to_all = destination == BROADCAST
+        opening = self._policy.opening(
+            to_all=to_all,
+            hearers=Hearers.UNKNOWN if self._is_unknown(destination) else Hearers.AGREED,
+            since_hello=self._since_hello,
+            hellos=self._hellos,
+        )
+        if to_all and opening is Opening.HELLO:
+            self._since_hello, self._hellos = 1, self._hellos + 1
+        else:
+            self._since_hello += to_all
+        return opening
+
+    def _is_unknown(self, destination: int) -> bool:
         if destination != BROADCAST:
             return destination not in self._confirmed
         return not self._listed or any(each not in self._confirmed for each in self._hearers)
-
-    def _says_hello(self, destination: int) -> bool:
-        if destination != BROADCAST:
-            return True
-        self._since_hello += 1
-        return self._since_hello % HELLO_EVERY == 1
 
     # Dense strings
 

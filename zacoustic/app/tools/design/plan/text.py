@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from zacoustic.app.tools.columns import align
+from zacoustic.app.tools.design.plan.agreement import AgreementPlan
 from zacoustic.app.tools.design.plan.report import NodePlan, PlanReport, StreamPlan
 from zacoustic.text.safetext import one_line
 
@@ -38,7 +39,22 @@ def _lines(report: PlanReport) -> Iterator[str]:
             yield one_line(f"it would fit with: {change.what} ({change.demand:.0%} of the time)")
         if not report.changes:
             yield "no single change that was tried makes it fit"
+    if report.agreement is not None:
+        yield _agreement_line(report.agreement)
     yield from (one_line(f"note: {each}") for each in report.notes)
+
+
+def _agreement_line(found: AgreementPlan) -> str:
+    shares = ", ".join(
+        f'"{method}" {share:.0%} of the bytes of the first {found.compared_s[method] / 60:.0f} min'
+        for method, share in found.share.items()
+    )
+    advice = (
+        "as the file has it"
+        if found.method == found.proposed
+        else f'agreement: "{found.proposed}" is better'
+    )
+    return f"agreement takes with {shares}: {advice}"
 
 
 def _stream_cells(row: StreamPlan) -> tuple[str, ...]:

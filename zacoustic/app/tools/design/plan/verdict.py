@@ -15,6 +15,10 @@ LEAST_WENT: Final = 0.95
 """Share of the samples that must be transmitted."""
 ALOHA_LIMIT: Final = 0.18
 """What unslotted ALOHA carries at most: 1/(2e) of the time."""
+MOST_ARRIVALS: Final = 100_000
+"""Of a plan whose length nobody has named: some five seconds."""
+MOST_TRIED_ARRIVALS: Final = 30_000
+"""Of what is tried beside it."""
 _HALF, _WORST = 0.5, 0.99
 _TOO_LARGE: Final = f"larger than a frame ({IN_PARTS})"
 
@@ -74,9 +78,18 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
         return not self.misfits
 
 
-def walk(fleet: Fleet, until_s: float, seed: int) -> Found:
-    """Walk along the time with a fleet."""
-    return Walk(fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed).run(until_s)
+def walk(fleet: Fleet, until_s: float, seed: int, most_arrivals: int | None = None) -> Found:
+    """Walk along the time with a fleet.
+
+    Args:
+        fleet: The fleet.
+        until_s: How long, s.
+        seed: Of the model.
+        most_arrivals: Stop some seconds after so many frames have arrived, each
+            counted at each node: with many nodes a walk takes long.
+    """
+    started = Walk(fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed)
+    return started.run(until_s, most_arrivals)
 
 
 def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
@@ -110,8 +123,9 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
     return sorted(rows, key=lambda row: -row.demand_s)
 
 
-def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found, until_s: float) -> Verdict:
+def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found) -> Verdict:
     """Judge a walk."""
+    until_s = found.walked_s
     others_s = found.stream_airtime_s.get(0, 0.0)
     demand = (sum(each.demand_s for each in streams) + others_s) / until_s
     misfits = [f"{each.stream.name}: {each.misfit}" for each in streams if each.misfit]

@@ -49,6 +49,7 @@ from zacoustic.core.wire.frame import SYNC_BYTES
 from zacoustic.core.wire.numbers import NUMBER_BYTES
 from zacoustic.testing.virtualmodems import Modem
 
+_STRIDE_S: Final = 5.0
 _CLOCK_EVERY_S: Final = 10.0
 _MOST_LATENCIES: Final = 20_000
 
@@ -61,8 +62,14 @@ class Found:
         """Airtime by node, s."""
         self.stream_airtime_s: dict[int, float] = {}
         """Airtime by stream, s; what belongs to none under 0. A frame is shared out by bytes."""
+        self.walked_s = 0.0
+        """How long, s."""
+        self.arrivals = 0
+        """Frames at receivers, each frame at each."""
         self.frames = 0
         self.transmitted_bytes = 0
+        self.agreement_bytes = 0
+        """HELLO, TAG and CONFIRM."""
         self.latencies_s: dict[int, list[float]] = {}
         """Time to each arrival by stream, s."""
         self.said: dict[int, int] = {}
@@ -129,11 +136,16 @@ class Walk(Driver[Said]):
         """The instant, ns."""
         return self.agenda.now
 
-    def run(self, until_s: float) -> Found:
-        """Walk for a time, s."""
+    def run(self, until_s: float, most_arrivals: int | None = None) -> Found:
+        """Walk for a time, s; or until so many frames have arrived."""
+        found = self.found
         for address in self._speakers:
             self.serve(address)
-        self.agenda.run(seconds_to_ns(until_s))
+        while found.walked_s < until_s:
+            if most_arrivals is not None and found.arrivals >= most_arrivals:
+                break
+            found.walked_s = min(found.walked_s + _STRIDE_S, until_s)
+            self.agenda.run(seconds_to_ns(found.walked_s))
         self.found.dropped = sum(each.dropped for each in self._speakers.values())
         return self.found
 
@@ -315,6 +327,7 @@ class Walk(Driver[Said]):
         found = self.found
         found.frames += 1
         found.transmitted_bytes += said.size_bytes
+        found.agreement_bytes += said.agreement_bytes
         found.airtime_s[address] = found.airtime_s.get(address, 0.0) + airtime_s
         if said.destination == BROADCAST:
             self._last_said[address] = self.now
@@ -357,6 +370,7 @@ class Walk(Driver[Said]):
     def end(self, reception: Reception, sent: Said, is_noticed: bool) -> None:
         """Sound has ended at a node: what is in the frame has arrived, or is lost."""
         arrival, said = reception.arrival, sent
+        self.found.arrivals += 1
         speaker = self._speakers.get(arrival.node)
         if speaker is None:
             return

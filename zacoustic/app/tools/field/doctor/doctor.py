@@ -14,9 +14,10 @@ from zacoustic.app.tools.field.doctor.host import (
     check_journal,
     kernel_synchronised,
 )
-from zacoustic.app.tools.field.doctor.network import look
+from zacoustic.app.tools.field.doctor.network import Running, look
 from zacoustic.app.tools.field.doctor.ntp import ask_time
 from zacoustic.app.tools.field.doctor.running import judge
+from zacoustic.app.tools.security.keycheck import check_keys, check_room, check_running
 from zacoustic.channel.profiles import profile_named
 from zacoustic.config import Config, read_config
 from zacoustic.core.base.linktypes import LinkCapabilities
@@ -126,11 +127,26 @@ class _Rounds:
         elif link is not None:
             self.examined.append("modem")
             self.findings += await link.examine(self._options.patience_s)
+        self._seal(link, running)
         self.findings += check_journal(config)
         if config.journal is not None:
             self.examined.append("journal")
         await self._clock()
         await self._airtime(link)
+
+    def _seal(self, link: Link | None, running: Running) -> None:
+        """Look at key file, life records and what a running gateway says of them."""
+        config, fingerprint = self._config, None
+        if config.security is not None:
+            check = check_keys(config)
+            fingerprint = check.fingerprint
+            self.findings += check.findings
+            self.examined.append("seal")
+            capabilities = getattr(link, "capabilities", None)
+            if isinstance(capabilities, LinkCapabilities):
+                self.findings += check_room(config, capabilities.mtu_bytes)
+        if running.health:
+            self.findings += check_running(config, running.health, fingerprint)
 
     def _link(self, running: str) -> Link | None:
         """Return the link; a running gateway's may have come from its command line."""

@@ -409,8 +409,7 @@ class OutgoingObjects:
 
     def _silence_ns(self, sending: Sending) -> int:
         """Draw how long receivers are left in peace that do not answer; 0: they may."""
-        times = self._pacers.times
-        assert times is not None
+        times = self._pacers.link_times
         pacers = [self._pacers[each] for each in sending.outgoing.waiting]
         if not all(each.is_doubtful(times) for each in pacers):
             return 0
@@ -418,8 +417,7 @@ class OutgoingObjects:
         return min(pauses_ns, default=0)
 
     def _give_up_listening(self, outgoing: OutgoingObject, now: int) -> None:
-        times = self._pacers.times
-        assert times is not None
+        times = self._pacers.link_times
         for each in outgoing.give_up_listening(now):
             self._pacers[each].unanswered(now, times)
 

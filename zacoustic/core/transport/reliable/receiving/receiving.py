@@ -11,7 +11,6 @@ from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
-from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
@@ -91,6 +90,7 @@ class ReliableReceiving:
         self._address = context.address
         self._table = context.table
         self._queue = context.queue
+        self._pacers = context.pacers
         self._doubt = context.doubt
         self._positions = Positions(context.journal, context.table)
         self._timers = context.timers
@@ -102,11 +102,6 @@ class ReliableReceiving:
         """Lanes of which a former life was about to hand something on."""
         self._watched: dict[LaneKey, ReceiveLane] = {}
         """Those of which something may have to be asked for."""
-        self._times: LinkTimes | None = None
-
-    def use_link(self, times: LinkTimes) -> None:
-        """Take the airtimes of a link."""
-        self._times = times
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on from the positions that a former life has left."""
@@ -281,13 +276,12 @@ class ReliableReceiving:
 
     def _ask(self, now: int) -> None:
         """Ask for what has not come in time."""
-        assert self._times is not None
         for key, lane in list(self._watched.items()):
             ask_at = lane.watch.ask_at
             if ask_at is None or self._lanes[key] is not lane:
                 del self._watched[key]
             elif ask_at <= now:
-                lane.watch.asks(now, self._times)
+                lane.watch.asks(now, self._pacers.link_times)
                 self._owe_ack(key, lane, now, _Turn())
         self._watch_changed()
 
@@ -300,19 +294,19 @@ class ReliableReceiving:
 
     def _learn(self, lane: ReceiveLane, number: int, arrival: Arrival) -> bool:
         """Learn the rhythm from a sample; returns whether it is to be answered."""
-        assert self._times is not None
-        is_rhythmic = not (self._times.is_delegated or lane.awaits_large)
+        times = self._pacers.link_times
+        is_rhythmic = not (times.is_delegated or lane.awaits_large)
         if arrival.sync is not None or not is_rhythmic:
             lane.watch.forget()
             return True
-        frame_ns = self._times.airtime_ns(arrival.frame_bytes)
+        frame_ns = times.airtime_ns(arrival.frame_bytes)
         return not lane.watch.take(
             number,
             at=arrival.sample.received_at - frame_ns,
             frame_ns=frame_ns,
             newest=number > lane.newest,
             marked=arrival.in_rhythm,
-            times=self._times,
+            times=times,
         )
 
     def _count(self, key: LaneKey, lane: ReceiveLane, *, is_new: bool) -> None:
@@ -324,8 +318,9 @@ class ReliableReceiving:
             lane.unheard = min(lane.unheard + 1, _MOST_UNHEARD)
 
     def _watch(self, key: LaneKey, lane: ReceiveLane, soon_at: int) -> None:
-        assert self._times is not None
-        lane.watch.plan(lane.newest, is_whole=not lane.held, soon_at=soon_at, times=self._times)
+        lane.watch.plan(
+            lane.newest, is_whole=not lane.held, soon_at=soon_at, times=self._pacers.link_times
+        )
         if lane.watch.ask_at is not None:
             self._watched[key] = lane
 
@@ -337,8 +332,7 @@ class ReliableReceiving:
 
     @property
     def _large_turn(self) -> _Turn:
-        assert self._times is not None
-        return _Turn(self._times.ack_linger_ns)
+        return _Turn(self._pacers.link_times.ack_linger_ns)
 
     def _keep(
         self,
@@ -382,11 +376,10 @@ class ReliableReceiving:
 
     def _owe(self, key: LaneKey, ack: Ack, sync: Sync | None, now: int, turn: _Turn) -> None:
         """Let an ACK wait for its turn."""
-        assert self._times is not None
         source, stream_id, instance = key
         before = self._queue.first((stream_id, ACK_LANE, source, *instance))
         owed_at = before.owed_at if isinstance(before, _AckWaiting) else now
-        patient_until = owed_at + self._times.ack_patience_ns
+        patient_until = owed_at + self._pacers.link_times.ack_patience_ns
         due_at = min(now + turn.linger_ns, patient_until) + turn.offset_ns
         if before is not None and now >= patient_until:
             due_at = min(due_at, before.queued_at)
@@ -428,8 +421,7 @@ class ReliableReceiving:
         publisher: so the range of that is doubled each time when nothing new follows, up to the
         deadline of the topic.
         """
-        times = self._times
-        assert times is not None
+        times = self._pacers.link_times
         assert isinstance(stream.spec, TopicSpec)
         linger_ns = times.ack_linger_ns
         # A publisher goes on when its frame is full, and with further copies of what is urgent.

@@ -110,8 +110,7 @@ class Pacing:
 
     def begins(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """A sample begins to be sent."""
-        assert self.times is not None
-        lane.begins(sample, now, self.times)
+        lane.begins(sample, now, self._pacers.link_times)
 
     def asked(self, lane: SendLane, source: int, now: int) -> None:
         """Where the rhythm is known, an ACK asks for what should have come and has not."""
@@ -180,25 +179,22 @@ class Pacing:
 
     def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
         """Tell whether all receivers that lack a sample have not answered again and again."""
-        times = self.times
-        assert times is not None
+        times = self._pacers.link_times
         return all(self.timing(each).is_doubtful(times) for each in lane.lacking(sample))
 
     def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
         """Return when a sample that was just sent is due again."""
-        assert self.times is not None
+        times = self._pacers.link_times
         was_copy, sample.follows = sample.follows, False
         was_sent = report.outcome in (TransmitOutcome.SENT, TransmitOutcome.DELIVERED)
         if was_sent and lane.rhythm_is_known(sample):
             # If it was lost it is asked for; if it is the last one, the next one is asked for.
-            round_trips_ns = _ROUND_TRIPS_OF_ASKING * self.times.first_round_trip_ns
+            round_trips_ns = _ROUND_TRIPS_OF_ASKING * times.first_round_trip_ns
             return lane.put_off(report.finished_at + _period_ns(lane) + round_trips_ns)
         priority = self._priority(lane)
         if len(lane.samples) <= _COPIED_AT_ONCE and report.outcome is not TransmitOutcome.REJECTED:
             at = report.finished_at
-            sample.follows = follow(
-                sample.waiting, priority, sample.tries, self.times, at, self._rng
-            )
+            sample.follows = follow(sample.waiting, priority, sample.tries, times, at, self._rng)
             sample.follows |= is_emergency(priority, sample.tries)
             if not was_copy and not self.is_doubtful(lane, sample):
                 sample.follows |= is_doubled(priority, sample.tries)
@@ -207,7 +203,7 @@ class Pacing:
         pause_ns = self.pause_ns(lane, sample)
         if not self.is_doubtful(lane, sample):
             pause_ns = aimed_pause(
-                pause_ns, priority, sample.tries, self.times, report.finished_at, self._rng
+                pause_ns, priority, sample.tries, times, report.finished_at, self._rng
             )
         if report.outcome is TransmitOutcome.NOT_DELIVERED:
             pause_ns //= 2
@@ -218,8 +214,7 @@ class Pacing:
 
     def pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
         """Draw how long the receivers that lack a sample are given, ns."""
-        assert self.times is not None
-        times, lacking = self.times, lane.lacking(sample)
+        times, lacking = self._pacers.link_times, lane.lacking(sample)
         rank, spread_ns = _order_of_answers(lane, sample, lacking, times)
         priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
         pauses_ns = (

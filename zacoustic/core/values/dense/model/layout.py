@@ -256,8 +256,7 @@ class _Escaping(_Part):
     def __init__(
         self, layout: Layout, field: FieldSpec, path: str, guard: tuple[int, int] | None
     ) -> None:
-        assert field.range is not None
-        self._low, self._high = field.range
+        self._low, self._high = field.bounds
         self._exact = ExactNumber(field)
         self._flag = _flag(layout, f"{path}?", guard)
         self._inside = _Number(layout, field, path, (self._flag, 1))

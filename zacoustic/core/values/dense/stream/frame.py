@@ -42,7 +42,7 @@ from zacoustic.core.values.dense.model.layout import Row
 from zacoustic.core.values.dense.model.prior import Model
 from zacoustic.core.values.dense.model.snapshot import FORMS, NAMES, SHORT_NAMES, Known, Snapshot
 from zacoustic.core.values.dense.stream.streamcodec import Beside, StreamCodec
-from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.payload import PayloadError, ReferenceUnknownError
 from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import ConfigError
 
@@ -211,7 +211,7 @@ class DenseCodec:
         if kind == _REFERRING:
             reference = held.get(_code_name(reader, 0))
             if reference is None:
-                raise PayloadError("a reference to a frame that is not held")
+                raise ReferenceUnknownError("a reference to a frame that is not held")
         known = reference or self._root
         streams = known.streams[:]
         beside: Beside = {}

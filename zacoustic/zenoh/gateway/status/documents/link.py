@@ -1,6 +1,6 @@
 """Documents about the node, its link and its journal, and what each byte was spent on."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
@@ -16,6 +16,7 @@ class LinkStatus:
         about: What does not change.
         has_journal: The journal outlives the process.
         clock: Where the instants of the engine come from.
+        seal: Tells what may be known of the key and of this life; None: frames are not sealed.
     """
 
     def __init__(
@@ -25,7 +26,9 @@ class LinkStatus:
         *,
         has_journal: bool,
         clock: Clock,
+        seal: Callable[[], dict[str, object]] | None = None,
     ) -> None:
+        self._seal = seal
         self._runner = runner
         self._about = dict(about)
         self._has_journal = has_journal
@@ -38,6 +41,7 @@ class LinkStatus:
             "node": self._about | {"doubt": doubt},
             **self._links(),
             "ledger": self._ledger(self._engine.stats),
+            **self._seals(),
             "journal": {
                 "kept": self._has_journal,
                 "failure": self._engine.journal_failure,
@@ -48,6 +52,12 @@ class LinkStatus:
     @property
     def _engine(self) -> Engine:
         return self._runner.engine
+
+    def _seals(self) -> dict[str, object]:
+        if self._seal is None:
+            return {}
+        known, failure = self._seal(), self._engine.seal_failure
+        return {"seal": known | {"failure": known["failure"] or failure}}
 
     def _links(self) -> dict[str, object]:
         """Return the document of the first link, and where there are several that of each.
@@ -87,7 +97,8 @@ class LinkStatus:
         state = engine.silence.state(self._clock())
         if state.is_commanded:
             return f"commanded; {state.doubt}" if state.doubt else "commanded"
-        return engine.clock.doubt or ("a quiet window" if state.is_silent else "")
+        quiet = "a quiet window" if state.is_silent else ""
+        return engine.seal_failure or engine.clock.doubt or quiet
 
     def _ledger(self, stats: EngineStats) -> dict[str, object]:
         airtime_s = ns_to_seconds(stats.airtime_ns)

@@ -91,6 +91,25 @@ class Command(msgspec.Struct, frozen=True):
     """Its arguments, without the instant."""
 
 
+class Handled(msgspec.Struct, frozen=True, kw_only=True):
+    """A remote command as the node had it that was commanded, or frames that it refused."""
+
+    at_ns: int
+    """UTC, ns."""
+    node: int
+    """Who was commanded."""
+    by: int
+    """Address that the command, or the frames, came from."""
+    what: str
+    """Kind of the command; ``command`` where it was refused, ``seal`` for frames."""
+    stream_id: int | None = None
+    """The topic that it was about, or None."""
+    outcome: str
+    """``executed``, ``refused``, or why frames did not open."""
+    text: str = ""
+    """One line."""
+
+
 class Facts:
     """Everything that was found; made by `gather`."""
 
@@ -112,6 +131,8 @@ class Facts:
         self.asked: list[Asked] = []
         self.commands: list[Command] = []
         """What else the applications have asked of their engines."""
+        self.handled: list[Handled] = []
+        """Remote commands that nodes have executed or refused."""
         self.reactions = Reactions()
         """What they did when they were asked."""
         self.births: list[tuple[int, Life]] = []

@@ -16,6 +16,7 @@ from zacoustic.app.tools.inspect.recordings.facts.facts import (
     Asked,
     Command,
     Facts,
+    Handled,
     Published,
 )
 from zacoustic.app.tools.inspect.recordings.replaying.epochs import LifeReader, NewLife
@@ -87,6 +88,23 @@ _COMMANDS: Final = (
 )  # fmt: skip
 
 
+_HEAD_BYTES: Final = 40
+"""The kind of an event is in so many bytes of its record."""
+
+
+class _CommandEvent(msgspec.Struct):
+    commanded_by: int
+    kind: str | None = None
+    stream_id: int | None = None
+    refusal: str = ""
+
+
+class _SealEvent(msgspec.Struct):
+    address: int
+    refusal: str
+    frames: int
+
+
 class _Gatherer:
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
@@ -145,6 +163,8 @@ class _Gatherer:
                     facts.capabilities[node] = found.capabilities
             case "range" if is_network and (ends := _PEER.fullmatch(message.topic)):
                 self._take_range(int(ends[1]), int(ends[2]), message)
+            case "events" if not is_network:
+                self._take_handled(message, node)
             case "ledger" if is_network:
                 facts.ledgers[node, 0] = msgspec.json.decode(data, type=_LedgerDocument).of(node)
             case "ledger":
@@ -153,6 +173,34 @@ class _Gatherer:
                 facts.covered_bytes[node] = facts.sent_bytes.get(node, 0)
             case _:
                 pass
+
+    def _take_handled(self, message: ReadMessage, node: int) -> None:
+        """Take what is of interest here; most events are samples."""
+        if b"CommandHandled" in message.data[:_HEAD_BYTES]:
+            told = msgspec.json.decode(message.data, type=_CommandEvent)
+            handled = Handled(
+                at_ns=message.utc_ns,
+                node=node,
+                by=told.commanded_by,
+                what=told.kind or "command",
+                stream_id=told.stream_id,
+                outcome="refused" if told.refusal else "executed",
+                text=told.refusal,
+            )
+            self._facts.handled.append(handled)
+        elif b"SealAlarm" in message.data[:_HEAD_BYTES]:
+            alarm = msgspec.json.decode(message.data, type=_SealEvent)
+            text = f"{alarm.frames} frames"
+            self._facts.handled.append(
+                Handled(
+                    at_ns=message.utc_ns,
+                    node=node,
+                    by=alarm.address,
+                    what="seal",
+                    outcome=alarm.refusal,
+                    text=text,
+                )
+            )
 
     def _take_range(self, node: int, peer: int, message: ReadMessage) -> None:
         found = msgspec.json.decode(message.data, type=_RangeDocument)

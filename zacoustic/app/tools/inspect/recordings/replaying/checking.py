@@ -7,7 +7,7 @@ link, and what the recording has of the ledger is what the engine has now.
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import msgspec
@@ -21,6 +21,7 @@ from zacoustic.app.tools.inspect.recordings.replaying.epochs import (
 )
 from zacoustic.core.base.linktypes import Transmission
 from zacoustic.core.engine.events import Event
+from zacoustic.core.wire.seal import Cipher
 from zacoustic.run.recording.calls import Recorded, read_outcome
 from zacoustic.run.recording.channels import LedgerRecord
 from zacoustic.run.recording.life import Life
@@ -28,6 +29,9 @@ from zacoustic.run.recording.reading import ReadMessage, RecordingReader
 from zacoustic.text.digits import whole_number
 
 _LONGEST = 400
+
+CipherOf = Callable[[int], Cipher]
+"""Returns the cipher of the node with an address."""
 
 
 class LifeVerdict(msgspec.Struct, kw_only=True):
@@ -85,14 +89,15 @@ class LifeCheck:
 
     Args:
         life: The parameters of its engine.
+        cipher: Has the keys of the fleet, or None.
 
     Raises:
         ConfigError: The engine cannot be made.
     """
 
-    def __init__(self, life: Life) -> None:
+    def __init__(self, life: Life, cipher: Cipher | None = None) -> None:
         self.verdict = LifeVerdict(node=life.address, epoch=life.epoch)
-        self._engine = life.engine()
+        self._engine = life.engine(cipher=cipher)
         self._events: Counter[str] = Counter()
         self._first_at: int | None = None
 
@@ -145,20 +150,26 @@ class LifeCheck:
         return verdict
 
 
-def check_recording(path: str | Path) -> Verdict:
+def check_recording(path: str | Path, cipher_of: CipherOf | None = None) -> Verdict:
     """Replay all boot epochs of a recording.
+
+    Args:
+        path: The file.
+        cipher_of: Gives the keys of nodes whose frames were sealed.
 
     Raises:
         ConfigError: The file is none of ours, or has no boot epoch in it.
     """
     source = RecordingReader(path, tells=False)
-    verdict = check_messages(source, str(path))
+    verdict = check_messages(source, str(path), cipher_of)
     verdict.damage = source.damage
     return verdict
 
 
-def check_messages(messages: Iterable[ReadMessage], name: str) -> Verdict:
-    """Replay all boot epochs in the messages of a recording.
+def check_messages(
+    messages: Iterable[ReadMessage], name: str, cipher_of: CipherOf | None = None
+) -> Verdict:
+    """Replay all boot epochs in the messages of a recording; see `check_recording`.
 
     Raises:
         ConfigError: There is none, or it was recorded by another program.
@@ -172,7 +183,9 @@ def check_messages(messages: Iterable[ReadMessage], name: str) -> Verdict:
             node = part.life.address
             if node in running:
                 running[node].finish()
-            running[node] = check = LifeCheck(part.life)
+            needs_key = part.life.is_sealed
+            cipher = cipher_of(node) if cipher_of is not None and needs_key else None
+            running[node] = check = LifeCheck(part.life, cipher)
             verdict.epochs.append(check.verdict)
         elif isinstance(part, Calls):
             for call in part.calls:

@@ -9,7 +9,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Published, match
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Handled, Published, match
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import LinkFigures, links_of
 from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spread_of
 from zacoustic.app.tools.inspect.recordings.report.thinning import left_out
@@ -103,6 +103,8 @@ class Figures(msgspec.Struct, kw_only=True):
     """By address."""
     links: list[LinkFigures]
     """By speaker and hearer."""
+    handled: list[Handled] = []
+    """Remote commands that were executed or refused, and frames that did not open."""
     notes: list[str]
     """Notes for the reader, a line each."""
     verdict: list[str] = []
@@ -121,6 +123,7 @@ def figures_of(facts: Facts) -> Figures:
         streams=_streams(facts),
         nodes=nodes,
         links=links_of(facts),
+        handled=facts.handled,
         notes=_notes(facts, nodes),
     )
     figures.verdict = _verdict(figures)

@@ -48,7 +48,8 @@ def head_of(figures: Figures) -> str:
 
 def sheets_of(figures: Figures) -> list[Sheet]:
     """Return the tables."""
-    return [sheet for sheet in (_streams(figures), _nodes(figures), _links(figures)) if sheet.rows]
+    sheets = (_streams(figures), _nodes(figures), _links(figures), _commands(figures))
+    return [sheet for sheet in sheets if sheet.rows]
 
 
 def as_text(figures: Figures) -> str:
@@ -92,6 +93,23 @@ def _streams(figures: Figures) -> Sheet:
         "95 %, s", "worst, s", "age 50 %, s", "age 95 %, s", "bytes", "airtime, s", "ended as",
     )  # fmt: skip
     return Sheet("Streams: delivery and latency", header, rows, left=2)
+
+
+def _commands(figures: Figures) -> Sheet:
+    names = {each.stream_id: each.name for each in figures.streams}
+    rows: list[tuple[str, ...]] = [
+        (
+            f"{datetime.fromtimestamp(each.at_ns // NS_PER_S, UTC):%H:%M:%S}",
+            str(each.node),
+            str(each.by),
+            each.what,
+            "" if each.stream_id is None else names.get(each.stream_id, str(each.stream_id)),
+            f"{each.outcome}: {each.text}" if each.text else each.outcome,
+        )
+        for each in figures.handled
+    ]
+    header = ("UTC", "node", "by", "what", "stream", "outcome")
+    return Sheet("Remote commands, and frames that did not open", header, rows, left=len(header))
 
 
 def _nodes(figures: Figures) -> Sheet:

@@ -1,0 +1,127 @@
+"""`zacoustic predive`: real gateways on one channel; what differs between them is named."""
+
+import asyncio
+import contextlib
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+from tests.gateway.networks import Channel, run, until
+from tests.tools.test_doctor_seal import EAGER, KEY, _gateway, _section
+from tests.tools.ward import beside, write
+from zacoustic.app.cli import main
+from zacoustic.seal.keys import new_key
+
+
+def _told(path: Path, *more: str) -> tuple[int, dict[str, Any]]:
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(io.StringIO()):
+        code = main(["predive", str(path), "--json", *more])
+    return code, json.loads(said.getvalue() or "{}")
+
+
+def _text(told: dict[str, Any]) -> str:
+    return " | ".join(each["what"] for each in told["findings"])
+
+
+def _sections(folder: Path, *keys: Any) -> list[dict[str, Any]]:
+    made = []
+    for number, key in enumerate(keys):
+        place = folder / f"node{number}"
+        place.mkdir()
+        made.append({} if key is None else _section(place, key))
+    return made
+
+
+def test_two_sealed_ends_in_order(tmp_path: Path) -> None:
+    here, there = _sections(tmp_path, KEY, KEY)
+
+    async def scene() -> None:
+        channel = Channel()
+        async with (
+            _gateway(1, channel, tmp_path, **here) as shore,
+            _gateway(2, channel, tmp_path, **there) as auv,
+        ):
+            with auv.client() as session:
+                session.put("auv1/nav", b"here")
+                await until(lambda: channel.sent_by(2), channel.changed)
+            path = beside(tmp_path, shore, streams=EAGER, **here)
+            code, told = await asyncio.to_thread(_told, path)
+        assert (code, told["findings"]) == (0, []), told
+        (contact,) = told["contacts"]
+        assert contact["address"] == 2
+        assert contact["name"] == "auv1"
+        assert contact["round_trip_s"] > 0
+        assert contact["life"] == 1, "of its first start"
+        assert contact["same_table"] is True
+        assert told["sealed"] is True
+        assert told["took_s"] < 60
+
+    run(scene())
+
+
+def test_an_end_with_another_key_does_not_answer_and_is_named(tmp_path: Path) -> None:
+    here, there = _sections(tmp_path, KEY, new_key("harbour"))
+
+    async def scene() -> None:
+        channel = Channel()
+        async with (
+            _gateway(1, channel, tmp_path, **here) as shore,
+            _gateway(2, channel, tmp_path, **there),
+        ):
+            path = beside(tmp_path, shore, streams=EAGER, **here)
+            code, told = await asyncio.to_thread(_told, path, "--timeout", "1")
+        assert code == 1
+        assert "node 2 auv1 does not answer" in _text(told)
+
+    run(scene())
+
+
+def test_an_end_with_another_table_answers_and_is_named(tmp_path: Path) -> None:
+    other = [{**EAGER[0], "stamp": "age"}, EAGER[1]]
+    here, there = _sections(tmp_path, KEY, KEY)
+
+    async def scene() -> None:
+        channel = Channel()
+        async with (
+            _gateway(1, channel, tmp_path, **here) as shore,
+            _gateway(2, channel, tmp_path, **{**there, "streams": other}),
+        ):
+            path = beside(tmp_path, shore, streams=EAGER, **here)
+            code, told = await asyncio.to_thread(_told, path)
+        assert code == 1
+        assert "table mismatch: node 2" in _text(told)
+        assert told["contacts"][0]["round_trip_s"] is not None
+
+    run(scene())
+
+
+def test_a_range_beyond_what_the_slots_allow(tmp_path: Path) -> None:
+    async def scene() -> None:
+        channel = Channel()
+        async with (
+            _gateway(1, channel, tmp_path) as shore,
+            _gateway(2, channel, tmp_path),
+        ):
+            access = {
+                "method": "tdma", "slots": [1, 2], "slot_s": 3, "max_range_m": 0.5,
+                "clock_error_s": 0.01,
+            }  # fmt: skip
+            links = [{"locator": "sim/127.0.0.1:1", "access": access}]
+            path = beside(tmp_path, shore, streams=EAGER, links=links)
+            code, told = await asyncio.to_thread(_told, path)
+        assert code == 1
+        assert told["contacts"][0]["range_m"] is not None, told
+        assert "node 2 auv1 is 1 m away; max_range_m is 0.5" in _text(told)
+        assert any("frames are not sealed" in each for each in told["left_out"])
+
+    run(scene())
+
+
+def test_without_a_gateway_nothing_is_tried(tmp_path: Path) -> None:
+    code, told = _told(write(tmp_path))
+    assert code == 1
+    assert "no gateway of node 1 runs here" in _text(told)
+    assert _told(write(tmp_path), "--node", "7")[0] == 2
+    assert _told(write(tmp_path), "--node", "1")[0] == 2

@@ -1,0 +1,231 @@
+"""Is the seal of a node in order: key file, life records, journal?"""
+
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.config import Config
+from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
+from zacoustic.errors import ConfigError
+from zacoustic.link.contract import Finding
+from zacoustic.seal.keyring import Keyring, open_keyring
+from zacoustic.text.safetext import one_line
+
+LEAST_MTU_BYTES: Final = LONG_HEAD_BYTES + STRONG_TAG_BYTES + 4
+"""A link with shorter frames cannot carry a sealed command."""
+_COUNTS: Final = re.compile(r" \([0-9]+\)")
+
+Findings = Iterator[Finding]
+
+
+class KeyCheck(msgspec.Struct, frozen=True, kw_only=True):
+    """What was found."""
+
+    file: str
+    """The configuration."""
+    address: int
+    """Of the node."""
+    network: str | None
+    """Name of the network; None: no key could be read, here and below."""
+    generation: int | None
+    """Of the key."""
+    fingerprint: str | None
+    """Of the key."""
+    life: int | None
+    """Of the last start; None: there is no record, or none with this generation of the key."""
+    findings: tuple[Finding, ...]
+    """What is wrong."""
+
+
+def check_keys(config: Config, fingerprint: str | None = None) -> KeyCheck:
+    """Examine the seal of a node; nothing is changed.
+
+    Args:
+        config: Of the node.
+        fingerprint: That of the key that it should have; None: any.
+    """
+    ring: Keyring | None = None
+    findings: list[Finding] = []
+    life = None
+    if config.security is None:
+        findings.append(
+            Finding(
+                what=f"{config.source}: plugins.acoustic.security: is missing",
+                why="everybody with a modem can read and command the fleet",
+                cure="make a key with `zacoustic key new`, and name it there",
+            )
+        )
+    else:
+        try:
+            ring = open_keyring(config.security, config.address)
+        except ConfigError as error:
+            findings.append(
+                Finding(
+                    what=str(error.args[0]),
+                    why="the node does not start",
+                    cure=error.hint or "put back a copy of the key file",
+                )
+            )
+    if ring is not None and config.security is not None:
+        findings += _of_fingerprint(ring, fingerprint)
+        if not config.security.only_opens:
+            findings += _of_lives(ring, config.address)
+            findings += _of_journal(config)
+        found = ring.lives.find()
+        life = found.life if found.generation == ring.key.generation else None
+    return KeyCheck(
+        file=config.source,
+        address=config.address,
+        network=None if ring is None else ring.key.network,
+        generation=None if ring is None else ring.key.generation,
+        fingerprint=None if ring is None else ring.key.fingerprint,
+        life=life,
+        findings=tuple(findings),
+    )
+
+
+def check_room(config: Config, mtu_bytes: int) -> Findings:
+    """See whether sealed frames fit a link, and the lengths of `pad` too.
+
+    Args:
+        config: Of the node.
+        mtu_bytes: Largest frame of the link.
+    """
+    if config.security is None:
+        return
+    if mtu_bytes < LEAST_MTU_BYTES:
+        yield Finding(
+            what=f"the link takes frames of {mtu_bytes} bytes; a sealed one needs "
+            f"{LEAST_MTU_BYTES}",
+            why="head and tag take up to 13 bytes: no command, and hardly anything else, fits",
+            cure="use another link, or leave security out and see what docs/security.md says then",
+        )
+    longest_bytes = max(config.security.pad, default=0)
+    if longest_bytes > mtu_bytes:
+        yield Finding(
+            what=f"{config.source}: plugins.acoustic.security.pad: {longest_bytes}; the link takes "
+            f"frames of {mtu_bytes} bytes",
+            why="frames between the two lengths go as long as they are, and tell what they are",
+            cure=f"make the longest one {mtu_bytes}",
+        )
+
+
+def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | None) -> Findings:
+    """Judge what the running gateway says of its seal.
+
+    Args:
+        config: Of the node.
+        health: Documents of the gateway, by name.
+        fingerprint: Of the key file here; None: it cannot be read, or there is none.
+    """
+    seal = health.get("seal")
+    if not isinstance(seal, Mapping):
+        if config.security is not None:
+            yield Finding(
+                what="the running gateway does not seal its frames, and this file says that it "
+                "does",
+                why="nobody with a key takes its frames, and it obeys anybody",
+                cure="restart the gateway with this file",
+            )
+        return
+    if config.security is None:
+        yield Finding(
+            what="the running gateway seals its frames, and this file does not say so",
+            why="after its next start nobody with a key takes its frames",
+            cure="see which of the two files is right",
+        )
+    elif fingerprint is not None and seal.get("fingerprint") != fingerprint:
+        yield Finding(
+            what=f"the running gateway has the key {seal.get('fingerprint')}, generation "
+            f"{seal.get('generation')}; the key file has {fingerprint}",
+            why="what the key file says does not hold yet",
+            cure="restart the gateway, or put back the key file that it runs with",
+        )
+    if seal.get("failure"):
+        yield Finding(
+            what=f"the running gateway seals no frame: {seal['failure']}",
+            why="it transmits nothing",
+            cure="zacoustic key check FILE says what is missing",
+        )
+    events = health.get("events")
+    told = events.get("events") if isinstance(events, Mapping) else None
+    texts = [
+        str(each.get("text"))
+        for each in (told if isinstance(told, Sequence) else ())
+        if isinstance(each, Mapping) and each.get("event") == "seal"
+    ]
+    for text in dict.fromkeys(_COUNTS.sub("", each) for each in texts):
+        yield Finding(
+            what=f"the running gateway has refused frames: {text}",
+            why="one end has another key, another generation or none; or somebody lies",
+            cure="compare `zacoustic key show` of both ends",
+        )
+
+
+def as_text(check: KeyCheck) -> str:
+    """Return it as lines."""
+    lines = []
+    for finding in check.findings:
+        lines += [f"! {finding.what}", f"  at sea: {finding.why}", f"  cure:   {finding.cure}"]
+    if check.network is not None:
+        life = "none yet with this key" if check.life is None else str(check.life)
+        lines.append(
+            f"{check.file}, node {check.address}: network {check.network}, generation "
+            f"{check.generation}, fingerprint {check.fingerprint}, last life {life}"
+        )
+    if not check.findings:
+        lines.append("nothing found")
+    return "\n".join(map(one_line, lines))
+
+
+def _of_fingerprint(ring: Keyring, wanted: str | None) -> Findings:
+    if wanted is not None and wanted != ring.key.fingerprint:
+        yield Finding(
+            what=f"{ring.key.network}: the key has the fingerprint {ring.key.fingerprint}, "
+            f"not {wanted}",
+            why="this node and those with the other key do not open each other's frames",
+            cure="put the present key file of the fleet on this computer",
+        )
+
+
+def _of_lives(ring: Keyring, address: int) -> Findings:
+    found = ring.lives.find()
+    folder = ring.lives.paths[0].parent
+    if found.generation is None:
+        yield Finding(
+            what=f"{folder}: no record of the lives of node {address}",
+            why="nobody knows which numbers are used up: the node opens frames and transmits none",
+            cure=f"zacoustic key rejoin {address} --config FILE explains how to go on",
+        )
+    elif found.generation > ring.key.generation:
+        yield Finding(
+            what=f"{folder}: node {address} has started with generation {found.generation} of the "
+            f"key, and the key file has {ring.key.generation}",
+            why="an old copy of the key file was put back: the node transmits nothing",
+            cure="put the present key file of the fleet on this computer",
+        )
+    elif found.faults:
+        yield Finding(
+            what="; ".join(found.faults),
+            why="the next start mends it from the other copies, while one of them is left",
+            cure="start the node; if it comes again, replace the disk",
+        )
+    there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
+    if not os.access(there, os.W_OK | os.X_OK):
+        yield Finding(
+            what=f"{folder}: this user cannot write the life records",
+            why="a node that cannot write down its life transmits nothing",
+            cure="give the folder to the user of the gateway, or name another: security.lives",
+        )
+
+
+def _of_journal(config: Config) -> Findings:
+    if config.journal is None:
+        yield Finding(
+            what=f"{config.source}: plugins.acoustic.journal: is missing",
+            why="after a restart the node takes recorded frames of before for new ones",
+            cure='name a folder: journal: "journal", or give --journal to the gateway',
+        )

@@ -1,0 +1,141 @@
+"""AES-128-CCM with the keys of a fleet (RFC 3610, NIST SP 800-38C), from `cryptography`."""
+
+from abc import ABC, abstractmethod
+from functools import lru_cache
+
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import AESCCM
+
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.wire.seal import STRONG_TAG_BYTES, TAG_BYTES, Way
+from zacoustic.seal.identities import (
+    Identity,
+    Members,
+    broadcast_key,
+    nobodys_key,
+    unicast_key,
+)
+from zacoustic.seal.keys import FleetKey, KeyFileError
+from zacoustic.seal.spec import Mode
+
+_KEYS = 4096
+"""Of as many ways keys are held: two of each pair of a fleet."""
+
+
+class CcmCipher(ABC):
+    """A `zacoustic.core.wire.seal.Cipher`; where its keys come from, a subclass says.
+
+    Args:
+        generation: Of the key that frames of this node are sealed with.
+        mode: What happens to records. In `Mode.AUTHENTICATE` they are associated data and stay as
+            they are; a frame of the other mode is refused.
+    """
+
+    def __init__(self, generation: int, mode: Mode) -> None:
+        self.generation = generation
+        self._encrypts = mode is Mode.ENCRYPT
+        self._opens_former = True
+
+        @lru_cache(maxsize=_KEYS)
+        def cipher(source: int, destination: int, strong: bool, former: bool) -> AESCCM | None:
+            key = self._key(source, destination, former=former)
+            if key is None:
+                return None
+            return AESCCM(key, tag_length=STRONG_TAG_BYTES if strong else TAG_BYTES)
+
+        self._cipher = cipher
+
+    @abstractmethod
+    def _key(self, source: int, destination: int, *, former: bool) -> bytes | None:
+        """Return the key of frames from one node to another, or to all; None: there is none."""
+
+    def end_overlap(self) -> None:
+        """Open no frame of the former generation any more."""
+        self._opens_former = False
+
+    def seal(self, way: Way, nonce: bytes, records: bytes, associated: bytes) -> bytes:
+        """Return the records, encrypted in `Mode.ENCRYPT`, and the tag."""
+        cipher = self._cipher(way.source, way.destination, way.strong, False)
+        assert cipher is not None  # a node has a key for whatever it sends
+        if self._encrypts:
+            return cipher.encrypt(nonce, records, associated)
+        return records + cipher.encrypt(nonce, b"", _covered(associated, records))
+
+    def open(
+        self, generation: int, way: Way, nonce: bytes, body: bytes, associated: bytes
+    ) -> bytes | None:
+        """Return the records; None where no known key of this generation made the tag."""
+        former = generation != self.generation & 1
+        if former and not self._opens_former:
+            return None
+        cipher = self._cipher(way.source, way.destination, way.strong, former)
+        if cipher is None:
+            return None
+        try:
+            if self._encrypts:
+                return cipher.decrypt(nonce, body, associated)
+            tag_bytes = STRONG_TAG_BYTES if way.strong else TAG_BYTES
+            records = body[:-tag_bytes]
+            cipher.decrypt(nonce, body[-tag_bytes:], _covered(associated, records))
+        except InvalidTag:
+            return None
+        return records
+
+
+class FleetCipher(CcmCipher):
+    """With the key of a fleet: each node has one that follows from it.
+
+    Args:
+        key: The key; where it has a former secret, frames of that generation are opened too.
+        mode: As of `CcmCipher`.
+    """
+
+    def __init__(self, key: FleetKey, *, mode: Mode = Mode.ENCRYPT) -> None:
+        super().__init__(key.generation, mode)
+        self._fleet_key = key
+
+    def _key(self, source: int, destination: int, *, former: bool) -> bytes | None:
+        return self._fleet_key.node_key(source, former=former)
+
+
+class MemberCipher(CcmCipher):
+    """With identities: each pair of nodes has its keys, and each source one for all others.
+
+    Args:
+        identity: Of this node.
+        members: The list; where it has a former one, frames of that generation are opened too.
+        mode: As of `CcmCipher`.
+
+    Raises:
+        KeyFileError: This node is not in the list.
+    """
+
+    def __init__(self, identity: Identity, members: Members, *, mode: Mode = Mode.ENCRYPT) -> None:
+        super().__init__(members.generation, mode)
+        if members.public.get(identity.address) != identity.public:
+            raise KeyFileError(
+                f"{members.network}: node {identity.address} is not in the list of generation "
+                f"{members.generation}, or with another identity",
+                hint="copy the list from land; a node that was revoked is not in it any more",
+            )
+        self._identity = identity
+        self._members = members
+
+    def _key(self, source: int, destination: int, *, former: bool) -> bytes | None:
+        members = self._members.former if former else self._members
+        if members is None:
+            return None
+        try:
+            if destination == BROADCAST:
+                return broadcast_key(self._identity, members, source)
+            if self._identity.address not in (source, destination):
+                return None
+            return unicast_key(self._identity, members, source, destination)
+        except KeyFileError:  # it is not in the list: nobody opens what is for it
+            is_own = source == self._identity.address
+            return nobodys_key(self._identity, members, destination) if is_own else None
+
+
+def _covered(associated: bytes, records: bytes) -> bytes:
+    """Return both as associated data; the length parts them, so no byte can change sides."""
+    return bytes((len(associated),)) + associated + records

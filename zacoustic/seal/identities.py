@@ -1,0 +1,317 @@
+"""A key for each node: identities, the list of members, and the keys that follow from both.
+
+A *fleet key* makes every member able to speak as any other, and a captured one gives all away. With
+identities each node has an X25519 pair. Its private half is in a file of its own, 0600; the public
+halves of all are in the file of *members*, which is no secret, but must be the right one: compare
+its fingerprint. No byte of a handshake goes over the channel.
+
+    pair        HKDF(X25519(own, theirs), network, wire, generation, lower, higher address)
+    unicast     expand(pair, "frame", source, destination)
+    broadcast   expand(secret of the source, "frame", source)
+
+The secret for a source's broadcasts follows from its identity and the generation. It reaches the
+others through the file of members: for each of them wrapped (AES key wrap, RFC 3394) under a key of
+the pair. Each generation has keys of its own. To *revoke* a node is to make the next generation
+without it: what it has learnt of the former one opens nothing of that.
+
+Any member can still speak as the source of a broadcast: it has the secret, to open them. Of a frame
+for one node that holds for nobody but the two.
+"""
+
+import hashlib
+import hmac
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+import msgspec
+from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
+from cryptography.hazmat.primitives.keywrap import (
+    InvalidUnwrap,
+    aes_key_unwrap,
+    aes_key_wrap,
+)
+
+from zacoustic.seal.keys import (
+    KEY_BYTES,
+    LAST_GENERATION,
+    SECRET_BYTES,
+    KeyFileError,
+    check_network,
+    expand,
+    is_network,
+    key_info,
+    read_private,
+    write_private,
+)
+
+_FINGERPRINT_BYTES: Final = 4
+_FIRST_ADDRESS: Final = 1
+_LAST_ADDRESS: Final = 254
+
+
+class Identity(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The private half of a node; its `repr` does not show it."""
+
+    network: str
+    """Name of the network."""
+    address: int
+    """The node, 1…254."""
+    private: bytes
+    """X25519, 32 bytes."""
+
+    def __repr__(self) -> str:
+        return f"Identity({self.network!r}, node {self.address}, public {self.public.hex()[:8]})"
+
+    @property
+    def public(self) -> bytes:
+        """The half that others may know, 32 bytes."""
+        return X25519PrivateKey.from_private_bytes(self.private).public_key().public_bytes_raw()
+
+    def shared(self, other: bytes) -> bytes:
+        """Return what only this node and the one with another public half can know.
+
+        Raises:
+            KeyFileError: That is no public half.
+        """
+        try:
+            public = X25519PublicKey.from_public_bytes(other)
+            return X25519PrivateKey.from_private_bytes(self.private).exchange(public)
+        except ValueError:  # wrong length, or a point that gives the same to everybody
+            raise KeyFileError(f"{self.network}: {other.hex()[:8]}… is no public key") from None
+
+
+class Members(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Who is in a network, in one generation of its keys; nothing in it is secret."""
+
+    network: str
+    """Its name."""
+    generation: int = 0
+    """Counted up by each rotation and revocation."""
+    public: dict[int, bytes] = {}
+    """Public half of each node, by address."""
+    wrapped: dict[int, dict[int, bytes]] = {}
+    """The secret for the broadcasts of a source, for each other node: 40 bytes."""
+    former: "Members | None" = None
+    """The generation before, as long as its frames are opened."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Eight hexadecimal digits: equal where network, generation and members are."""
+        listed = b"".join(bytes((each,)) + self.public[each] for each in sorted(self.public))
+        text = key_info("members", self.network, self.generation) + listed
+        return hashlib.sha256(text).digest()[:_FINGERPRINT_BYTES].hex()
+
+    def joined(self, identity: Identity) -> "Members":
+        """Return the list with one more node; broadcasts are to be wrapped for it.
+
+        Raises:
+            KeyFileError: The address is taken by another identity, or the network is another one.
+        """
+        if identity.network != self.network:
+            raise KeyFileError(
+                f"node {identity.address} is of network {identity.network}, the list of "
+                f"{self.network}"
+            )
+        known = self.public.get(identity.address)
+        if known not in (None, identity.public):
+            raise KeyFileError(
+                f"{self.network}: node {identity.address} has another identity",
+                hint="zacoustic key revoke shuts that one out",
+            )
+        public = self.public | {identity.address: identity.public}
+        return msgspec.structs.replace(self, public=public)
+
+    def wrapped_by(self, identity: Identity) -> "Members":
+        """Return the list with the broadcasts of one source wrapped for all others.
+
+        Raises:
+            KeyFileError: The node is not in the list.
+        """
+        if self.public.get(identity.address) != identity.public:
+            raise KeyFileError(f"{self.network}: node {identity.address} is not in the list")
+        own = {
+            member: aes_key_wrap(
+                _wrapping_key(identity, self, identity.address, member),
+                _broadcast_secret(identity, self.generation),
+            )
+            for member in self.public
+            if member != identity.address
+        }
+        return msgspec.structs.replace(self, wrapped=self.wrapped | {identity.address: own})
+
+    def rotated(self, identities: Iterable[Identity]) -> "Members":
+        """Return the next generation, which still opens frames of this one.
+
+        Args:
+            identities: Those whose broadcasts are wrapped; others do it themselves.
+
+        Raises:
+            KeyFileError: There is no next generation, or somebody is not in the list.
+        """
+        former = msgspec.structs.replace(self, former=None)
+        return msgspec.structs.replace(self._next(self.public, identities), former=former)
+
+    def without(self, address: int, identities: Iterable[Identity]) -> "Members":
+        """Return the next generation without a node, which opens nothing of this one.
+
+        Args:
+            address: The node.
+            identities: As for `rotated`.
+
+        Raises:
+            KeyFileError: The node is not in the list, or as `rotated`.
+        """
+        if address not in self.public:
+            listed = ", ".join(map(str, sorted(self.public))) or "none"
+            raise KeyFileError(
+                f"{self.network}: node {address} is not in the list; allowed: {listed}"
+            )
+        public = {each: half for each, half in self.public.items() if each != address}
+        left = [each for each in identities if each.address != address]
+        return self._next(public, left)
+
+    def settled(self) -> "Members":
+        """Return the list without the generation before."""
+        return msgspec.structs.replace(self, former=None)
+
+    def _next(self, public: dict[int, bytes], identities: Iterable[Identity]) -> "Members":
+        if self.generation >= LAST_GENERATION:
+            raise KeyFileError(
+                f"{self.network}: generation {self.generation} is the last one",
+                hint="make identities with another network name",
+            )
+        made = Members(network=self.network, generation=self.generation + 1, public=public)
+        for identity in identities:
+            made = made.wrapped_by(identity)
+        return made
+
+
+def new_identity(network: str, address: int) -> Identity:
+    """Draw an identity.
+
+    Raises:
+        KeyFileError: The name or the address is out of range.
+    """
+    check_network(network)
+    if not _FIRST_ADDRESS <= address <= _LAST_ADDRESS:
+        raise KeyFileError(f"node {address}; allowed: {_FIRST_ADDRESS}..{_LAST_ADDRESS}")
+    return Identity(network=network, address=address, private=secrets.token_bytes(SECRET_BYTES))
+
+
+def unicast_key(identity: Identity, members: Members, source: int, destination: int) -> bytes:
+    """Return the key of frames from one node to another, one of which is this one.
+
+    Raises:
+        KeyFileError: The other one is not in the list.
+    """
+    info = b"frame" + bytes((source, destination))
+    return expand(_pair_secret(identity, members, source, destination), info, KEY_BYTES)
+
+
+def broadcast_key(identity: Identity, members: Members, source: int) -> bytes | None:
+    """Return the key of a source's frames to all; None: it was not wrapped for this node."""
+    if source == identity.address:
+        secret = _broadcast_secret(identity, members.generation)
+    else:
+        wrapped = members.wrapped.get(source, {}).get(identity.address)
+        if wrapped is None or source not in members.public:
+            return None
+        try:
+            secret = aes_key_unwrap(
+                _wrapping_key(identity, members, source, identity.address), wrapped
+            )
+        except (InvalidUnwrap, ValueError):
+            return None
+    info = key_info("broadcast frame", members.network, members.generation) + bytes((source,))
+    return expand(secret, info, KEY_BYTES)
+
+
+def nobodys_key(identity: Identity, members: Members, destination: int) -> bytes:
+    """Return the key of frames for a node that is not in the list: no other node has it."""
+    info = key_info("nobody", members.network, members.generation) + bytes((destination,))
+    return expand(identity.private, info, KEY_BYTES)
+
+
+def read_identity(path: Path) -> Identity:
+    """Read the file of an identity.
+
+    Raises:
+        KeyFileError: There is none, others may read it, or it is damaged; never shows its content.
+    """
+    identity = read_private(path, Identity)
+    is_address = _FIRST_ADDRESS <= identity.address <= _LAST_ADDRESS
+    if not is_address or len(identity.private) != SECRET_BYTES:
+        raise KeyFileError(f"{path}: address or key is out of range", hint="put back a copy of it")
+    return identity
+
+
+def write_identity(path: Path, identity: Identity) -> None:
+    """Write the file of an identity, for its owner alone.
+
+    Raises:
+        KeyFileError: There is one already, or it cannot be written.
+    """
+    write_private(path, identity)
+
+
+def read_members(path: Path) -> Members:
+    """Read the list of members.
+
+    Raises:
+        KeyFileError: There is none, or it is damaged.
+    """
+    try:
+        members = msgspec.json.decode(path.read_bytes(), type=Members)
+    except OSError as error:
+        raise KeyFileError(f"{path}: {error.strerror}", hint="copy it from land") from error
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise KeyFileError(f"{path}: no list of members: {error}", hint="copy it anew") from None
+    for each in (members, members.former):
+        if each is not None and not _is_in_range(each):
+            raise KeyFileError(
+                f"{path}: network, generation, address or key is out of range; allowed: a name, "
+                f"0..{LAST_GENERATION}, {_FIRST_ADDRESS}..{_LAST_ADDRESS}, {SECRET_BYTES} bytes",
+                hint="copy it anew",
+            )
+    return members
+
+
+def write_members(path: Path, members: Members) -> None:
+    """Write the list of members, whole or not at all.
+
+    Raises:
+        KeyFileError: It cannot be written.
+    """
+    write_private(path, members, replace=True)
+
+
+def _is_in_range(members: Members) -> bool:
+    listed = [*members.public, *members.wrapped]
+    return (
+        is_network(members.network)
+        and 0 <= members.generation <= LAST_GENERATION
+        and all(_FIRST_ADDRESS <= each <= _LAST_ADDRESS for each in listed)
+        and all(len(half) == SECRET_BYTES for half in members.public.values())
+    )
+
+
+def _pair_secret(identity: Identity, members: Members, one: int, other: int) -> bytes:
+    theirs = other if one == identity.address else one
+    public = members.public.get(theirs)
+    if public is None:
+        raise KeyFileError(f"{members.network}: node {theirs} is not in the list")
+    salt = key_info("pair", members.network, members.generation)
+    random_secret = hmac.digest(salt, identity.shared(public), hashlib.sha256)  # HKDF-Extract
+    return expand(random_secret, bytes(sorted((one, other))), SECRET_BYTES)
+
+
+def _wrapping_key(identity: Identity, members: Members, source: int, member: int) -> bytes:
+    info = b"wrap" + bytes((source, member))
+    return expand(_pair_secret(identity, members, source, member), info, SECRET_BYTES)
+
+
+def _broadcast_secret(identity: Identity, generation: int) -> bytes:
+    info = key_info("broadcast", identity.network, generation) + bytes((identity.address,))
+    return expand(identity.private, info, SECRET_BYTES)

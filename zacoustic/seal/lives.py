@@ -1,0 +1,227 @@
+"""The lives of a node: a number for each start, which no other start with the same key has.
+
+Two frames under one key and nonce give both of them away. A nonce has the life of its sender in it,
+so all that must survive a power cut, a damaged disk and a deleted journal is one number. It stands
+in three files of 24 bytes, apart from the journal, each with a checksum:
+
+    magic 4 | network and address, hashed 8 | generation 4 | life 4 | CRC-32 4
+
+A start takes the highest number that any of them has, and one more; it uses that when all three are
+on the disk again. So a file that is lost or damaged is mended, and a crash between two writes
+wastes a life, of which there are `LAST_LIFE`. A new generation of the key begins at life 0: no
+frame was sealed with it before.
+
+Where no copy can be read, nobody knows which lives are used up: the node opens frames and seals
+none, until somebody says which life the others have heard of it last (`zacoustic key rejoin`).
+"""
+
+import hashlib
+import os
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, Protocol
+
+import msgspec
+
+from zacoustic.core.wire.seal import LAST_LIFE
+from zacoustic.errors import ZacousticError
+
+COPIES: Final = 3
+_MAGIC: Final = b"ZAL1"
+_NAME_BYTES: Final = 8
+_CHECK_BYTES: Final = 4
+_SIZE_BYTES: Final = len(_MAGIC) + _NAME_BYTES + 4 + 4 + _CHECK_BYTES
+
+
+class LifeError(ZacousticError):
+    """It is not known, or cannot be written, which life this start may use."""
+
+
+class Generation(Protocol):
+    """What lives are counted for."""
+
+    @property
+    def network(self) -> str:
+        """Name of the network."""
+
+    @property
+    def generation(self) -> int:
+        """Of its keys."""
+
+
+class Found(msgspec.Struct, frozen=True, kw_only=True):
+    """What the copies say."""
+
+    generation: int | None
+    """Generation and life of the last start; None: no copy can be read."""
+    life: int | None
+    faults: tuple[str, ...]
+    """What is wrong with single copies, a line each."""
+
+
+class Lives:
+    """The copies of one node's life.
+
+    Args:
+        folder: Where they are; made when there is none.
+        key: Of the fleet, or its list of members.
+        address: The node.
+    """
+
+    def __init__(self, folder: Path, key: Generation, address: int) -> None:
+        self._folder = folder
+        self._key = key
+        self._address = address
+        named = f"{key.network}\0{address}".encode()
+        self._name = hashlib.sha256(named).digest()[:_NAME_BYTES]
+
+    @property
+    def paths(self) -> Sequence[Path]:
+        """The files."""
+        return [self._folder / f"life-{self._address}.{copy}" for copy in range(1, COPIES + 1)]
+
+    def find(self) -> Found:
+        """Read the copies; changes nothing."""
+        faults: list[str] = []
+        known: list[tuple[int, int]] = []
+        for path in self.paths:
+            try:
+                content = path.read_bytes()
+            except OSError as error:
+                faults.append(f"{path}: {error.strerror}")
+                continue
+            said = self._read(content)
+            if isinstance(said, str):
+                faults.append(f"{path}: {said}")
+            else:
+                known.append(said)
+        generation, life = max(known, default=(None, None))
+        return Found(generation=generation, life=life, faults=tuple(faults))
+
+    def begin(self) -> int:
+        """Begin a life: its number is on the disk, three times, when this returns.
+
+        Raises:
+            LifeError: No copy can be read, or one cannot be written, or all lives are used up.
+        """
+        found = self.find()
+        if found.generation is None or found.life is None:
+            raise LifeError(
+                f"{self._folder}: no record of the lives of node {self._address}: "
+                + "; ".join(found.faults),
+                hint=f"zacoustic key rejoin {self._address}; until then it seals no frame",
+            )
+        if found.generation > self._key.generation:
+            raise LifeError(
+                f"{self._folder}: the last start had generation {found.generation} of the key, "
+                f"and the key file has {self._key.generation}",
+                hint="put the present key file on this computer",
+            )
+        is_new_key = found.generation < self._key.generation
+        life = 0 if is_new_key else found.life + 1
+        if life > LAST_LIFE:
+            raise LifeError(
+                f"{self._folder}: all {LAST_LIFE + 1} lives of this generation are used up",
+                hint="zacoustic key rotate",
+            )
+        self._write(life)
+        return life
+
+    def reach(self, life: int) -> None:
+        """Write down that a later life has begun, in a process that has begun one before.
+
+        Raises:
+            LifeError: It is none that comes later, or cannot be written.
+        """
+        found = self.find()
+        is_later = (
+            found.generation == self._key.generation
+            and found.life is not None
+            and found.life < life <= LAST_LIFE
+        )
+        if not is_later:
+            raise LifeError(
+                f"{self._folder}: node {self._address} is in life {found.life}, and cannot go on "
+                f"in life {life}",
+                hint="restart the node; behind life "
+                f"{LAST_LIFE} the key is to be rotated: zacoustic key rotate",
+            )
+        self._write(life)
+
+    def join(self, after: int | None = None) -> int:
+        """Make the record of a node that has none, or cannot be read.
+
+        Args:
+            after: The last life that others have heard; None: the node was never in the fleet with
+                this generation of the key.
+
+        Returns:
+            The life before the first one that the next start may use.
+
+        Raises:
+            LifeError: There is a record, and it is not behind; or it cannot be written.
+        """
+        found = self.find()
+        if found.generation is not None and found.generation > self._key.generation:
+            # Lives of that generation would begin at 0 again, when its key comes back.
+            raise LifeError(
+                f"{self._folder}: node {self._address} has started with generation "
+                f"{found.generation} of the key, and the key file has {self._key.generation}",
+                hint="put the present key file on this computer, or make a key with another "
+                "network name",
+            )
+        last = -1 if after is None else after
+        same = found.generation == self._key.generation
+        if same and found.life is not None and found.life >= last:
+            raise LifeError(
+                f"{self._folder}: node {self._address} has a record, life {found.life}",
+                hint="start the node: nothing has to be done",
+            )
+        if not -1 <= last <= LAST_LIFE:
+            raise LifeError(f"life {last}; allowed: 0…{LAST_LIFE}")
+        # A life is never 0 again: the first start after this begins the one behind it.
+        self._write(last + 1 if after is not None else 0)
+        return max(last, 0)
+
+    # Below the methods above
+
+    def _read(self, content: bytes) -> tuple[int, int] | str:
+        if len(content) != _SIZE_BYTES or not content.startswith(_MAGIC):
+            return f"{len(content)} bytes that are no record"
+        body, check = content[:-_CHECK_BYTES], content[-_CHECK_BYTES:]
+        if zlib.crc32(body).to_bytes(_CHECK_BYTES, "big") != check:
+            return "damaged"
+        name, numbers = body[len(_MAGIC) :][:_NAME_BYTES], body[-8:]
+        if name != self._name:
+            return "of another node or network"
+        return int.from_bytes(numbers[:4], "big"), int.from_bytes(numbers[4:], "big")
+
+    def _write(self, life: int) -> None:
+        body = _MAGIC + self._name + self._key.generation.to_bytes(4, "big")
+        body += life.to_bytes(4, "big")
+        content = body + zlib.crc32(body).to_bytes(_CHECK_BYTES, "big")
+        try:
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            for path in self.paths:
+                _replace(path, content)
+        except OSError as error:
+            raise LifeError(
+                f"{self._folder}: {error.strerror}",
+                hint="a node that cannot write down its life seals no frame",
+            ) from error
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all, and not return before it is on the disk."""
+    beside = path.with_name(path.name + ".new")
+    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
