@@ -117,7 +117,7 @@ def test_calls_are_told_with_their_numbers(table: StreamTable) -> None:
 
 
 def test_orders_are_told_whatever_is_in_the_table() -> None:
-    order = bytes.fromhex("af0200030101190bb8f6f6f6f6")
+    order = bytes.fromhex("af0200030101190bb8f6f6f6f6f6")
     (item,) = decode_frame(order, TABLE, source=1)
     assert item.text.startswith("stream 175 orders, request of call 0 of node 2, 0.3 s old: ")
     assert isinstance(item.value, dict)

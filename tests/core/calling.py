@@ -11,7 +11,9 @@ NODES = {1: "shore", 2: "auv"}
 TYPES = TypeTable([TypeSpec(name="N", fields=(FieldSpec(name="n", type="uint8", range=(0, 9)),))])
 
 
-def fleet(server: int = 2, *, journal: bool = True, name: str = "arm") -> StreamTable:
+def fleet(
+    server: int = 2, *, journal: bool = True, name: str = "arm", nodes: int = 2
+) -> StreamTable:
     return StreamTable(
         [
             ServiceSpec(stream_id=20, name=name, server=server, timeout_s=10, journal=journal),
@@ -26,7 +28,7 @@ def fleet(server: int = 2, *, journal: bool = True, name: str = "arm") -> Stream
             TopicSpec(stream_id=1, name="a"),
         ],
         types=TYPES,
-        nodes=NODES,
+        nodes=NODES | {address: f"n{address}" for address in range(3, nodes + 1)},
     )
 
 

@@ -225,9 +225,9 @@ def test_record_that_is_no_request_is_counted(records: bytes, dropped: dict[str,
         (b"\x14\x3f\x41answer", 2, {"unexpected_answer": 1}),
         (b"\x14\x7fanswer", 2, {"unexpected_answer": 1}),
         (b"\x14\xc0", 2, {"unexpected_answer": 1}),
-        (b"\x14\x00request", 3, {"not_subscriber": 1}),
-        (b"\x14\x40answer", 3, {"not_publisher": 1}),
-        (b"\x14\xc0", 3, {"not_publisher": 1}),
+        (b"\x14\x00request", 3, {"stranger": 1}),
+        (b"\x14\x40answer", 3, {"stranger": 1}),
+        (b"\x14\xc0", 3, {"stranger": 1}),
     ],
 )
 def test_record_that_is_no_answer_is_counted(

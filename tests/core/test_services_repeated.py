@@ -97,7 +97,7 @@ def test_record_that_does_not_fit_a_new_link_is_not_repeated() -> None:
 
 
 def test_several_clients_have_the_same_numbers() -> None:
-    rig = Rig({address: fleet() for address in (1, 2, 3)})
+    rig = Rig({address: fleet(nodes=3) for address in (1, 2, 3)})
     for client in (1, 3):
         rig[client].engine.call(20, b"from %d" % client, rig.now)
     rig.exchange()

@@ -87,7 +87,12 @@ def test_subscription_crosses_once_and_samples_go_to_the_subscriber() -> None:
     medium = rig()
     want(medium, 1, 10, 2)
     frames = medium.run(1)
-    assert messages(frames) == [Subscribe(1, 1, 0b100), Subscribe(1, 1, 0b100, is_answer=True)]
+    assert messages(frames) == [
+        Subscribe(1, 1, 0b100),  # it has not heard the publisher
+        Subscribe(1, 1, 0b100, is_answer=True, heard=1),
+        Subscribe(1, 1, 0b100, heard=1),
+        Subscribe(1, 1, 0b100, is_answer=True, heard=1, is_kept=True),
+    ]
     medium.publish(2, 10, b"sample")
     medium.run(100)
     assert [each.value for each in medium[1].got(SampleReceived)] == [b"sample"]
@@ -98,10 +103,10 @@ def test_subscription_crosses_once_and_samples_go_to_the_subscriber() -> None:
     assert (0, Cause.SUBSCRIBE) in ledger
 
 
-def test_known_ends_spend_four_bytes_each_way() -> None:
+def test_known_ends_spend_six_bytes_each_way() -> None:
     medium = acquainted()
     want(medium, 1, 10, 2)
-    assert [frame.hex() for frame in medium.run(100)] == ["bc010104", "bc810104"]
+    assert [frame.hex() for frame in medium.run(100)] == ["bc4101040001", "bce101040001"]
 
 
 def test_withdrawn_subscription_ends_the_samples_that_wait() -> None:
@@ -115,7 +120,7 @@ def test_withdrawn_subscription_ends_the_samples_that_wait() -> None:
     medium.deliver(1, message)
     assert SampleReceived not in {type(each) for each in medium[1].events}
     frames = medium.run(100)
-    assert messages(frames)[-1] == Subscribe(1, 2, 0, is_answer=True)
+    assert messages(frames)[-1] == Subscribe(1, 2, 0, is_answer=True, heard=1, is_kept=True)
     assert medium[1].got(SampleReceived) == []
     assert medium[2].engine.stats.unsubscribed == {10: 1}
     assert medium[2].got(SubscribersChanged)[-1].subscribers == ()
@@ -129,7 +134,8 @@ def test_what_changes_before_it_was_said_is_not_said() -> None:
     want(medium, 1, 10, 2)
     want(medium, 1, 11, 2)
     want(medium, 1, 17, 2)
-    assert [each.streams for each in messages(medium.run(100))] == [0b1100, 0b10, 0b1100, 0b10]
+    said = [each.streams for each in messages(medium.run(100)) if not each.is_answer]
+    assert said == [0b1100, 0b10] * 2
     want(medium, 1, 10)
     want(medium, 1, 10, 2)
     assert medium.run(100) == []
@@ -227,24 +233,27 @@ def test_answer_to_a_former_life_is_not_one_to_what_has_not_been_sent() -> None:
 
 
 def test_answer_waits_for_the_journal() -> None:
-    medium = rig()
+    medium = acquainted()
+    before = len(medium.frames)
     medium[2].commits = False
     medium[2].engine.poll_journal()
     want(medium, 1, 10, 2)
-    message = medium[1].send(0)
+    message = medium[1].send(medium.now)
     assert message is not None
     medium.deliver(1, message)
     again = medium[1].engine.poll_timeout()
     assert again is not None
-    assert all(not each for each in messages([sent.frame_bytes for _, sent in medium.frames]))
+    assert not messages([sent.frame_bytes for _, sent in medium.frames[before:]])
     assert subscribers(medium, 2, 10) == {1}
-    sent = medium[2].send(0)
+    sent = medium[2].send(medium.now)
     assert sent is None or messages([sent.frame_bytes]) == []
     medium[2].commits = True
     medium[2].settle()
-    sent = medium[2].send(0)
+    sent = medium[2].send(medium.now)
     assert sent is not None
-    assert messages([sent.frame_bytes]) == [Subscribe(1, 1, 0b100, is_answer=True)]
+    assert messages([sent.frame_bytes]) == [
+        Subscribe(1, 1, 0b100, is_answer=True, heard=1, is_kept=True)
+    ]
 
 
 def test_late_message_of_before_is_ignored_for_the_settling_time() -> None:

@@ -25,6 +25,28 @@ def line_with(text: str, words: str) -> list[str]:
     return next(line for line in text.splitlines() if words in line).split()
 
 
+def test_of_many_nodes_those_are_listed_with_which_something_is_amiss() -> None:
+    peers = {
+        str(address): {
+            "name": f"auv{address}",
+            "same_table": address != 7,
+            "heard_at_unix_s": 900.0 + address,
+            "per": 0.6 if address == 9 else 0.0,
+        }
+        for address in range(1, 42)
+        if address != 2
+    }
+    text = drawn({"peers": peers})
+    assert "7 auv7" in text
+    assert "9 auv9" in text
+    assert "3 auv3" in text  # lost
+    assert "8 auv8" not in text
+    assert "well: 37 nodes, each heard in the last 99 s" in text
+    whole = drawn({"peers": peers}, is_complete=True)
+    assert "8 auv8" in whole
+    assert "well:" not in whole
+
+
 def test_picture_tells_streams_nodes_airtime_transfers_and_events() -> None:
     text = drawn()
     assert " 2 auv1 " in text

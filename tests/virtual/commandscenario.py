@@ -77,6 +77,8 @@ class Hush(msgspec.Struct):
     """It was before: there is no last word."""
     words: int = 0
     """Frames after its beginning."""
+    is_proved: bool = False
+    """The same command has come again, with the epoch that the answer has told."""
 
 
 class CommandScenario(JudgedScenario):
@@ -207,6 +209,9 @@ class CommandScenario(JudgedScenario):
             ends_at = None if until is None else at + until - now
             if was_silent and before is not None and not before.words:
                 before.ends_at = ends_at  # the answer to the first order may still be on its way
+            elif was_silent and before is not None and not before.is_proved:
+                # The same command again, with the epoch that the answer has told: one more word.
+                before.ends_at, before.words, before.is_proved = ends_at, 0, True
             else:
                 self._hush = Hush(at, ends_at, was_silent)
 

@@ -178,6 +178,19 @@ def asks(target: int) -> Callable[[Engine, int], int]:
     return lambda engine, now: engine.commands.send(target, command, now)
 
 
+def test_a_call_is_not_taken_from_a_frame_with_the_short_tag() -> None:
+    weak = TransmitRules(sealing=SealRules(strong=frozenset()))
+    network = VirtualNetwork(
+        line(0, 800, **QUIET), table(), build=SealedFleet(), rules={1: weak, 2: TransmitRules()}
+    )
+    network.at(10.0, lambda: network.publish(1, NAV, b"report"))
+    network.at(20.0, lambda: network.apply(1, lambda each, now: each.call(ARM, b"arm", now)))
+    network.run(until_s=600.0)
+    assert [event.value for event in network.samples(2, NAV)] == [b"report"]
+    assert not any(isinstance(event, RequestReceived) for _, event in network.events)
+    assert network.engine(2).stats.dropped["weak"] > 0
+
+
 @pytest.mark.parametrize("checked", [True, False])
 @pytest.mark.parametrize("allowed", [frozenset[int](), frozenset({NAV})])
 def test_an_emergency_without_a_key_is_taken_where_that_is_wanted(

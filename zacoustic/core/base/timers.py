@@ -58,6 +58,10 @@ class Due(enum.IntEnum):
     """Part of a packet is given up."""
     CLOCK = enum.auto()
     """The host is asked for the time."""
+    SUBSCRIBER = enum.auto()
+    """A subscription that nobody has proved ends."""
+    UNPROVED = enum.auto()
+    """What nobody has proved to have commanded ends."""
     TRANSPORT = enum.auto()
     """A transport of somebody else is called back; its name follows in the key."""
 

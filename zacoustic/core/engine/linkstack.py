@@ -228,7 +228,11 @@ class LinkStack:
         self._context.node.alarms.opened(opened.source)
         digest = b"" if inside.digest == NO_TABLE else inside.digest
         opened = msgspec.structs.replace(
-            opened, records=inside.records, life=inside.life, digest=digest
+            opened,
+            records=inside.records,
+            life=inside.life,
+            digest=digest,
+            strong=inside.strong,
         )
         self._receive(opened, frame, port, now)
 

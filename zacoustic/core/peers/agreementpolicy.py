@@ -27,7 +27,7 @@ HELLO_EVERY: Final = 8
 """On broadcast one marked frame of this many carries a HELLO: one byte a frame, on average."""
 _FIRST_HELLO_GAPS: Final = (0, 2, 4)
 _HELLO_GAP: Final = 16
-_ASK_AFTER: Final = 12
+_ASK_AFTER: Final = _HELLO_GAP
 _SHORT_PAUSE_UNITS: Final = 2
 _PAUSE_UNITS_A_NODE: Final = 4
 
@@ -141,7 +141,8 @@ class Tagging:
 
     A life begins with HELLO, TAG, HELLO, so that few miss both. After a third one in its seventh
     frame there is one in sixteen, and in the next frame after another node has restarted. Whoever
-    has heard twelve frames without one asks; once, since in the end it comes by itself.
+    has heard sixteen frames without one has missed one, and asks; once, since the next one comes by
+    itself.
     """
 
     is_sealed: Final = False

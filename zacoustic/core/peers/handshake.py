@@ -59,14 +59,18 @@ from zacoustic.core.base.parts import Offer
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.agreementpolicy import CONFIRMING, AgreementPolicy
 from zacoustic.core.peers.introducing import Introductions
-from zacoustic.core.peers.peer import Peer
+from zacoustic.core.peers.peer import Peer, Row
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import Agreement, Change, Life
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.wire.agreement import (
     ABSENT_DIGEST,
+    ASK_BYTES,
     ASSURED,
+    CONFIRM_BYTES,
+    HELLO_BYTES,
     PROVISIONAL,
+    ROW_BYTES,
     WIRE_VERSION,
     Ask,
     Confirm,
@@ -267,11 +271,14 @@ class Handshake:
 
     # What this node hears
 
-    def begin_frame(self, source: int, now: int, *, unicast: bool) -> None:
-        """A frame arrived; what it says follows."""
+    def begin_frame(self, source: int, size_bytes: int, now: int, *, unicast: bool) -> None:
+        """A frame arrived, with so many bytes in its envelope; what it says follows."""
         peer = self._peers[source]
+        if not self._table.lists(source):
+            peer.credit_bytes = (peer.credit_bytes or 0) + size_bytes
         peer.heard_alone = unicast
         peer.confirms_now = False
+        peer.rows_now.clear()
         peer.ripen(now)
 
     def authentic(self, source: int, life: int, digest: bytes, now: int) -> None:
@@ -358,6 +365,22 @@ class Handshake:
         if peer.confirmed_us:
             self._answer_introduction(peer, now)
 
+    def ask(self, address: int, now: int) -> None:
+        """Ask for the HELLO of a node: what is known of it does not hold."""
+        self._ask(self._peers[address], _ASK_HELLO, now)
+
+    def is_present(self, epoch: int | None) -> bool:
+        """Tell whether an epoch is that of this life, which somebody says to have heard.
+
+        Who says so in a frame has heard this node since it was started: it is no frame of a former
+        life, and of nobody who only guesses. Of a sealed frame that is known without.
+        """
+        return self.is_sealed or (epoch == self.epoch and self.introductions.is_told)
+
+    def heard_epoch(self, address: int) -> int | None:
+        """Return the epoch of a node, to show it that it was heard; None: it is not shown."""
+        return None if self.is_sealed else self._peers[address].epoch
+
     def heard_introduced(self, source: int, epoch: int, now: int, *, unicast: bool) -> None:
         """Records arrived behind a HELLO or TAG: the source still waits for an answer to it."""
         peer = self._peers[source]
@@ -398,7 +421,7 @@ class Handshake:
                 peer.is_assured, peer.owes_confirm = True, False
         elif unicast and peer.shares(self.digest):
             # It has not heard our own CONFIRM; that rides, since it may have nothing to say.
-            peer.owes_confirm = True
+            self._owe_confirm(peer)
 
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
         """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""
@@ -408,9 +431,9 @@ class Handshake:
         peer = self._peers[source]
         peer.take(Change.DOUBT)
         if ask.stream_id == _ASK_HELLO:
-            peer.owes_hello = True
+            self._owe_hello(peer)
         else:
-            peer.owed_rows[ask.stream_id] = None
+            self._owe_row(peer, ask.stream_id)
         # Whoever asks has made its own pause; a second one here would grow with every loss.
         self._speak_soon(peer, now)
         return True
@@ -423,15 +446,29 @@ class Handshake:
         if peer.epoch != row.epoch:
             self._ask(peer, _ASK_HELLO, now)
             return
-        known = row.stream_id in peer.rows
-        peer.rows[row.stream_id] = row.digest
+        if peer.shares(self.digest):
+            return  # of equal tables no row differs, whoever says so
+        known = peer.rows.get(row.stream_id)
+        is_answer = self.is_sealed or row.stream_id in peer.asked_rows
+        differs = row.digest != self._row(row.stream_id)
+        if known is not None and known.is_sure and not is_answer:
+            if known.digest != row.digest:
+                self._ask(peer, row.stream_id, now)
+            return
+        peer.rows[row.stream_id] = Row(row.digest, is_answer)
+        peer.rows_now.add(row.stream_id)
+        peer.asked_rows.discard(row.stream_id)
         peer.questions.pop(row.stream_id, None)
         peer.ask_pause.reset()
-        if row.digest != self._row(row.stream_id):
+        if not differs:
+            return
+        if is_answer:
             self._tell_difference(source, peer, row.stream_id)
-            if not known and self._policy.answers(unicast=unicast):
-                peer.owed_rows[row.stream_id] = None
-                self._speak_soon(peer, max(now, peer.answer_pause.not_before))
+        else:
+            self._ask(peer, row.stream_id, now)
+        answers = known is None and self._policy.answers(unicast=unicast)
+        if answers and self._owe_row(peer, row.stream_id):
+            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def verdict(self, source: int, epoch: int | None, stream_id: int, now: int) -> str | None:
         """Decide whether a record may be decoded.
@@ -455,10 +492,8 @@ class Handshake:
                 return None
         elif peer.epoch is not None and epoch == peer.epoch:
             row = peer.rows.get(stream_id)
-            if row is not None and row == self._row(stream_id):
-                return None
-            if row is not None:
-                return "differs"
+            if row is not None and (row.is_sure or stream_id in peer.rows_now):
+                return None if row.digest == self._row(stream_id) else "differs"
             self._ask(peer, stream_id, now)
             return "unconfirmed"
         # Without HELLO or TAG the source takes us for confirmed, from a life of ours that is over
@@ -470,11 +505,12 @@ class Handshake:
     def may_measure(self, source: int, stream: Stream) -> bool:
         """Tell whether a record of a node ends where this node's table says, in a sealed frame."""
         peer = self._peers.get(source)
+        row = None if peer is None else peer.rows.get(stream.stream_id)
         return (
             peer is None
             or peer.shares(self.digest)
             or stream.is_built_in
-            or peer.rows.get(stream.stream_id) == stream.digest
+            or (row is not None and row.digest == stream.digest)
         )
 
     def misses_reference(self, source: int, now: int) -> None:
@@ -489,7 +525,7 @@ class Handshake:
         """Tell whether a node is known to define a stream in another way."""
         peer = self._peers.get(address)
         row = peer.rows.get(stream_id) if peer else None
-        return row is not None and row != self._row(stream_id)
+        return row is not None and row.is_sure and row.digest != self._row(stream_id)
 
     def verdict_dense(self, source: int, epoch: int | None, now: int) -> str | None:
         """Decide whether a dense block may be decoded: that takes the whole table.
@@ -555,7 +591,7 @@ class Handshake:
             peer.holds_at = now + self.settling_ns
             if peer.shares(self.digest):
                 # It introduces itself in every frame until it is told.
-                peer.owes_confirm = True
+                self._owe_confirm(peer)
                 self._speak_soon(peer, max(peer.holds_at, peer.confirm_at))
 
     def _row(self, stream_id: int) -> bytes:
@@ -564,7 +600,8 @@ class Handshake:
 
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self.digest:
-            peer.owes_confirm = True
+            if not self._owe_confirm(peer):
+                return
             earliest = now if peer.confirm_at <= now else peer.confirm_at + self.patience_ns
             self._speak_soon(peer, earliest)
         elif not peer.answer_pause.is_longest:
@@ -572,12 +609,30 @@ class Handshake:
             self._introduce_soon(peer, now)
 
     def _introduce_soon(self, peer: Peer, now: int) -> None:
-        peer.owes_hello = True
-        self._speak_soon(peer, max(now, peer.answer_pause.not_before))
+        if self._owe_hello(peer):
+            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def _ask(self, peer: Peer, stream_id: int, now: int) -> None:
+        if stream_id not in peer.questions and not peer.spend(ASK_BYTES):
+            return
         peer.questions[stream_id] = None
         self._speak_soon(peer, max(now, peer.ask_pause.not_before))
+
+    # A stranger is owed no more bytes than it has spent.
+
+    def _owe_hello(self, peer: Peer) -> bool:
+        peer.owes_hello = peer.owes_hello or peer.spend(HELLO_BYTES)
+        return peer.owes_hello
+
+    def _owe_confirm(self, peer: Peer) -> bool:
+        peer.owes_confirm = peer.owes_confirm or peer.spend(CONFIRM_BYTES)
+        return peer.owes_confirm
+
+    def _owe_row(self, peer: Peer, stream_id: int) -> bool:
+        if stream_id not in peer.owed_rows and not peer.spend(ROW_BYTES):
+            return False
+        peer.owed_rows[stream_id] = None
+        return True
 
     def _speak_soon(self, peer: Peer, earliest: int) -> None:
         """Give what is owed a frame of its own, unless one goes anyway before."""

@@ -17,6 +17,7 @@ for long may make more of it.
 """
 
 from collections import Counter
+from collections.abc import Iterable
 
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import Cause
@@ -160,11 +161,8 @@ class Introductions:
         )
 
     def concerns_others(self, destination: int) -> bool:
-        """Tell whether there are nodes, listed or heard, that a frame to one node is not for."""
-        heard = (each for each, peer in self._peers.items() if peer.epoch is not None)
-        return any(
-            each not in (self._address, destination) for each in (*self._table.nodes, *heard)
-        )
+        """Tell whether there are nodes of the fleet that a frame to one node is not for."""
+        return any(each not in (self._address, destination) for each in self._fleet)
 
     # Below the methods above
 
@@ -214,17 +212,20 @@ class Introductions:
             peer.said(Cause.CONFIRM, now, self.unit_ns)
         return Confirm(named, peer.present_epoch).encode()
 
+    @property
+    def _fleet(self) -> Iterable[int]:
+        """The listed nodes; without a list all that have introduced themselves.
+
+        Beside a list nobody is introduced to for having said a HELLO: anybody can.
+        """
+        heard = (each for each, peer in self._peers.items() if peer.epoch is not None)
+        return self._table.nodes or heard
+
     def _receivers(self, destination: int, now: int) -> list[Peer]:
         if destination != BROADCAST:
             receivers = [self._peers[destination]]
         else:
-            receivers = [self._peers[each] for each in self._table.nodes if each != self._address]
-            # Whoever has introduced itself is in the water, listed or not.
-            receivers += [
-                peer
-                for address, peer in self._peers.items()
-                if address not in self._table.nodes and peer.epoch is not None
-            ]
+            receivers = [self._peers[each] for each in self._fleet if each != self._address]
         for peer in receivers:
             peer.ripen(now)
         return receivers

@@ -2,6 +2,8 @@
 
 from typing import Final
 
+import msgspec
+
 from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.states import AGREEMENT, Agreement, Change, Life
@@ -42,6 +44,15 @@ class Pause:
         return self._units == self._longest_units
 
 
+class Row(msgspec.Struct, frozen=True):
+    """What a node says of a stream of its table."""
+
+    digest: bytes
+    """The digest."""
+    is_sure: bool
+    """It has answered a question of ours: anybody can say a row once under its address."""
+
+
 class Peer:
     """What this node knows of another one, and what it owes to it."""
 
@@ -54,7 +65,13 @@ class Peer:
         self.marked = 0
         """How many frames had that TAG."""
         self.settled_at = 0
-        self.rows: dict[int, bytes] = {}
+        self.credit_bytes: int | None = None
+        """A stranger is answered with so many bytes at most; None: it is one of the fleet."""
+        self.rows: dict[int, Row] = {}
+        self.rows_now: set[int] = set()
+        """Rows in the frame that is read now."""
+        self.asked_rows: set[int] = set()
+        """Rows that it was asked for, and has not told since."""
         self.agreement = AGREEMENT.first
         """Whether it has confirmed us; changed by `take` only."""
         self.knows_us = False
@@ -152,9 +169,19 @@ class Peer:
         elif cause is Cause.TABLE:
             self.owed_rows.pop(next(iter(self.owed_rows)))
         else:
-            self.questions.pop(next(iter(self.questions)))
+            stream_id = next(iter(self.questions))
+            del self.questions[stream_id]
+            self.asked_rows.add(stream_id)
             if not self.questions:
                 self.ask_pause.use(now, unit_ns)
+
+    def spend(self, size_bytes: int) -> bool:
+        """Tell whether it may be answered with so many bytes more, and count them."""
+        if self.credit_bytes is None:
+            return True
+        is_enough = self.credit_bytes >= size_bytes
+        self.credit_bytes -= size_bytes * is_enough
+        return is_enough
 
     def doubt(self, event: Change) -> None:
         """Forget all agreement on tables, because of an event."""
@@ -163,6 +190,7 @@ class Peer:
         self.owes_confirm = False
         self.answered_at = 0
         self.rows.clear()
+        self.asked_rows.clear()
         self.told_differing.clear()
 
     def begin_life(self, event: Change) -> None:

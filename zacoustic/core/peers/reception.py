@@ -44,7 +44,8 @@ class Heard:
     """
 
     __slots__ = (
-        "_handshake", "epoch", "frame", "is_foreign", "now", "port", "source", "streams", "tagged",
+        "_handshake", "epoch", "frame", "is_foreign", "is_strong", "now", "port", "source",
+        "streams", "tagged",
     )  # fmt: skip
 
     def __init__(
@@ -64,6 +65,8 @@ class Heard:
         """Boot epoch in its HELLO or TAG; None: it has neither."""
         self.tagged: int | None = None
         """Boot epoch in its TAG; None: it has none."""
+        self.is_strong = False
+        """It was sealed with the long tag."""
         self.is_foreign = False
         """It has a HELLO of another wire version."""
         self.streams: list[int] = []

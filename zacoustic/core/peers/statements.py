@@ -6,6 +6,7 @@ what.
 """
 
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.lives import Lives
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Heard, Reception
 from zacoustic.core.wire.agreement import WIRE_VERSION, Ask, Confirm, Hello, TableRow, Tag
@@ -17,11 +18,15 @@ class Statements:
     Args:
         handshake: Is told.
         peers: Signal what others have to know of it.
+        lives: Are told who has heard this node.
         reception: Gives them out.
     """
 
-    def __init__(self, handshake: Handshake, peers: Peers, reception: Reception) -> None:
+    def __init__(
+        self, handshake: Handshake, peers: Peers, lives: Lives, reception: Reception
+    ) -> None:
         self._handshake = handshake
+        self._lives = lives
         self._peers = peers
         reception.of_sender(Ask, self._ask)
         reception.of_sender(TableRow, self._row)
@@ -60,6 +65,9 @@ class Statements:
             self._handshake.heard_hello(source, hello, now, unicast=unicast)
             if unicast:
                 self._handshake.heard_introduction(source)
+        epoch = self._peers[source].epoch
+        if is_ours and epoch is not None:
+            self._lives.proved(source, epoch, now + self._handshake.settling_ns)
         self._handshake.heard_confirm(source, confirm, now, unicast=unicast)
 
     def _ask(self, heard: Heard, ask: Ask) -> None:

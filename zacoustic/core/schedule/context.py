@@ -21,6 +21,7 @@ from zacoustic.core.peers.bootepoch import BootEpoch
 from zacoustic.core.peers.contact import Contact
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.lives import Lives
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.peers.peers import Peers
@@ -100,6 +101,8 @@ class NodeContext:
             SEALED if cipher is not None else POLICIES[rules.agreement],
         )
         """What is agreed with the others."""
+        self.lives = Lives(table, stored, self.journal, self.peers)
+        """Which lives of others are over."""
         self.contact = Contact(address, rules.contact, self.peers, self.timers, emit)
         """Who is lost."""
         self.epoch = BootEpoch(self.handshake, self.journal, self.seal)
@@ -155,6 +158,8 @@ class Context:
         """Whether something of former lives is forgotten."""
         self.handshake = node.handshake
         """What is agreed with the others."""
+        self.lives = node.lives
+        """Which lives of others are over."""
         self.epoch = node.epoch
         """The boot epoch of the node."""
         self.reception = Reception()
@@ -171,7 +176,7 @@ class Context:
             )  # fmt: skip
         self.pacers = Pacers(node.peers, partial(node.handshake.introduce, link))
         """When something may be repeated to the others."""
-        Statements(self.handshake, self.peers, self.reception)
+        Statements(self.handshake, self.peers, self.lives, self.reception)
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)
 

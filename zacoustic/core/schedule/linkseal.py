@@ -90,6 +90,10 @@ class Unsealed:
         """Tell whether a payload may be in a frame that is closed so."""
         return True
 
+    def refuses(self, stream: Stream, *, strong: bool) -> bool:
+        """Tell whether a record may not be taken from a frame with a tag of that length."""
+        return False
+
     def is_known(self, destination: int, now: int) -> bool:
         """Tell whether a fragment may go: whoever is to hear it can be in step."""
         return True
@@ -167,6 +171,10 @@ class LinkSeal(Unsealed):
         """Tell whether a payload may be in a frame that is closed so."""
         return closing.strong or not self._is_strong(item)
 
+    def refuses(self, stream: Stream, *, strong: bool) -> bool:
+        """Tell whether a record may not be taken from a frame with a tag of that length."""
+        return not strong and self._kind(stream) in self._rules.strong
+
     def is_known(self, destination: int, now: int) -> bool:
         """Tell whether a fragment may go: whoever is to hear it can be in step."""
         return not self._seal.needs_long(destination, now, port=self._port)
@@ -205,11 +213,13 @@ class LinkSeal(Unsealed):
 
     def _is_strong(self, item: Waiting) -> bool:
         stream = self._table.get(item.stream_id)
-        if stream is None:  # an answer about nothing that is in the table: it is of no kind
-            return False
-        kind = "topics"
+        # An answer about nothing that is in the table is of no kind.
+        return stream is not None and self._kind(stream) in self._rules.strong
+
+    @staticmethod
+    def _kind(stream: Stream) -> str:
         if isinstance(stream.spec, ActionSpec):
-            kind = "actions"
-        elif isinstance(stream.spec, ServiceSpec):
-            kind = "commands" if stream.is_built_in else "services"
-        return kind in self._rules.strong
+            return "actions"
+        if isinstance(stream.spec, ServiceSpec):
+            return "commands" if stream.is_built_in else "services"
+        return "topics"

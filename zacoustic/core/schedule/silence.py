@@ -28,7 +28,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.journal import BOOT_KEY, JournalPort
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.hosttime import HostTime
@@ -168,6 +168,23 @@ class Silence:
         self._journal.write(SILENCE_KEY, None, lambda at: self._tell(at, then))
         self._arm()
 
+    def begin_at_least(self, now: int, *, until: int | None, then: Callable[[int], None]) -> None:
+        """Be silent to an instant, or until `resume`; an earlier command that lasts longer stays.
+
+        Args:
+            now: The instant.
+            until: The end, ns; None: `resume`.
+            then: Called when it is written down.
+        """
+        lasts = self._commanded and (
+            self._ends_at is None or (until is not None and until <= self._ends_at)
+        )
+        if lasts or (until is not None and until <= now):
+            then(now)
+        else:
+            duration_s = None if until is None else ns_to_seconds(until - now)
+            self.begin(now, duration_s=duration_s, then=then)
+
     def grant(self, lane: LaneKey, *, until: int) -> None:
         """Let one frame of one lane go in spite of silence, until an instant, ns."""
         self._granted = lane, until
@@ -242,6 +259,11 @@ class Silence:
             changed_at=now,
             doubt=self._doubt,
         )
+
+    @property
+    def commanded(self) -> tuple[bool, int | None]:
+        """Whether silence is commanded, and its end, ns; None: until `resume`."""
+        return self._commanded, self._ends_at
 
     @property
     def clock_doubt(self) -> str:

@@ -29,6 +29,9 @@ from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.schedule.access.listening import Listening
 
+FEW_RECEIVERS: Final = 4
+"""So many receivers of one sample acknowledge it one right behind the other."""
+_SLOTS_OF_MANY: Final = 3
 _ACK_BYTES: Final = 5
 _SHORT_BYTES: Final = 8
 _BATCH_FRAMES: Final = 4
@@ -151,6 +154,19 @@ class LinkTimes:
         """
         least_ns = self.doubt_ns if self.senses_carrier else self.longest_ns
         return least_ns if receivers < 2 else max(least_ns, 2 * receivers * self.ack_slot_ns)
+
+
+def ack_slots(rank: int, receivers: int) -> int:
+    """Return how many slots pass before a receiver acknowledges what was sent to several.
+
+    They acknowledge in the order of their addresses. Of many the answers arrive in another order,
+    since their ways differ, and would meet.
+
+    Args:
+        rank: How many acknowledge before it.
+        receivers: How many there are.
+    """
+    return rank if receivers <= FEW_RECEIVERS else _SLOTS_OF_MANY * rank
 
 
 class Pacer:

@@ -105,8 +105,13 @@ class RemoteCommand(msgspec.Struct, frozen=True, kw_only=True):
         """What it is about: a stream id, or 0 for silence."""
         return self.stream_id or 0
 
-    def to_wire(self, serial: int) -> dict[str, Any]:
-        """Return the request."""
+    def to_wire(self, serial: int, heard: int | None = None) -> dict[str, Any]:
+        """Return the request.
+
+        Args:
+            serial: Number of the command.
+            heard: Boot epoch of the node that it is for, if that was heard.
+        """
         return {
             "serial": serial,
             "order": self.kind.value,
@@ -115,6 +120,7 @@ class RemoteCommand(msgspec.Struct, frozen=True, kw_only=True):
             "on": self.on,
             "min_interval_s": self.min_interval_s,
             "priority": _priority_name(self.priority),
+            "heard": heard,
         }
 
     @classmethod
@@ -212,6 +218,7 @@ def command_types() -> TypeTable:
                     ),
                     FieldSpec(name="stream", type="uint8", optional=True),
                     *of_topic,
+                    FieldSpec(name="heard", type="uint16", optional=True),
                 ),
             ),
             TypeSpec(

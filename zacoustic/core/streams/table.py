@@ -254,6 +254,10 @@ class StreamTable:
         self._digest = None
         return stream
 
+    def lists(self, address: int) -> bool:
+        """Tell whether a node is one of the fleet; without a list each one is."""
+        return not self.nodes or address in self.nodes
+
     @property
     def digest(self) -> bytes:
         """Four bytes that change with any stream and with the list of nodes."""

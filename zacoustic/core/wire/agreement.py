@@ -27,6 +27,9 @@ ASK_CODE: Final = 0xB6
 TABLE_CODE: Final = 0xB7
 HELLO_BYTES: Final = 8
 TAG_BYTES: Final = 3
+CONFIRM_BYTES: Final = 4
+ASK_BYTES: Final = 3
+ROW_BYTES: Final = 8
 """Sizes with the code."""
 
 
@@ -116,7 +119,7 @@ class TableRow(msgspec.Struct, frozen=True):
 FORMS: Final[tuple[Form, ...]] = (
     fixed(HELLO_CODE, "HELLO", HELLO_BYTES, Hello.decode),
     fixed(TAG_CODE, "TAG", TAG_BYTES, Tag.decode),
-    fixed(CONFIRM_CODE, "CONFIRM", 4, Confirm.decode),
-    fixed(ASK_CODE, "ASK", 3, Ask.decode),
-    fixed(TABLE_CODE, "TABLE", 8, TableRow.decode),
+    fixed(CONFIRM_CODE, "CONFIRM", CONFIRM_BYTES, Confirm.decode),
+    fixed(ASK_CODE, "ASK", ASK_BYTES, Ask.decode),
+    fixed(TABLE_CODE, "TABLE", ROW_BYTES, TableRow.decode),
 )

@@ -45,6 +45,8 @@ class Opened(msgspec.Struct, frozen=True, kw_only=True):
     """Which life of its sender has sealed it; None: it was not sealed."""
     digest: bytes = b""
     """Of the sender's table, as the seal says; empty: it says nothing."""
+    strong: bool = False
+    """It had the long tag."""
 
 
 class Damaged(msgspec.Struct, frozen=True, kw_only=True):

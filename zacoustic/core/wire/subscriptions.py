@@ -2,15 +2,18 @@
 
 ::
 
-    BC  page 1  version 1  streams 1
+    BC  page 1  version 1  streams 1  [ heard 2 ]
 
 page
     the low five bits: which eight stream ids (page *p* is 8 *p* … 8 *p* + 7); ``80`` set: an
-    answer, which repeats what it answers; the other bits are 0, and ignored
+    answer, which repeats what it answers; ``40`` set: heard follows; ``20`` set, of an answer: it
+    holds until the next message
 version
     counts the sender's messages about the page, modulo 256
 streams
     bit *i* set: the sender subscribes to stream 8 *p* + *i* at the destination
+heard
+    boot epoch of the destination, which the sender has heard
 """
 
 from collections.abc import Iterable, Iterator
@@ -18,15 +21,17 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.wire.controls import Form, fixed
+from zacoustic.core.wire.controls import Form
 
 SUBSCRIBE_CODE: Final = 0xBC
-SUBSCRIBE_BYTES: Final = 4
-"""Size with the code."""
 PAGE_STREAMS: Final = 8
 """Streams of a page."""
 _PAGE: Final = 0x1F
 _ANSWER: Final = 0x80
+_HEARD: Final = 0x40
+_KEPT: Final = 0x20
+_BODY_BYTES: Final = 3
+_HEARD_BYTES: Final = 2
 
 
 class Subscribe(msgspec.Struct, frozen=True):
@@ -40,11 +45,19 @@ class Subscribe(msgspec.Struct, frozen=True):
     """Bit *i*: the *i*-th stream of the page."""
     is_answer: bool = False
     """It repeats a message, to acknowledge it."""
+    heard: int | None = None
+    """Boot epoch of the node that the frame is for; None: its sender knows none."""
+    is_kept: bool = False
+    """Of an answer: what it answers holds until the next message."""
 
     @property
     def body(self) -> bytes:
-        """The three bytes behind the code."""
-        return bytes((self.page | (_ANSWER if self.is_answer else 0), self.version, self.streams))
+        """What stands behind the code."""
+        flags = _ANSWER * self.is_answer | _KEPT * self.is_kept
+        if self.heard is None:
+            return bytes((self.page | flags, self.version, self.streams))
+        head = bytes((self.page | flags | _HEARD, self.version, self.streams))
+        return head + self.heard.to_bytes(_HEARD_BYTES, "big")
 
     def encode(self) -> bytes:
         """Return the four bytes of the control."""
@@ -52,8 +65,15 @@ class Subscribe(msgspec.Struct, frozen=True):
 
     @staticmethod
     def decode(body: bytes) -> "Subscribe":
-        """Read the three bytes behind the code."""
-        return Subscribe(body[0] & _PAGE, body[1], body[2], bool(body[0] & _ANSWER))
+        """Read what stands behind the code."""
+        return Subscribe(
+            body[0] & _PAGE,
+            body[1],
+            body[2],
+            is_answer=bool(body[0] & _ANSWER),
+            heard=int.from_bytes(body[_BODY_BYTES:], "big") if body[0] & _HEARD else None,
+            is_kept=bool(body[0] & _KEPT),
+        )
 
 
 def page_of(stream_id: int) -> int:
@@ -73,6 +93,11 @@ def bits_of(stream_ids: Iterable[int]) -> int:
     return sum(1 << stream_id % PAGE_STREAMS for stream_id in set(stream_ids))
 
 
-FORMS: Final[tuple[Form, ...]] = (
-    fixed(SUBSCRIBE_CODE, "SUBSCRIBE", SUBSCRIBE_BYTES, Subscribe.decode),
-)
+def _read(buffer: bytes, offset: int) -> tuple[Subscribe, int] | None:
+    begin = offset + 1
+    has_heard = begin < len(buffer) and buffer[begin] & _HEARD
+    end = begin + _BODY_BYTES + (_HEARD_BYTES if has_heard else 0)
+    return None if end > len(buffer) else (Subscribe.decode(buffer[begin:end]), end)
+
+
+FORMS: Final[tuple[Form, ...]] = (Form(SUBSCRIBE_CODE, "SUBSCRIBE", _read),)

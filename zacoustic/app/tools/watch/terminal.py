@@ -53,6 +53,8 @@ _WIDEST: Final = 1000
 # What a narrow terminal does not show of streams, by place: the rates, then the airtime as well,
 # then when something was sent and heard last.
 _LACKING: Final = tuple(map(frozenset, ((), (2, 5), (2, 5, 8), (1, 2, 4, 5, 8))))
+_MOST_PEERS: Final = 12
+"""Of more nodes only those are shown one by one with which something is amiss."""
 _GOOD, _BAD, _WEAK, _DIM = "green", "bold red", "yellow", "dim"
 
 
@@ -111,7 +113,7 @@ def _gateway(view: GatewayView, *, is_complete: bool) -> RenderableType:
         Rule(_cell(f" {title_words(view)} ", "bold"), align="left"),
         _head(view),
         _streams(view, is_complete=is_complete),
-        *([_peers(view)] if view.peers else []),
+        *([_peers(view, is_complete=is_complete)] if view.peers else []),
         Columns([_causes(view), _transfers(view)], padding=(0, 4)),
         *([_frames(view)] if view.frames else []),
         _events(view),
@@ -203,10 +205,28 @@ def _crossed(times: int, ago_s: float | None, rate_hz: float | None) -> tuple[st
     return str(times), time_words(ago_s), rate_words(rate_hz)
 
 
-def _peers(view: GatewayView) -> RenderableType:
+def _peers(view: GatewayView, *, is_complete: bool) -> RenderableType:
+    """Draw the other nodes; of many only those with something amiss, and a line for the rest."""
+    is_all = is_complete or len(view.peers) <= _MOST_PEERS
+    shown = [each for each in view.peers if is_all or not _is_well(each)]
+    rest = [each.heard_ago_s or 0.0 for each in view.peers if each not in shown]
+    table = _peer_table(shown)
+    if not rest:
+        return table
+    text = f"well: {len(rest)} nodes, each heard in the last {time_words(max(rest))}"
+    line = Text(text, style=_DIM)
+    return Group(table, line) if shown else line
+
+
+def _is_well(peer: PeerView) -> bool:
+    is_heard = peer.heard_ago_s is not None
+    return is_heard and (peer.per or 0) <= LOSING and not trouble_words(peer)
+
+
+def _peer_table(peers: Sequence[PeerView]) -> Table:
     table = _table("node", right=("heard", "range", "signal", "frames lost"))
     table.add_column("")
-    for peer in view.peers:
+    for peer in peers:
         table.add_row(
             _cell(f"{peer.address} {peer.name}".rstrip()),
             Text(_heard(peer), style=_WEAK if (peer.heard_ago_s or 0) > OLD_S else ""),

@@ -88,7 +88,9 @@ class Protocols(Profile):
         """Samples larger than a frame, under way."""
         context.reception.read.connect(context.pacers.heard)
         self.transports = make_transports(context, transports)
-        self.receiver = Receiver(context.table, context.handshake, context.reception, context.stats)
+        self.receiver = Receiver(
+            context.table, context.handshake, context.reception, context.stats, context.seal
+        )
         made_of = Ingredients(
             queue=context.queue,
             dense=self.topics.dense,

@@ -11,8 +11,10 @@ overlong address``
 ``truncated reserved    the frame cannot be read further (`zacoustic.core.wire.frame`)
 unknown_stream``
 ``unconfirmed differs`` the tables are not known to agree (`zacoustic.core.peers.handshake`)
+``stranger``            what would be answered, of a node that is not in the table's list
 ``not_publisher         the table does not allow this record between these nodes
 not_subscriber``
+``weak``                a command, call or goal in a frame with the short tag
 ``payload``             the content does not decode, or is out of the bounds of its type
 ``dense``               a dense block that is damaged, or refers to what is not known here
 ``unexpected_answer     an answer to no call, or too late; a request that came before
@@ -24,6 +26,7 @@ out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or of a former life
 ``too_many_calls        more requests or goals of one client than two lives of it can have
 too_many_goals``
+``former_life``         a request or goal of a life of its client that is over: played back
 ``suspended``           a request or goal that may be older than this life, while it is in question
                         whether this node has forgotten some; it is repeated
 ``old_cancel``          a cancel of a goal, or its refusal, before the last one
@@ -39,16 +42,20 @@ from functools import partial
 import msgspec
 
 from zacoustic.core.base.linktypes import ReceivedFrame
+from zacoustic.core.base.qos import Reliability
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.reception import Heard, HearingPort, Reception
 from zacoustic.core.profiles.native.controls import CONTROLS
+from zacoustic.core.schedule.linkseal import Unsealed
+from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 from zacoustic.core.wire.content import measure_content
 from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.envelope import Opened
 from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
+from zacoustic.core.wire.objects import Fragment
 
 _REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
 """Whoever says these again has not got the answer."""
@@ -62,6 +69,7 @@ class Receiver:
         handshake: Decides what may be decoded.
         reception: Knows who takes what.
         stats: Counts what is dropped.
+        seal: Says what wants the long tag.
     """
 
     def __init__(
@@ -70,7 +78,9 @@ class Receiver:
         handshake: Handshake,
         reception: Reception,
         stats: EngineStats,
+        seal: Unsealed,
     ) -> None:
+        self._seal = seal
         self._table = table
         self._handshake = handshake
         self._reception = reception
@@ -81,10 +91,12 @@ class Receiver:
     ) -> tuple[int, ...]:
         """Take one frame apart; returns the streams of what was in it."""
         heard = self._heard(opened, received, port, now)
-        self._handshake.begin_frame(heard.source, now, unicast=heard.is_unicast)
+        self._handshake.begin_frame(
+            heard.source, len(opened.records), now, unicast=heard.is_unicast
+        )
         if opened.life is not None:
             self._handshake.authentic(heard.source, opened.life, opened.digest, now)
-            heard.epoch = opened.life
+            heard.epoch, heard.is_strong = opened.life, opened.strong
         items: list[Item] = []
         for item in self._items(opened, unicast=heard.is_unicast):
             self._drop(self._reception.first(heard, item))
@@ -153,6 +165,8 @@ class Receiver:
         """Take something in the second pass; returns why it is dropped, or None."""
         if isinstance(item, Stray):
             return item.reason
+        if not self._table.lists(heard.source) and self._is_answered(item):
+            return "stranger"
         if not isinstance(item, Record):
             return self._reception.second(heard, item)
         heard.streams.append(item.stream_id)
@@ -166,8 +180,20 @@ class Receiver:
             return reason
         if stream is None:
             return "unknown_stream"
+        if self._seal.refuses(stream, strong=heard.is_strong):
+            return "weak"
         give = self._reception.ack if is_ack else self._reception.record
         return give(heard, stream, item)
+
+    def _is_answered(self, item: Item) -> bool:
+        """Tell whether this node would answer something, or keep it: it does so for its fleet."""
+        if not isinstance(item, Record):
+            return isinstance(item, Fragment)
+        stream = self._table.get(item.stream_id)
+        is_best_effort = stream is not None and (
+            isinstance(stream.spec, TopicSpec) and stream.qos.reliability is Reliability.BEST_EFFORT
+        )
+        return item.prefixes.acknowledged is None and not is_best_effort
 
     def _drop(self, reason: str | None) -> None:
         if reason is not None:

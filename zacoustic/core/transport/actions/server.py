@@ -61,6 +61,7 @@ class GoalServer:
         self._outbox = outbox
         self._journal = context.journal
         self._handshake = context.handshake
+        self._lives = context.lives
         self._doubt = context.doubt
         self._timers = context.timers
         self._stats = context.stats
@@ -175,6 +176,8 @@ class GoalServer:
                 if goal is not None:
                     self._answer_again(goal, now)
                     return "repeated_goal"
+                if self._lives.is_over(source, present, now):
+                    return "former_life"
                 return self._receive_goal(key, stream, message.payload, now)
             case Operation.CLAIM:
                 if goal is None:

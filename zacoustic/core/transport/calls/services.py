@@ -23,7 +23,12 @@ from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import EVERY_NODE, Stream
 from zacoustic.core.transport.calls.answering import Answering, call_qos, confirm_qos
-from zacoustic.core.transport.calls.calls import CallEvent, CallFailed, ClientCalls
+from zacoustic.core.transport.calls.calls import (
+    CallEvent,
+    CallFailed,
+    ClientCalls,
+    ResponseReceived,
+)
 from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.calls import (
@@ -63,6 +68,7 @@ class Services:
         self._queue = context.queue
         self._repeater = repeater
         self._handshake = context.handshake
+        self._lives = context.lives
         self._epoch = context.epoch
         self._timers = context.timers
         self._stats = context.stats
@@ -82,6 +88,11 @@ class Services:
         self.serve_here = self._answering.serve_here
         """Gives a service to a handler in the engine."""
         self._linger_s = 0.0
+        self._takers: dict[int, Callable[[CallEvent, int], CallEvent | None]] = {}
+
+    def take_ends(self, stream_id: int, take: Callable[[CallEvent, int], CallEvent | None]) -> None:
+        """Show the ends of own calls of a service to a handler, which returns what is told."""
+        self._takers[stream_id] = take
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
@@ -182,6 +193,8 @@ class Services:
             return "not_publisher"
         if stream.is_built_in and not introduced:
             return "unconfirmed"  # it may be of a former life of its sender
+        if self._lives.is_over(source, key.epoch, now):
+            return "former_life"
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 
     def peer_forgotten(self, address: int, now: int) -> None:
@@ -277,7 +290,7 @@ class Services:
         count(self._stats.received, stream.stream_id)
         self._timers.cancel((Due.CALL, call_id))
         response = self._clients.respond(call_id, value)
-        self._emit(msgspec.structs.replace(response, age_s=age_s))
+        self._tell(msgspec.structs.replace(response, age_s=age_s), now)
         return None
 
     def _mismatch(self, call_id: int, server: int, stream_id: int, now: int) -> None:
@@ -288,7 +301,13 @@ class Services:
         self._fail(call_id, CallFailure.TIMED_OUT, "no answer before the deadline", now)
 
     def _fail(self, call_id: int, failure: CallFailure, text: str, now: int) -> None:
-        self._emit(self._end(call_id, failure, text, now))
+        self._tell(self._end(call_id, failure, text, now), now)
+
+    def _tell(self, event: ResponseReceived | CallFailed, now: int) -> None:
+        take = self._takers.get(event.stream_id)
+        told = event if take is None else take(event, now)
+        if told is not None:
+            self._emit(told)
 
     def _end(self, call_id: int, failure: CallFailure, text: str, now: int) -> CallFailed:
         """End a call without an answer; its request does not leave any more."""

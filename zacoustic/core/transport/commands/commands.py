@@ -1,11 +1,11 @@
 """The commands of one node: those that it gives, and those that it executes."""
 
 from collections.abc import Callable
-from typing import Final, assert_never
+from typing import Any, Final, assert_never
 
 import msgspec
 
-from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.schedule.context import NodeContext
 from zacoustic.core.schedule.silence import Silence
@@ -21,7 +21,9 @@ from zacoustic.core.transport.calls.answering import ANSWER_LANE
 from zacoustic.core.transport.calls.calls import RequestReceived
 from zacoustic.core.transport.calls.services import Services
 from zacoustic.core.transport.commands.deduplication import DeduplicationTable, Freshness
+from zacoustic.core.transport.commands.given import GivenCommands
 from zacoustic.core.transport.commands.overrides import Overrides
+from zacoustic.core.transport.commands.unproved import UNPROVED_S, Unproved
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 
@@ -91,11 +93,14 @@ class Commands:
         self._silence = silence
         self._deduplication = DeduplicationTable(node.stored, node.journal)
         self._emit: Callable[[StreamOverridden | CommandHandled], None] = node.emit
+        self._unproved = Unproved(node.timers)
+        self._given = GivenCommands(self._give, node.handshake)
         self._serial = 0
         node.peers.forgotten.connect(self._deduplication.peer_forgotten)
         stream = node.table.get(COMMANDS_STREAM_ID)
         if stream is not None and stream.is_built_in:  # else the id is another service's
             self._carrier.serve_here(COMMANDS_STREAM_ID, self._receive)
+            self._carrier.take_ends(COMMANDS_STREAM_ID, self._given.ended)
 
     def send(
         self, node: int, command: RemoteCommand, now: int, *, timeout_s: float | None = None
@@ -120,17 +125,15 @@ class Commands:
             raise LocalError(f"node {node}; allowed: 1..254")
         if timeout_s is not None:
             check_timeout(timeout_s)
-        carrier, rival = self._carrier, self._table.by_id(COMMANDS_STREAM_ID)
-        if not rival.is_built_in:
+        rival = self._table.by_id(COMMANDS_STREAM_ID)
+        if self._services is not None and not rival.is_built_in:
             raise LocalError(
                 f"stream {COMMANDS_STREAM_ID} is {rival.name}, so no commands cross the channel",
                 hint="give that stream another id",
             )
         if command.changes:
             self._serial = (self._serial + 1) % SERIALS
-        return carrier.call(
-            COMMANDS_STREAM_ID, command.to_wire(self._serial), now, timeout_s=timeout_s, server=node
-        )
+        return self._given.give(node, command, self._serial, now, timeout_s=timeout_s)
 
     def execute(
         self, command: RemoteCommand, now: int, then: Callable[[CommandState], None]
@@ -151,6 +154,8 @@ class Commands:
             then(self.state(command, at))
 
         self._do(command, now, kept)
+        if command.changes:
+            self._unproved.settle(command.subject)
 
     def state(self, command: RemoteCommand, now: int) -> CommandState:
         """Return the state of the objects of a command.
@@ -185,22 +190,30 @@ class Commands:
             if command.for_s is not None:
                 command = _for_the_rest(command, age_s)
             if command.changes:
-                self._execute_once(call, serial, command, now)
+                proved = self._handshake.is_present(request.value["heard"])
+                self._execute_once(call, serial, command, now, proved=proved)
             else:
                 self._answer(call, command, now)
         except (ValueError, LocalError) as error:
             self._refuse(call, str(error), now)
 
-    def _execute_once(self, call: CallKey, serial: int, command: RemoteCommand, now: int) -> None:
+    def _execute_once(
+        self, call: CallKey, serial: int, command: RemoteCommand, now: int, *, proved: bool
+    ) -> None:
         """Execute a command, unless it or a later one has been executed."""
-        freshness = self._deduplication.freshness(call.client, command.subject, call.epoch, serial)
+        subject = command.subject
+        freshness = self._deduplication.freshness(call.client, subject, call.epoch, serial)
+        tried = self._unproved.freshness(call, subject, serial)
+        if freshness is Freshness.NEW and not proved:
+            freshness = tried
         if freshness is Freshness.OVERTAKEN:
             raise LocalError("overtaken by a later order")
         if freshness is Freshness.SAME:
             self._answer(call, command, now)
             return
-        begins_silence = command.kind is CommandKind.SILENCE and not self._silence.is_silent(now)
-        self._do(command, now, lambda at: self._tell(command, call.client, at))
+        begins_silence = command.kind is CommandKind.SILENCE and (
+            not self._silence.is_silent(now) or tried is Freshness.SAME
+        )
 
         def kept(at: int) -> None:
             self._answer(call, command, at)
@@ -208,8 +221,16 @@ class Commands:
                 lane = (COMMANDS_STREAM_ID, ANSWER_LANE, call.client)
                 self._silence.grant(lane, until=at + self._handshake.patience_ns)
 
+        if not proved:
+            undo = self._try(command, now, kept)
+            self._unproved.enter(call, subject, serial, undo, now)
+            self._tell(command, call.client, now)
+            return
+        is_told = tried is Freshness.SAME
+        self._do(command, now, lambda at: None if is_told else self._tell(command, call.client, at))
+        self._unproved.settle(subject)
         # Behind what it did, so that both are there when this is.
-        self._deduplication.enter(call.client, command.subject, call.epoch, serial, kept)
+        self._deduplication.enter(call.client, subject, call.epoch, serial, kept)
 
     def _answer(self, call: CallKey, command: RemoteCommand, now: int) -> None:
         self._carrier.reply(call, self.state(command, now).to_wire(), now)
@@ -239,6 +260,33 @@ class Commands:
         if self._services is None:
             raise LocalError(f"no commands cross a link with wire: {self._table.wire.value}")
         return self._services
+
+    def _give(self, node: int, request: dict[str, Any], now: int, timeout_s: float | None) -> int:
+        return self._carrier.call(
+            COMMANDS_STREAM_ID, request, now, timeout_s=timeout_s, server=node
+        )
+
+    def _try(
+        self, command: RemoteCommand, now: int, then: Callable[[int], None]
+    ) -> Callable[[int], None]:
+        """Execute a command for a while; returns what restores the state before it."""
+        if command.stream_id is not None:
+            self.overrides.change_for_now(command)
+            then(now)
+            stream_id = command.stream_id
+            return lambda at: self.overrides.restore(stream_id)
+        was_commanded, until = self._silence.commanded
+        if command.kind is CommandKind.RESUME:
+            self._silence.resume(now, then=then)
+        else:
+            for_s = UNPROVED_S if command.for_s is None else min(command.for_s, UNPROVED_S)
+            self._silence.begin_at_least(now, until=now + seconds_to_ns(for_s), then=then)
+
+        def restore(at: int) -> None:
+            if was_commanded:
+                self._silence.begin_at_least(at, until=until, then=lambda at: None)
+
+        return restore
 
     def _do(self, command: RemoteCommand, now: int, then: Callable[[int], None]) -> None:
         match command.kind:

@@ -40,6 +40,8 @@ class Overrides:
         self._override = override
         self._journal = journal
         self._overrides: dict[int, Override] = {}
+        self._kept: dict[int, Override] = {}
+        """Those of them that the journal has."""
         for name, value in stored.items():
             head, _, stream_id = name.partition("/")
             if head == _JOURNAL:
@@ -75,23 +77,40 @@ class Overrides:
         Raises:
             LocalError: As `check`.
         """
-        assert command.stream_id is not None
-        stream = self.check(command.stream_id)
-        override = NO_OVERRIDE
-        if command.kind is CommandKind.OVERRIDE:
-            wanted = {
-                "on": command.on,
-                "min_interval_s": command.min_interval_s,
-                "priority": command.priority,
-            }
-            changes = {name: value for name, value in wanted.items() if value is not None}
-            override = msgspec.structs.replace(self.of(stream.stream_id), **changes)
+        stream, override = self._commanded(command)
         self._apply(stream, override)
+        self._kept[stream.stream_id] = override
         name = f"{_JOURNAL}/{stream.stream_id}"
         value = None if override == NO_OVERRIDE else msgspec.msgpack.encode(override)
         self._journal.write(name, value, then)
 
+    def change_for_now(self, command: RemoteCommand) -> None:
+        """Execute a TUNE or RESET until `restore`.
+
+        Raises:
+            LocalError: As `check`.
+        """
+        self._apply(*self._commanded(command))
+
+    def restore(self, stream_id: int) -> None:
+        """Let a topic be as the journal says."""
+        self._apply(self._table.by_id(stream_id), self._kept.get(stream_id, NO_OVERRIDE))
+
     # Below the methods above
+
+    def _commanded(self, command: RemoteCommand) -> tuple[Stream, Override]:
+        assert command.stream_id is not None
+        stream = self.check(command.stream_id)
+        if command.kind is not CommandKind.OVERRIDE:
+            return stream, NO_OVERRIDE
+        wanted = {
+            "on": command.on,
+            "min_interval_s": command.min_interval_s,
+            "priority": command.priority,
+        }
+        changes = {name: value for name, value in wanted.items() if value is not None}
+        kept = self._kept.get(stream.stream_id, NO_OVERRIDE)
+        return stream, msgspec.structs.replace(kept, **changes)
 
     def _recover(self, stream_id: int, value: bytes) -> None:
         try:
@@ -101,6 +120,7 @@ class Overrides:
             # The table is new now.
             self._journal.write(f"{_JOURNAL}/{stream_id}", None)
             return
+        self._kept[stream_id] = override
         self._apply(stream, override)
 
     def _apply(self, stream: Stream, override: Override) -> None:

@@ -1,9 +1,10 @@
 """What this node wants of the publishers of on-demand topics, and who of them knows it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import NO_STREAM, Cause
+from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.transport.repeating import Repeater, Repetition
 from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of, page_of
@@ -19,7 +20,8 @@ class _Message:
     """The subscribe messages to one node about one page."""
 
     __slots__ = (
-        "bits", "known_at", "known_bits", "known_version", "repetition", "said_version", "version",
+        "bits", "heard", "known_at", "known_bits", "known_version", "repetition", "said_version",
+        "version",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -35,6 +37,8 @@ class _Message:
         """The last version that the node has answered in its present boot epoch."""
         self.known_bits = 0
         self.known_at = 0
+        self.heard: int | None = None
+        """Boot epoch of the node, as the last message has it."""
 
     @property
     def is_known(self) -> bool:
@@ -55,12 +59,12 @@ class Own:
 
     Args:
         repeater: Repeats letters.
-        settling_ns: Returns the time within which a frame has arrived, ns.
+        handshake: Knows the boot epochs of others.
     """
 
-    def __init__(self, repeater: Repeater, settling_ns: Callable[[], int]) -> None:
+    def __init__(self, repeater: Repeater, handshake: Handshake) -> None:
         self._repeater = repeater
-        self._settling_ns = settling_ns
+        self._handshake = handshake
         self._wanted: dict[int, frozenset[int]] = {}
         self._messages: dict[tuple[int, int], _Message] = {}
 
@@ -82,6 +86,11 @@ class Own:
             return "unexpected_ack"  # an answer to an unsent message is of a former boot epoch
         if (answer.version, answer.streams) != (message.version, message.bits):
             return "unexpected_ack"
+        if not self._handshake.is_present(answer.heard):
+            return "unexpected_ack"  # of somebody who has not heard this life
+        if not answer.is_kept:
+            self._prove(source, message, now)
+            return None
         self._stop(message, message.repetition, now, answered=True)
         message.known_version, message.known_bits = answer.version, answer.streams
         message.known_at = now
@@ -95,7 +104,7 @@ class Own:
         message = self._messages.setdefault(key, _Message())
         if message.repetition is not None or (message.said_version is not None and not is_alone):
             return
-        if message.is_known and now < message.known_at + self._settling_ns():
+        if message.is_known and now < message.known_at + self._handshake.settling_ns:
             return  # it was sent before the node knew
         self._say(key, message, message.next_version, now)
 
@@ -116,6 +125,16 @@ class Own:
                 self._stop(message, message.repetition, now)
 
     # Below the methods above
+
+    def _prove(self, source: int, message: _Message, now: int) -> None:
+        """Say the same with the boot epoch of the node, which does not keep it without."""
+        assert message.repetition is not None
+        if message.heard == self._handshake.heard_epoch(source):
+            self._handshake.ask(source, now)  # that is not its epoch
+            return
+        page = next(page for (node, page), each in self._messages.items() if each is message)
+        self._stop(message, message.repetition, now, answered=True)
+        self._say((source, page), message, message.version, now)
 
     def _write(self, source: int, page: int, now: int) -> None:
         """Set the message to a node to the present state."""
@@ -139,11 +158,12 @@ class Own:
     def _say(self, key: tuple[int, int], message: _Message, version: int, now: int) -> None:
         source, page = key
         message.version = version
+        message.heard = self._handshake.heard_epoch(source)
         record = Waiting(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,
             destination=source,
-            payload=Subscribe(page, version, message.bits).body,
+            payload=Subscribe(page, version, message.bits, heard=message.heard).body,
             delimits_itself=True,
             for_one_node=True,
             cause=Cause.SUBSCRIBE,

@@ -1,9 +1,12 @@
 """What others want of this node: the letters that came, and the audience of each topic."""
 
 from collections.abc import Callable, Mapping, Set
+from functools import partial
 from typing import Final
 
+from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.signals import Signal
+from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
@@ -14,6 +17,8 @@ _KEY: Final = "demand"
 """Keys in the journal are ``demand/PEER/PAGE``; the value is epoch (2), version (1), streams (1)
 and the digest of the table by which it was read (4)."""
 _KEPT_BYTES: Final = 8
+UNPROVED_NS: Final = 600 * NS_PER_S
+"""For so long a subscription holds that anybody may have forged."""
 
 
 class _Held:
@@ -53,6 +58,9 @@ class Subscribers:
         """``(topic, newcomers, now)``: the audience of a topic has changed."""
         self._answer = answer
         self._held: dict[tuple[int, int], _Held] = {}
+        self._unproved: dict[tuple[int, int], _Held] = {}
+        """Letters of nodes that have not shown to have heard this one; none is in `_held`."""
+        self._timers = context.timers
         self._subscribers: dict[int, set[int]] = {}
 
     def of(self, stream: Stream) -> Set[int]:
@@ -74,13 +82,17 @@ class Subscribers:
         life = self._handshake.peer(source).epoch
         if life is None:
             return "unconfirmed"
-        if not self._is_listed(source):
+        if not self._table.lists(source):
             return "not_subscriber"
         if not self._is_of_use(source, message.page):
             self._answer(source, message, now)  # nothing is kept of it, but its writer can stop
             return None
         held = self._held.get((source, message.page))
-        if held is None or not held.is_same(life, message):
+        is_known = held is not None and held.is_same(life, message)
+        if not is_known and not self._handshake.is_present(message.heard):
+            return self._receive_unproved(source, life, message, readable, now)
+        self._forget_unproved(source, message.page)
+        if held is None or not is_known:
             if held is not None and self._is_older(held, life, message.version, now):
                 return "stale_subscribe"
             held = self._held[source, message.page] = _Held(
@@ -95,6 +107,8 @@ class Subscribers:
 
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing is to be kept of a node, nor what it has subscribed to."""
+        for place in [place for place in self._unproved if place[0] == source]:
+            self._forget_unproved(*place)
         for place in [place for place in self._held if place[0] == source]:
             del self._held[place]
             self._journal.write(_name(*place), None)
@@ -110,7 +124,7 @@ class Subscribers:
             if name != _KEY or len(kept) != _KEPT_BYTES or kept[4:] != self._table.digest:
                 continue
             source, page = map(int, rest.split("/"))
-            if not (self._is_listed(source) and self._is_of_use(source, page)):
+            if not (self._table.lists(source) and self._is_of_use(source, page)):
                 self._journal.write(key, None)
                 continue
             version, streams = kept[2], kept[3]
@@ -134,6 +148,48 @@ class Subscribers:
         value = held.epoch.to_bytes(2, "big") + bytes((held.version, held.streams))
         self._journal.write(_name(source, message.page), value + self._table.digest, kept)
 
+    def _receive_unproved(
+        self, source: int, life: int, message: Subscribe, readable: Set[int], now: int
+    ) -> str | None:
+        """Take a letter that may be forged: it adds for a while, and takes nothing away."""
+        place = (source, message.page)
+        before = self._unproved.get(place)
+        if before is not None and self._is_older(before, life, message.version, now):
+            return "stale_subscribe"
+        self._unproved[place] = _Held(life, message.version, message.streams, now)
+        key = (Due.SUBSCRIBER, source, message.page)
+        self._timers.at(key, now + UNPROVED_NS, partial(self._end_unproved, *place))
+        self._answer(source, message, now)
+        for stream_id in set(streams_of(message.page, message.streams)) & readable:
+            self._add(source, stream_id, now)
+        return None
+
+    def _forget_unproved(self, source: int, page: int) -> None:
+        self._unproved.pop((source, page), None)
+        self._timers.cancel((Due.SUBSCRIBER, source, page))
+
+    def _end_unproved(self, source: int, page: int, now: int) -> None:
+        """Nobody has proved a letter: what it has added is taken away."""
+        letter = self._unproved.pop((source, page))
+        held = self._held.get((source, page))
+        kept = set() if held is None else set(streams_of(page, held.streams))
+        for stream_id in set(streams_of(page, letter.streams)) - kept:
+            self._remove(source, stream_id, now)
+
+    def _add(self, source: int, stream_id: int, now: int) -> None:
+        if self._is_possible(source, stream_id):
+            stream = self._table.by_id(stream_id)
+            subscribers = self._subscribers.setdefault(stream_id, set())
+            if source not in subscribers:
+                subscribers.add(source)
+                self.changed(stream, {source}, now)
+
+    def _remove(self, source: int, stream_id: int, now: int) -> None:
+        subscribers = self._subscribers.get(stream_id, set())
+        if source in subscribers:
+            subscribers.discard(source)
+            self.changed(self._table.by_id(stream_id), set(), now)
+
     def _is_older(self, held: _Held, life: int, version: int, now: int) -> bool:
         """Tell whether a message was sent before the held one."""
         if held.epoch != life or held.read_at is None:
@@ -141,10 +197,6 @@ class Subscribers:
         if now >= held.read_at + self._handshake.settling_ns:
             return False  # it would have arrived by now
         return (version - held.version) % VERSIONS > VERSIONS // 2
-
-    def _is_listed(self, source: int) -> bool:
-        """Tell whether a node is one of the fleet, as far as its nodes are listed."""
-        return not self._table.nodes or source in self._table.nodes
 
     def _is_of_use(self, source: int, page: int) -> bool:
         """Tell whether a node may subscribe to anything of a page here."""
@@ -170,13 +222,8 @@ class Subscribers:
             stream_id = stream.stream_id
             if page_of(stream_id) != message.page or not self._is_possible(source, stream_id):
                 continue
-            subscribers = self._subscribers.setdefault(stream_id, set())
-            if stream_id in wanted and source not in subscribers:
-                subscribers.add(source)
-                self.changed(stream, {source}, now)
-            elif stream_id not in wanted and source in subscribers:
-                subscribers.discard(source)
-                self.changed(stream, set(), now)
+            change = self._add if stream_id in wanted else self._remove
+            change(source, stream_id, now)
 
 
 def _name(source: int, page: int) -> str:

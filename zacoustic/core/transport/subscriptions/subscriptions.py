@@ -54,8 +54,8 @@ class Subscriptions:
         self._table = context.table
         self._queue = context.queue
         self._emit: Callable[[SubscribersChanged | DeliveryEnded], None] = context.emit
-        handshake = context.handshake
-        self._own = Own(repeater, lambda: handshake.settling_ns)
+        self._handshake = context.handshake
+        self._own = Own(repeater, context.handshake)
         self._subscribers = Subscribers(context, self._answer)
         self.changed = self._subscribers.changed
         """``(topic, newcomers, now)``: others subscribe to a topic than before."""
@@ -194,7 +194,14 @@ class Subscriptions:
         )
 
     def _answer(self, source: int, message: Subscribe, now: int) -> None:
-        answer = Subscribe(message.page, message.version, message.streams, is_answer=True)
+        answer = Subscribe(
+            message.page,
+            message.version,
+            message.streams,
+            is_answer=True,
+            heard=self._handshake.heard_epoch(source),
+            is_kept=self._handshake.is_present(message.heard),
+        )
         record = Waiting(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,

@@ -116,7 +116,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     wire: str
     """Wire profile of the link."""
     agreement: str
-    """How nodes agree on tables; empty: the wire profile has nothing for it."""
+    """How nodes agree on tables; empty: frames are sealed, or are those of rmw_desert."""
     profile: str
     """Whose airtimes they are: name of a modem profile, or locator of the link."""
     unsaid: str
@@ -164,7 +164,7 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
         links=links,
         digest=config.table.digest.hex(),
         wire=config.table.wire.value,
-        agreement="" if on_desert else config.rules.agreement.value,
+        agreement="" if on_desert or config.security else config.rules.agreement.value,
         profile=profile.name,
         mtu_bytes=profile.mtu_bytes,
         streams=rows,

@@ -15,7 +15,7 @@ from zacoustic.app.tools.design.plan.offers import Offer, Saying
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Priority, Qos
-from zacoustic.core.schedule.timing import LinkTimes, Pacer
+from zacoustic.core.schedule.timing import LinkTimes, Pacer, ack_slots
 from zacoustic.core.transport.reliable.receiving.watch import Watch
 from zacoustic.core.transport.reliable.rhythm import SendRhythm
 from zacoustic.core.wire.frame import SYNC_BYTES
@@ -258,7 +258,8 @@ class ReliableLane:
         if not is_first:
             wait_ns += self._rng.randrange(self._spread_ns + 1)
         elif len(self._receptions) > 1:
-            wait_ns += list(self._receptions).index(node) * self._times.ack_slot_ns
+            rank = list(self._receptions).index(node)
+            wait_ns += ack_slots(rank, len(self._receptions)) * self._times.ack_slot_ns
         if is_first and self._rhythm is not None:
             is_whole = all(each in reception.got for each in self._samples if each <= sample.number)
             reception.watch.plan(

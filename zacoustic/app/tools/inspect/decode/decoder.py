@@ -305,7 +305,9 @@ def _subscribe_text(said: Subscribe) -> str:
     of_page = f"{first}..{first + PAGE_STREAMS - 1}, version {said.version}"
     wanted = ", ".join(str(each) for each in streams_of(said.page, said.streams)) or "none"
     verb = "noted, you want" if said.is_answer else "I want"
-    return f"SUBSCRIBE of the streams {of_page}: {verb} {wanted}"
+    heard = "" if said.heard is None else f"; epoch {said.heard:04x} of the destination"
+    passing = "; for a while" if said.is_answer and not said.is_kept else ""
+    return f"SUBSCRIBE of the streams {of_page}: {verb} {wanted}{heard}{passing}"
 
 
 def _dense_ack_text(ack: DenseAck) -> str:

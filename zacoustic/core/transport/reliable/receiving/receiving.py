@@ -11,6 +11,7 @@ from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.timing import ack_slots
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
@@ -439,4 +440,4 @@ class ReliableReceiving:
             return _Turn(linger_ns, self._rng.randrange(spread_ns + 1))
         is_alone = arrival.is_alone or self._address not in others
         rank = 0 if is_alone else others.index(self._address)
-        return _Turn(linger_ns, rank * times.ack_slot_ns)
+        return _Turn(linger_ns, ack_slots(rank, len(others)) * times.ack_slot_ns)

@@ -14,7 +14,7 @@ from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.copies import aimed_pause, follow, is_doubled, is_emergency, row_frames
 from zacoustic.core.schedule.pacers import Pacers
-from zacoustic.core.schedule.timing import LinkTimes, Pacer
+from zacoustic.core.schedule.timing import FEW_RECEIVERS, LinkTimes, Pacer, ack_slots
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.reliable.sending.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 
@@ -173,7 +173,7 @@ class Pacing:
         if self.times is None or sample.asked:
             return
         if not sample.follows:
-            for address in lane.lacking(sample):
+            for address in lane.addressed(sample):
                 self.timing(address).unanswered(now, self.times)
         self._await_answer(lane, sample, now, now + self.pause_ns(lane, sample))
 
@@ -214,7 +214,7 @@ class Pacing:
 
     def pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
         """Draw how long the receivers that lack a sample are given, ns."""
-        times, lacking = self._pacers.link_times, lane.lacking(sample)
+        times, lacking = self._pacers.link_times, lane.addressed(sample)
         rank, spread_ns = _order_of_answers(lane, sample, lacking, times)
         priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
         pauses_ns = (
@@ -229,7 +229,11 @@ class Pacing:
             )
             for each in lacking
         )
-        return min(pauses_ns, default=times.first_round_trip_ns)
+        pause_ns = min(pauses_ns, default=times.first_round_trip_ns)
+        if rank > FEW_RECEIVERS and priority is not Priority.REAL_TIME and at_most_ns is None:
+            # Of many each has its turn before anybody is asked again.
+            pause_ns = max(pause_ns, times.first_round_trip_ns + rank * times.ack_slot_ns)
+        return pause_ns
 
     def _at_most_ns(self, lane: SendLane) -> int | None:
         """Return after what pause a repetition ends within the deadline, ns; None: there is none.
@@ -278,7 +282,7 @@ class Pacing:
     def _await_answer(
         self, lane: SendLane, sample: Outgoing, since: int, until: int, *, is_repeated: bool = True
     ) -> None:
-        for address in lane.lacking(sample):
+        for address in lane.addressed(sample):
             self.timing(address).await_answer(since, until, is_repeated=is_repeated)
 
     def _priority(self, lane: SendLane) -> Priority:
@@ -289,9 +293,12 @@ def _order_of_answers(
     lane: SendLane, sample: Outgoing, lacking: list[int], times: LinkTimes
 ) -> tuple[int, int]:
     """Return how many answer before the last one, and within what time each at random, ns."""
+    if sample.aimed_at is not None:
+        return 0, times.ack_spread_ns(1)
     if sample.tries > 1 or sample.waiting.sync:
         return 0, times.ack_spread_ns(len(lane.receptions))
-    return (len(lane.receptions) - 1 if len(lacking) > 1 else 0), 0
+    last = len(lane.receptions) - 1 if len(lacking) > 1 else 0
+    return ack_slots(last, len(lane.receptions)), 0
 
 
 def _period_ns(lane: SendLane) -> int:

@@ -235,6 +235,7 @@ class ReliableSending:
             reception.expected = expected
             self._pacers.await_nothing(source)
             self._mark(lane, source, expected, ack.held, now)
+            lane.answered(source)
             self._pacing.asked(lane, source, now)
             self.slots.acknowledged(lane, source, expected, now)
         self._go_on(lane, now)

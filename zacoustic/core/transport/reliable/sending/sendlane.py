@@ -9,7 +9,7 @@ import msgspec
 
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.schedule.queue import LaneKey, Waiting
-from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.schedule.timing import FEW_RECEIVERS, LinkTimes
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.transport.reliable.rhythm import SendRhythm
@@ -23,6 +23,11 @@ AT_ONCE: Final = 0
 _DELETE: Final = bytes((Control.DELETE,))
 _DOUBTED_TRIES: Final = 8
 """What was sent so often in vain goes with SYNC: its receiver may count in another lineage."""
+
+
+_AIMED_SHARE: Final = 3
+"""If a third of the receivers lack a sample, or fewer, each gets it alone: that takes less than the
+acknowledgements of all."""
 
 
 class Stage(enum.Enum):
@@ -64,9 +69,9 @@ class Outgoing:
     """
 
     __slots__ = (
-        "acknowledged", "asked", "delivery_id", "due_at", "expires_at", "first_order", "follows",
-        "held", "marked", "number", "order", "sent_at", "sent_before_at", "stage", "tries",
-        "unknown", "waiting",
+        "acknowledged", "aimed_at", "asked", "delivery_id", "due_at", "expires_at", "first_order",
+        "follows", "held", "marked", "number", "order", "sent_at", "sent_before_at", "stage",
+        "tries", "unknown", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -89,6 +94,8 @@ class Outgoing:
         """Its receiver has told that it lacks it, after it should have come."""
         self.marked = False
         """It was sent as one in rhythm."""
+        self.aimed_at: int | None = None
+        """It was repeated to this one receiver, of several that lack it."""
         self.tries = 0
         self.order = 0
         """Counts transmissions of the node: what was sent after what."""
@@ -125,6 +132,7 @@ class SendLane:
         is_journalled: Its samples and its count are in the journal.
         subscribers: Of the receivers those that want samples, as they change; None: all.
         rhythm: Learns the rhythm of the samples; None: whatever it is, each one is answered.
+        may_aim: Where few of many receivers lack a sample, each gets it alone.
     """
 
     def __init__(
@@ -137,8 +145,10 @@ class SendLane:
         is_journalled: bool = False,
         subscribers: Set[int] | None = None,
         rhythm: SendRhythm | None = None,
+        may_aim: bool = False,
     ) -> None:
         self.key = key
+        self._may_aim = may_aim
         self.is_journalled = is_journalled
         self.subscribers = subscribers
         self.rhythm = rhythm
@@ -278,6 +288,13 @@ class SendLane:
             if address not in sample.held and not self._waits(address, first)
         ]
 
+    def addressed(self, sample: Outgoing) -> list[int]:
+        """Return those of them that its last transmission was for."""
+        lacking = self.lacking(sample)
+        if sample.aimed_at is None:
+            return lacking
+        return [address for address in lacking if address == sample.aimed_at]
+
     def ended(
         self,
         sample: Outgoing,
@@ -375,9 +392,12 @@ class SendLane:
         is_private = bool(self.spans.own) or self._some_wait(sample)
         if alone is None and is_private:
             alone = lacking[0]  # the others must not hear this lineage yet, or not at all
+        sample.aimed_at = None
+        if alone is None and self._aims(sample, lacking):
+            alone = sample.aimed_at = lacking[sample.tries % len(lacking)]
         lacking = lacking if alone is None else [alone]
         waiting.destination = lacking[0] if len(lacking) == 1 else BROADCAST
-        waiting.sync, waiting.for_one_node = b"", is_private
+        waiting.sync, waiting.for_one_node = b"", is_private or sample.aimed_at is not None
         span = self.spans.of(lacking[0], sample.number)
         for address in lacking:
             reception = self.receptions[address]
@@ -395,6 +415,12 @@ class SendLane:
             floor = max(floor, self._told(lacking[0]), self.floor_of(lacking[0]))
             waiting.for_one_node = True
         waiting.sync = Sync(span.lineage, max(floor, span.first)).encode()
+
+    def answered(self, address: int) -> None:
+        """A receiver has answered: what was repeated to it alone is due for the next one."""
+        for sample in self.active():
+            if sample.aimed_at == address and self.awaits(sample) and not self.addressed(sample):
+                sample.due_at = AT_ONCE
 
     def address_anew(self) -> list[Outgoing]:
         """Make the records that are queued ones for who lacks them; returns those for nobody."""
@@ -435,6 +461,16 @@ class SendLane:
         return bytes((number % NUMBERS,))
 
     # Below the methods above
+
+    def _aims(self, sample: Outgoing, lacking: list[int]) -> bool:
+        """Tell whether a repetition is for one of those who lack it alone.
+
+        All who hear one that is for all acknowledge it again: nobody knows whether the answer
+        before has arrived.
+        """
+        receivers = len(self.receptions)
+        is_crowd = self._may_aim and receivers > FEW_RECEIVERS
+        return is_crowd and sample.tries > 0 and len(lacking) * _AIMED_SHARE <= receivers
 
     @property
     def _has_large(self) -> bool:

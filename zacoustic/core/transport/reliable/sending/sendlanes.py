@@ -61,6 +61,8 @@ class SendLanes:
         is_journalled: bool | None = None,
     ) -> SendLane:
         """Begin a lane with this number; in the journal as its topic says, or as it was."""
+        qos = stream.qos
+        is_pressing = qos.priority is Priority.REAL_TIME or qos.deadline_ns is not None
         lane = SendLane(
             (stream.stream_id, RELIABLE_LANE, *instance),
             self._receivers(stream),
@@ -69,6 +71,7 @@ class SendLanes:
             is_journalled=stream.spec.journal if is_journalled is None else is_journalled,
             subscribers=self._subscriptions.subscribers(stream),
             rhythm=self._rhythm(stream),
+            may_aim=not is_pressing,
         )
         self._lanes[lane.key] = lane
         return lane
