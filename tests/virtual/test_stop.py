@@ -48,11 +48,13 @@ def test_a_stop_at_the_beginning_of_a_photo_overtakes_it(
     to: int, count: Callable[[int], int]
 ) -> None:
     runs = range(count(_RUNS))
-    took_s = [
+    took_s = sorted(
         stop_took_s(seed, 0.4, 3, Pressing.STOP, to=to, within_s=_BEGINNING_S) for seed in runs
-    ]
-    assert max(took_s) <= _WORST_S
-    assert sorted(took_s)[int(len(took_s) * 0.95)] <= 15.0
+    )
+    assert took_s[-1] <= _WORST_S
+    if len(took_s) >= _RUNS:
+        assert took_s[int(len(took_s) * 0.95)] <= 15.0
+        assert took_s[int(len(took_s) * 0.99)] <= 25.0
 
 
 @pytest.mark.parametrize(
