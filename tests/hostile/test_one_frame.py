@@ -66,10 +66,14 @@ FRAMES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("busy", [True, False])
 @pytest.mark.parametrize("name", FRAMES)
-def test_a_forged_frame_is_over_after_ten_minutes(name: str, busy: bool) -> None:
-    forged = Forged(*FRAMES[name])
+def test_a_forged_frame_is_over_after_ten_minutes(name: str, count: Callable[[int], int]) -> None:
+    busy_first = len(name) % 2 == 0
+    for busy in (busy_first, not busy_first)[: count(200) // 2]:
+        check(Forged(*FRAMES[name]), busy=busy)
+
+
+def check(forged: Forged, *, busy: bool) -> None:
     outcome = Work(busy=busy).run([(FORGED_S, forged)])
     assert same_service(outcome, busy=busy)
     assert outcome.spent <= untouched(busy=busy).spent + SPARE_BYTES
@@ -78,12 +82,20 @@ def test_a_forged_frame_is_over_after_ten_minutes(name: str, busy: bool) -> None
         assert outcome.answered <= most
 
 
-def same_service(outcome: Outcome, *, busy: bool) -> bool:
-    """Tell whether the applications got what they get without a forged frame."""
+def same_service(outcome: Outcome, *, busy: bool, collisions: int = 0) -> bool:
+    """Tell whether the applications got what they get without a forged frame.
+
+    Args:
+        outcome: What they got.
+        busy: As for `Work`.
+        collisions: So many best-effort samples may be lost: frames of the same fleet may fall
+            together at other instants.
+    """
     expected = Counter(untouched(busy=busy).got)
     lacking, more = expected - Counter(outcome.got), Counter(outcome.got) - expected
     print("lacking:", *lacking.elements(), "more:", *more.elements(), sep="\n")
-    return not lacking and not more
+    lost = [each for each in lacking.elements() if each[2] in fleet.BEST_EFFORT]
+    return len(lost) == lacking.total() and len(lost) <= collisions and not more
 
 
 @pytest.mark.parametrize("serial", [1, 2, 30000])
@@ -111,7 +123,8 @@ def test_silence_of_a_stranger_ends_with_the_resume_of_an_operator(
             lambda engine, now: engine.commands.execute(resume, now, lambda state: None)
         )))  # fmt: skip
     network.at(FORGED_S + 120.0, note)
-    work.run([(FORGED_S, forged)])
+    network.at(FORGED_S, functools.partial(work.hear, forged))
+    network.run(until_s=FORGED_S + 121.0)
     assert silent == [True, False]
 
 
@@ -167,7 +180,7 @@ def test_random_frames_of_strangers_change_nothing(count: Callable[[int], int]) 
         frames = list(strangers(rng))
         busy = seed % 2 == 0
         outcome = Work(busy=busy).run(frames)
-        assert same_service(outcome, busy=busy), f"seed {seed}"
+        assert same_service(outcome, busy=busy, collisions=1), f"seed {seed}"
 
 
 def strangers(rng: random.Random) -> Iterator[tuple[float, Forged]]:

@@ -15,7 +15,7 @@ from tests.virtual.fleet import Trial, line
 from tests.virtual.manysubscribers import run_subscribers
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine.events import PeerSeen, SampleReceived
+from zacoustic.core.engine.events import PeerSeen, SampleReceived, StreamsDiffer
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.specs import TopicSpec
@@ -116,6 +116,16 @@ def test_a_question_that_another_node_asks_is_not_asked_again() -> None:
             end.hear(bytes((0xB6, 2, 0)), 15 * NS_PER_S + 1, source=3)
         sent = [end.send(instant_s * NS_PER_S) for instant_s in range(16, 1000)]
         assert any(sent) is not is_asked_by_another
+
+
+def test_the_row_that_another_node_has_asked_for_answers_this_one() -> None:
+    end = End(1, table(), rules=TAG)
+    end.hear(bytes((0xB0, 1, 1, 1)) + b"othr", 0, source=2)
+    end.hear(bytes((0xB1, 1, 1, 1)) + b"report", NS_PER_S // 9, source=2)  # a row is missing
+    end.hear(bytes((0xB6, 2, 1)), NS_PER_S // 8, source=3)
+    end.hear(bytes((0xB7, 1, 1, 1)) + b"diff", NS_PER_S // 7, source=2)
+    assert [each.stream_id for each in end.got(StreamsDiffer)] == [1]
+    assert not any(end.send(instant_s * NS_PER_S) for instant_s in range(1, 1000))
 
 
 def test_noise_of_strangers_draws_no_frame() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from tests.virtual.fleet import line
 from tests.virtual.sealed import SealedFleet
-from zacoustic.core.base.qos import Priority, Qos, Reliability
+from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import (
@@ -176,6 +176,27 @@ def asks(target: int) -> Callable[[Engine, int], int]:
     """Return a command to a node, which goes as that of silence does."""
     command = RemoteCommand(kind=CommandKind.ASK)
     return lambda engine, now: engine.commands.send(target, command, now)
+
+
+def test_an_on_demand_topic_goes_to_whoever_wants_it() -> None:
+    """Subscriptions wait in the queue like records, and belong to no stream."""
+    wanted = StreamTable(
+        [
+            TopicSpec(
+                stream_id=NAV, name="view", publishers=(1,), qos=Qos(forward=Forward.ON_DEMAND)
+            )
+        ],
+        nodes={1: "n1", 2: "n2"},
+    )
+    network = VirtualNetwork(line(0, 800, **QUIET), wanted, build=SealedFleet())
+    network.at(
+        10.0,
+        lambda: network.apply(2, lambda each, now: each.subscriptions.want(NAV, now, {1})),
+    )
+    for number in range(6):
+        network.at(5.0 + 20.0 * number, partial(network.publish, 1, NAV, b"%d" % number))
+    network.run(until_s=600.0)
+    assert [event.value for event in network.samples(2, NAV)] == [b"1", b"2", b"3", b"4", b"5"]
 
 
 def test_a_call_is_not_taken_from_a_frame_with_the_short_tag() -> None:

@@ -24,8 +24,8 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
                 tables; `handshake`, `introducing`, `contact`, `heartbeats`, `bootepoch`, `ranging`,
-                `measurements`; `peerrules` and `agreementpolicy` are the settings; `doubt` is what
-                this one does not know of itself; `sealing` seals frames and opens each once
+                `measurements`, `lives`; `peerrules` and `agreementpolicy` are the settings; `doubt`
+                is what this one does not know of itself; `sealing` seals frames and opens each once
                 (`replay`), `alarms` tell what does not open; `statements` are what a frame says of
                 its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;

@@ -563,6 +563,8 @@ class Handshake:
         if self._policy.speaks_to_all and peer is not None and ask.stream_id in peer.questions:
             del peer.questions[ask.stream_id]
             peer.ask_pause.use(now, self._unit_ns)
+            if ask.stream_id != _ASK_HELLO:
+                peer.asked_rows.add(ask.stream_id)  # the answer to that is one for this node
 
     def _spoken(self, peer: Peer, now: int) -> None:
         if not peer.is_owed:

@@ -190,9 +190,7 @@ class LinkSeal(Unsealed):
         needs_no_table: bool = False,
     ) -> bytes:
         """Seal a frame; see `Unsealed.close`."""
-        is_free = needs_no_table or (
-            bool(items) and all(self._stream(item).is_built_in for item in items)
-        )
+        is_free = needs_no_table or (bool(items) and all(map(self._is_built_in, items)))
         size_bytes = len(content) + closing.overhead_bytes
         wanted_bytes = next((each for each in self._rules.pad_bytes if each >= size_bytes), 0)
         # In front: what stands last in a frame may reach to its end.
@@ -208,8 +206,9 @@ class LinkSeal(Unsealed):
 
     # Below the methods above
 
-    def _stream(self, item: Waiting) -> Stream:
-        return self._table.by_id(item.stream_id)
+    def _is_built_in(self, item: Waiting) -> bool:
+        stream = self._table.get(item.stream_id)  # a control that waits has none
+        return stream is not None and stream.is_built_in
 
     def _is_strong(self, item: Waiting) -> bool:
         stream = self._table.get(item.stream_id)

@@ -15,6 +15,7 @@ class ReceiveLane:
     """Samples of one key of one publisher."""
 
     __slots__ = (
+        "doubtful_end",
         "expected",
         "former",
         "held",
@@ -43,6 +44,8 @@ class ReceiveLane:
         self.is_settled = is_settled
         """In this life it has had a SYNC. A position that was kept may be an old one, and by it a
         number cannot be told from one that is 128 ahead."""
+        self.doubtful_end = expected
+        """A former life may have handed on samples before this number."""
         self.in_sync = True
         """The publisher's last sample came without SYNC: a short ACK is understood."""
         self.unheard = 0
@@ -51,6 +54,17 @@ class ReceiveLane:
         """Asks for what does not come in time."""
         self.large_end = 0
         """A large sample is on its way, the one before this number, unless it is over."""
+
+    def settle(self, floor: int, depth: int) -> None:
+        """Learn in this life where the publisher's count stands.
+
+        Args:
+            floor: Everything before this number is over.
+            depth: So many samples from there on may have been sent before this life.
+        """
+        if not self.is_settled:
+            self.is_settled = True
+            self.doubtful_end = floor + depth
 
     @property
     def newest(self) -> int:
@@ -76,7 +90,7 @@ class ReceiveLane:
         cls, before: "ReceiveLane | None", lineage: int, expected: int
     ) -> tuple["ReceiveLane", list[SampleReceived]]:
         """Begin another lineage; returns what the one before holds: what it lacks never comes."""
-        lane = cls(lineage, expected, is_settled=True)
+        lane = cls(lineage, expected, is_settled=False)
         if before is None:
             return lane, []
         lane.former = (before.lineage, *before.former)[:_FORMER_LINEAGES]

@@ -122,8 +122,6 @@ class ReliableReceiving:
     def receive(self, stream: Stream, arrival: Arrival, now: int) -> str | None:
         """Take a sample of a topic; returns why it is dropped, or None."""
         sync, sample = arrival.sync, arrival.sample
-        if sync is not None and self._doubt.reason:
-            sample = msgspec.structs.replace(sample, again=True)
         key = (sample.source, stream.stream_id, sample.instance)
         lane = self._lanes.get(key)
         ready: list[SampleReceived] = []
@@ -137,11 +135,15 @@ class ReliableReceiving:
         if lane is None or (sync is None and not lane.is_settled):
             self._owe(key, Ack(0, knows=False), None, now, self._turn(stream, arrival))
             return "out_of_sync"
-        lane.in_sync, lane.is_settled = sync is None, True
+        lane.in_sync = sync is None
         before = lane.expected
         if sync is not None:
-            ready += lane.hand_on(resolve_floor(sync.floor, lane.expected))
+            floor = resolve_floor(sync.floor, lane.expected)
+            lane.settle(floor, stream.qos.depth)
+            ready += lane.hand_on(floor)
         number = resolve(arrival.low_number, lane.expected)
+        if self._doubt.reason and (sync is not None or number < lane.doubtful_end):
+            sample = msgspec.structs.replace(sample, again=True)
         answers = self._learn(lane, number, arrival)
         self._watch_changed()
         reason = None
@@ -197,6 +199,7 @@ class ReliableReceiving:
                 return Claim.LATER
             lane, ready = ReceiveLane.behind(lane, slot.lineage, slot.number)
             lane.in_sync = False
+            lane.settle(slot.number, stream.qos.depth)
             self._lanes[key] = lane
         number = resolve_floor(slot.number, lane.expected)
         if number < lane.expected:
@@ -247,7 +250,7 @@ class ReliableReceiving:
         number = resolve_floor(slot.number, lane.expected)
         if number != lane.expected:
             return
-        lane.is_settled = True
+        lane.settle(number, stream.qos.depth)
         lane.expected = lane.kept = number + 1
         self._positions.write(key, lane, lane.expected)
         if sample is not None:
