@@ -146,6 +146,7 @@ def stop_took_s(
     sources: Sequence[int] = (),
     access: AccessSpec | None = None,
     just_booted: bool = False,
+    within_s: float = 240.0,
     patience_s: float = 300.0,
 ) -> float:
     """Return how long something that presses is on its way beside the photo, s, or `NEVER`.
@@ -159,6 +160,7 @@ def stop_took_s(
         sources: Who says it, within half a second; the last to arrive counts. None: the last node.
         access: How they share the channel.
         just_booted: Whoever says it has started just before, and has no journal.
+        within_s: So long after the beginning of the photo, at most.
         patience_s: It is waited for that long.
     """
     arrived: dict[int, float] = {}
@@ -175,7 +177,7 @@ def stop_took_s(
     stream_id = what + 10 * to
     network = beside_photo(seed, loss, nodes, access=access, deliver=deliver)
     rng = random.Random(f"{seed}/instant")
-    at_s = PHOTO_AT_S + rng.uniform(0, 240)
+    at_s = PHOTO_AT_S + rng.uniform(0, within_s)
     sources = sources or (nodes,)
     for source in sources:
         if just_booted:

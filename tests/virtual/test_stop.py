@@ -15,6 +15,8 @@ _RUNS: Final = 2000
 _MEDIAN_S, _P95_S, _P999_S, _WORST_S = 6.0, 10.0, 30.0, 90.0
 _MOST_LOST: Final = 0.01
 """Of best-effort samples, at 40 % loss."""
+_BEGINNING_S: Final = 25.0
+"""A photo's publisher awaits its receiver for so long at most, and begins its rhythm anew."""
 
 
 def assert_prompt(took_s: list[float]) -> None:
@@ -39,6 +41,45 @@ def test_a_stop_for_the_receiver_of_a_photo_overtakes_it(
 ) -> None:
     runs = range(count(_RUNS))
     assert_prompt([stop_took_s(seed, loss, 3, Pressing.STOP, to=2) for seed in runs])
+
+
+@pytest.mark.parametrize("to", [1, 2])
+def test_a_stop_at_the_beginning_of_a_photo_overtakes_it(
+    to: int, count: Callable[[int], int]
+) -> None:
+    runs = range(count(_RUNS))
+    took_s = sorted(
+        stop_took_s(seed, 0.4, 3, Pressing.STOP, to=to, within_s=_BEGINNING_S) for seed in runs
+    )
+    assert took_s[-1] <= _WORST_S
+    if len(took_s) >= _RUNS:
+        assert took_s[int(len(took_s) * 0.95)] <= 15.0
+        assert took_s[int(len(took_s) * 0.99)] <= 25.0
+
+
+@pytest.mark.parametrize(
+    ("seed", "to"),
+    [
+        (638, 1),  # the pause behind the first round was announced to the receiver only
+        (1215, 1),  # five announcements are lost
+        (3, 2),  # it begins with the photo
+        (315, 1),  # HELLO was in the place of an announcement
+        (531, 2),  # copies come too early, and are drawn away
+    ],
+)
+def test_a_stop_finds_a_pause_that_it_was_not_told(seed: int, to: int) -> None:
+    assert stop_took_s(seed, 0.4, 3, Pressing.STOP, to=to) <= 20.0
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [
+        *(54, 69, 179, 371),  # the publisher of the photo listens for an answer
+        395,  # it waits for the end of a round, of which nothing was heard yet
+    ],
+)
+def test_a_best_effort_stop_is_copied_also_where_an_answer_is_awaited(seed: int) -> None:
+    assert stop_took_s(seed, 0.4, 2, Pressing.BEST_EFFORT) <= 30.0
 
 
 @pytest.mark.parametrize("nodes", [2, 3])

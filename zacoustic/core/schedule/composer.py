@@ -245,16 +245,9 @@ class Composer:
             if not self._seal.is_known(hearers, now):
                 hello = self._introductions.introduction(self._link, hearers, room_bytes, now)
                 return self._controls(port, hearers, [(Cause.HELLO, hello)], now)
-        if self._introductions.is_unconfirmed(destination, now):
-            # A fragment fills its frame: whoever does not know us is told in another one.
-            self._since_introduction += 1
-            if self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
-                self._link, destination
-            ):
-                introduction = self._introductions.introduction(
-                    self._link, destination, room_bytes, now
-                )
-                return self._controls(port, destination, [(Cause.HELLO, introduction)], now)
+        if self._introduces_fragment(port, destination, now):
+            hello = self._introductions.introduction(self._link, destination, room_bytes, now)
+            return self._controls(port, destination, [(Cause.HELLO, hello)], now)
         taken = self._objects.take_fragment(room_bytes, now, port.frames_before_pause(now))
         if taken is None:
             return None
@@ -278,6 +271,16 @@ class Composer:
             closing=self._seal.settle(destination, None, None, now),
             object_stream=taken.stream_id,
             parts=[taken.part],
+        )
+
+    def _introduces_fragment(self, port: LinkPort, destination: int, now: int) -> bool:
+        """Tell whether a frame goes before a fragment, which fills its own, to introduce us."""
+        # The last fragment of a run tells everybody of the pause, so it goes first.
+        if not self._introductions.is_unconfirmed(destination, now) or port.ends_run_now(now):
+            return False
+        self._since_introduction += 1
+        return self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
+            self._link, destination
         )
 
     def _controls(
@@ -454,7 +457,7 @@ class Composer:
         )
         if said:
             draft.say(Cause.ACCESS, said)
-        comfort_bytes = port.comfort_bytes(now)
+        comfort_bytes = port.comfort_bytes(now, is_copy=self._queue.has_copy)
         if comfort_bytes is not None:
             spent_bytes = port.envelope.room_bytes - draft.room_bytes
             most_bytes = max(first_bytes, comfort_bytes - spent_bytes)

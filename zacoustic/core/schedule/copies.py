@@ -8,8 +8,9 @@ little late for a pause would cost four seconds.
 
 Several nodes may have something urgent for the same node at the same time, such as a stop of two
 vehicles: all aim at the same pause, and all their copies collide there. So after the first row the
-number of copies is drawn, and a node that sends one more than the others is understood. Later on
-the pause is drawn as well, among the more pauses the more attempts were in vain.
+number of copies is drawn, but for those that come too early, and a node that sends one more than
+the others is understood. Later on the pause is drawn as well, among the more pauses the more
+attempts were in vain.
 """
 
 import random
@@ -42,13 +43,16 @@ def follow(
         rng: Draws how many copies there are.
     """
     record.copies += 1
-    most = MOST_COPIES.get(priority, 1)
+    most, too_early = MOST_COPIES.get(priority, 1), 0
     if most > 1 and times.listening is not None:
-        copy_ns = times.copy_ns(record.size_bytes)
-        most += -(-times.listening.detour_ns(record.destination, at) // copy_ns)
+        more_ns = times.listening.detour_ns(record.destination, at)
+        if priority is Priority.REAL_TIME:
+            more_ns += times.listening.search_ns
+        too_early = -(-more_ns // times.copy_ns(record.size_bytes))
+        most += too_early
     is_heard_out = times.listening is not None and times.listening.is_heard_out(at + times.gap_ns)
     record.is_copy = is_heard_out and record.copies < most
-    if record.is_copy and tries > most:
+    if record.is_copy and tries > most and record.copies > too_early:
         record.is_copy = rng.random() < _ANOTHER_COPY
     if not record.is_copy:
         record.copies = 0

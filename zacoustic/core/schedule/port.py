@@ -141,9 +141,16 @@ class LinkPort:
             )
         return said
 
-    def comfort_bytes(self, now: int) -> int | None:
-        """Return the largest desirable size of a frame that starts now, bytes; None: any."""
-        comfort_ns = self.listening.comfort_ns(now) if self._listens else None
+    def comfort_bytes(self, now: int, *, is_copy: bool) -> int | None:
+        """Return the largest desirable size of a frame that starts now, bytes; None: any.
+
+        Args:
+            now: The instant.
+            is_copy: It follows itself.
+        """
+        if not self._listens:
+            return None
+        comfort_ns = self.listening.comfort_ns(now, is_copy=is_copy)
         if comfort_ns is None:
             return None
         sound_s = comfort_ns / NS_PER_S - self.capabilities.preamble_s
@@ -187,6 +194,10 @@ class LinkPort:
     def frames_before_pause(self, now: int) -> int:
         """Return how many of the largest frames go before a pause, one that starts now included."""
         return self.listening.frames_before_pause(now) if self._listens else _NO_PAUSE
+
+    def ends_run_now(self, now: int) -> bool:
+        """Tell whether a largest frame that starts now is the last of several in a run."""
+        return self._listens and self.listening.ends_run_now(now)
 
     def reaches_all(self, record_bytes: int) -> bool:
         """Tell whether only a broadcast frame reaches everybody, and may be that large.

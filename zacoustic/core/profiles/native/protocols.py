@@ -190,6 +190,7 @@ class Protocols(Profile):
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None."""
+        self.topics.copied.begin_frame(now)
         return self.composer.compose(port, now)
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:

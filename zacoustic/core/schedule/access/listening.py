@@ -23,8 +23,9 @@ longer: it begins when the last frame ends, and ends as planned. Such a frame do
 pause (`frames_before_pause`).
 
 A node that hears a run and does not know its pauses has to hear an announcement, and does not
-transmit meanwhile (`listens_until`); what is heard of others is in
-`zacoustic.core.schedule.access.otherruns`.
+transmit meanwhile (`listens_until`). If none came where carriers are sensed, copies of an emergency
+go for a whole period, whatever is heard: one of them is in the pause (`search_ns`). What is heard
+of others is in `zacoustic.core.schedule.access.otherruns`.
 
 While another node is in a run, a frame of this node starts so that it arrives in the next pause,
 and shall be short (`comfort_ns`); a longer one goes nevertheless. Any one frame may be lost, and
@@ -55,6 +56,8 @@ _BACKLOG_FRAMES: Final = 2
 _LISTENED_PERIODS: Final = 2
 """An announcement is awaited for this many runs and pauses: at 40 % loss one comes in 84 of 100
 cases."""
+_LISTENED_PERIODS_OF_SEARCH: Final = 1
+"""The same before something urgent that finds the pause by itself."""
 _GOLDEN_RATIO: Final = 0.618
 
 
@@ -86,6 +89,8 @@ class Listening(OtherRuns):
         """The sound that is, or was, heard gave a frame."""
         self._burst_at: int | None = None
         """Start of the first own frame of those that followed each other at once."""
+        self._searches = False
+        """It went into a run whose pauses are not known."""
 
     # This node
 
@@ -97,8 +102,13 @@ class Listening(OtherRuns):
         paused_until = self._own_pause_end(at)
         return paused_until if paused_until > at else due_at
 
-    def comfort_ns(self, now: int) -> int | None:
-        """Return the longest desirable airtime of a frame that starts now, ns; None: any."""
+    def comfort_ns(self, now: int, *, is_copy: bool = False) -> int | None:
+        """Return the longest desirable airtime of a frame that starts now, ns; None: any.
+
+        Args:
+            now: The instant.
+            is_copy: It follows itself, maybe to find a pause.
+        """
         comforts = [
             opens_at + self.pause_ns - 2 * MARGIN_NS - now
             for opens_at in (self._opens_at(each, now) for each in self._active(now))
@@ -106,7 +116,8 @@ class Listening(OtherRuns):
         ]
         if comforts:
             return max(0, min(comforts))
-        return 0 if self.is_heard_out(now) else None
+        is_short = self._is_in_pause(now) or (is_copy and self._finds_pause(now))
+        return 0 if is_short else None
 
     def frames_before_pause(self, now: int) -> int:
         """Return how many of the largest frames go before the pause, one that starts now included.
@@ -117,6 +128,11 @@ class Listening(OtherRuns):
             begin_at = self._told_begin_at(now)
             return self._frames if begin_at is None else self._fitting(begin_at, now)
         return self._fitting(self._run_begun_at, now)
+
+    def ends_run_now(self, now: int) -> bool:
+        """Tell whether a largest frame that starts now is the last of several in a run."""
+        has_pauses = self._frames > 1 and not self.exclusive
+        return has_pauses and self.frames_before_pause(now) == 1
 
     def end_run(self) -> None:
         """Take note: the frame that is about to start announces a pause."""
@@ -153,6 +169,8 @@ class Listening(OtherRuns):
         """Take note of an own frame that goes to the link."""
         if not self._follows_at_once(now):
             self._burst_at = now
+            is_run = self._senses_carrier and now <= self._run_heard_until
+            self._searches = is_run and not self._active(now)
         if not self._continues(now):
             begin_at = self._told_begin_at(now)
             if self._follows(now):
@@ -234,7 +252,9 @@ class Listening(OtherRuns):
             return at
         # Never twice at the same place of a run: its announcement may be there.
         part = self._listened * _GOLDEN_RATIO % 1.0
-        until = self._listens_since + round((_LISTENED_PERIODS + part) * self.period_ns)
+        searches = is_urgent and self._senses_carrier
+        periods = _LISTENED_PERIODS_OF_SEARCH if searches else _LISTENED_PERIODS
+        until = self._listens_since + round((periods + part) * self.period_ns)
         return max(at, min(until, self._run_heard_until + 1))
 
     def row_began_at(self, ended_at: int) -> int:
@@ -247,13 +267,17 @@ class Listening(OtherRuns):
         last_ns, period_ns = self._last_ns, self.period_ns
         return max((at + (not_before > at + last_ns) * period_ns for at in opens), default=None)
 
+    @property
+    def search_ns(self) -> int:
+        """How long copies of what was sent last go on to find a pause that is not known, ns."""
+        return self.period_ns if self._searches else 0
+
     def is_heard_out(self, at: int) -> bool:
-        """Tell whether the last frame went into a pause, and a short one may follow it there."""
-        first_at = self._burst_at
-        if first_at is None:
-            return False
-        rhythms = self._active(first_at)
-        return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
+        """Tell whether the last frame went into a pause, and a short one may follow it there.
+
+        So it may where the pause is not known, for one period: then it is in one of these frames.
+        """
+        return self._finds_pause(at) or self._is_in_pause(at)
 
     def heard_frame(self, source: int, airtime_ns: int, now: int) -> None:
         """A frame of `source` has arrived."""
@@ -354,6 +378,19 @@ class Listening(OtherRuns):
         """Whether a frame that starts then is in a row with the last one."""
         ended_at = self._last_ended_at
         return ended_at is not None and at <= ended_at + self._gap_ns + MARGIN_NS
+
+    def _finds_pause(self, at: int) -> bool:
+        """Whether copies of what was sent last go on, since one of them will be in a pause."""
+        if self._burst_at is None or not self._searches or not self._follows_at_once(at):
+            return False
+        return at <= self._burst_at + self.period_ns + self._patience_ns
+
+    def _is_in_pause(self, at: int) -> bool:
+        """Whether the last frame went into a known pause, and a short one may follow it there."""
+        if self._burst_at is None:
+            return False
+        rhythms = self._active(self._burst_at)
+        return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
 
     def _hears_out(self, opens_at: int, at: int) -> bool:
         """Whether who heard our first frame in its pause still listens for a short one."""

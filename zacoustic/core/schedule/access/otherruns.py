@@ -82,6 +82,9 @@ class OtherRuns:
         self._busy_since: int | None = None
         self._run_heard_until = -1
         """A run goes on until then, of a node whose pauses are not known, ns."""
+        self._listener_heard_until = -1
+        """Somebody has a run to go on with, and listens for an answer to it, at the latest until
+        then, ns."""
         self._listens_since = 0
         """Since when it is listened to, ns."""
         self._listened = 0
@@ -96,7 +99,7 @@ class OtherRuns:
         """Tell whether somebody is in a run, or between two, as far as it can be heard."""
         rhythms = self._rhythms.values()
         is_known = any(at - self._heard_at(each, at) <= self._memory_ns for each in rhythms)
-        return is_known or at <= self._run_heard_until
+        return is_known or at <= max(self._run_heard_until, self._listener_heard_until)
 
     def detour_ns(self, destination: int, at: int) -> int:
         """Return how much earlier what is for a pause of others may arrive at a node, ns.
@@ -149,6 +152,7 @@ class OtherRuns:
             rhythm.is_listening = listens
         if listens:
             self._run_heard_until = -1
+            self._listener_heard_until = now + self._memory_ns
         else:
             is_sound = self._senses_carrier  # a frame of it that is lost is heard as well
             self._heard_run(

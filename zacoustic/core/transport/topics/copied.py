@@ -1,11 +1,11 @@
 """Urgent best-effort samples go several times while another node is in a run.
 
 A best-effort sample is neither acknowledged nor repeated, and most of those for a node that sends
-an object would collide with its run. A sample of priority `real_time` that is published while a run
-is heard goes eight times, four copies in each of two pauses
-(`zacoustic.core.schedule.access.listening`): at 40 % loss one of a thousand is lost. SYNC numbers
-it, so that it is delivered once; a sample that is published without a run goes once, without a
-number.
+an object would collide with its run. A sample of priority `real_time` goes eight times, four copies
+in each of two pauses (`zacoustic.core.schedule.access.listening`), if a run is heard when its first
+frame is composed, or somebody listens for an answer after one: at 40 % loss one of a thousand is
+lost. SYNC numbers it, so that it is delivered once. Any other sample goes once, without a number;
+so it is lost if a run begins just then, of which nothing is heard yet.
 
 A newer sample of its key ends the copies of one that was sent; so does half a minute: a subscriber
 that restarts knows no numbers, and would take an old one for new.
@@ -74,6 +74,8 @@ class CopiedSamples:
         self._times: LinkTimes | None = None
         self._next_number = 0
         self._copied: dict[int, _Copied] = {}
+        self._waiting: list[tuple[LaneKey, Waiting, Qos]] = []
+        """Samples that are to go once, as far as is known; some have gone."""
         self._came: dict[tuple[int, ...], deque[Sync]] = {}
 
     # What this node publishes
@@ -82,24 +84,23 @@ class CopiedSamples:
         """Take the airtimes of a link; what went on the one before goes no more."""
         self._times = times
         self._copied.clear()
+        self._waiting.clear()
         self._changed()
 
     def publish(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> None:
         """Queue a best-effort sample, so that it goes as often as it has to."""
         for each in [each for each in self._copied.values() if each.key == key and each.was_sent]:
             self._end(each)
-        copies = self._copies(record, qos, now)
-        if copies > 1:
-            record.sync = Sync(self._handshake.epoch, self._next_number).encode()
-            self._next_number += 1
-            record.dense_value = None
-            each = _Copied(key, record, qos, copies, now + COPIED_NS)
-            self._copied[id(record)] = each
-            record.part = Part(
-                transmitted=partial(self._transmitted, each),
-                reported=partial(self._reported, each),
-            )
+        if qos.priority is Priority.REAL_TIME and not self._copy(key, record, qos, now):
+            self._waiting = [*self._still_waiting(), (key, record, qos)]
         self._queue.push(key, record, qos)
+
+    def begin_frame(self, now: int) -> None:
+        """A frame is about to be composed.
+
+        A run may have begun while a sample waited: then that goes several times as well.
+        """
+        self._waiting = [each for each in self._still_waiting() if not self._copy(*each, now)]
 
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing is to be kept of a node, nor which copies of it came."""
@@ -153,9 +154,28 @@ class CopiedSamples:
                 self._queue.push(each.key, each.record, each.qos)
         self._changed()
 
-    def _copies(self, record: Waiting, qos: Qos, now: int) -> int:
-        """How often a sample goes."""
-        if qos.priority is not Priority.REAL_TIME or self._times is None:
+    def _still_waiting(self) -> list[tuple[LaneKey, Waiting, Qos]]:
+        return [each for each in self._waiting if self._queue.holds(each[0], each[1])]
+
+    def _copy(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> bool:
+        """Let a sample that has not gone yet go as often as it has to; False: once."""
+        copies = self._copies(record, now)
+        if copies == 1:
+            return False
+        record.sync = Sync(self._handshake.epoch, self._next_number).encode()
+        self._next_number += 1
+        record.dense_value = None
+        each = _Copied(key, record, qos, copies, record.queued_at + COPIED_NS)
+        self._copied[id(record)] = each
+        record.part = Part(
+            transmitted=partial(self._transmitted, each),
+            reported=partial(self._reported, each),
+        )
+        return True
+
+    def _copies(self, record: Waiting, now: int) -> int:
+        """How often a sample of priority `real_time` goes."""
+        if self._times is None:
             return 1
         listening, largest_bytes = self._times.listening, self._queue.largest_bytes
         size_bytes = record.size_bytes + SYNC_BYTES
@@ -190,8 +210,8 @@ class CopiedSamples:
             return
         record.cause = Cause.REPEAT
         record.copies += 1
-        detour_ns = listening.detour_ns(record.destination, at)
-        in_row = record.copies < _in_row(record, self._times, detour_ns)
+        more_ns = listening.detour_ns(record.destination, at) + listening.search_ns
+        in_row = record.copies < _in_row(record, self._times, more_ns)
         record.is_copy = in_row and listening.is_heard_out(at + self._times.gap_ns)
         if record.is_copy:
             self._queue.push(each.key, record, each.qos)
@@ -206,7 +226,6 @@ class CopiedSamples:
         self._changed()
 
 
-def _in_row(record: Waiting, times: LinkTimes, detour_ns: int) -> int:
-    """How many copies go in a row, of which some are heard by who is not in the run, too."""
-    copy_ns = times.copy_ns(record.size_bytes)
-    return _COPIES_IN_ROW + -(-detour_ns // copy_ns)
+def _in_row(record: Waiting, times: LinkTimes, more_ns: int) -> int:
+    """How many copies go in a row, those of so much more time included."""
+    return _COPIES_IN_ROW + -(-more_ns // times.copy_ns(record.size_bytes))

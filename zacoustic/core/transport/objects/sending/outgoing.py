@@ -43,8 +43,9 @@ from zacoustic.core.wire.objects import (
 _MOST_IN_ROUND: Final = BLOCK_FRAGMENTS
 # While source fragments are left, another round costs nothing.
 _CHEAP_ROUND_FRAMES: Final = 1.0
-_MOST_UNHEARD: Final = 8
-"""So many fragments go to receivers that may not be there."""
+_MOST_UNHEARD: Final = 10
+"""So many fragments go to receivers that may not be there: two runs, each of which tells the others
+of the rhythm, and the question behind them."""
 _PATIENT_QUESTIONS: Final = 4
 _MOST_DOUBLINGS: Final = 6
 # Two, so that a question is heard though one of them is lost.
@@ -188,9 +189,12 @@ class OutgoingObject:
             self._round.extend(self._plan(timing, is_known=is_known, is_silent=is_silent))
         index = self._round.popleft()
         left = len(self._round)
-        call = ListenHint.WINDOW if window_follows else ListenHint.NONE
-        if left <= 1:
-            call = ListenHint.ANSWER_NEXT if left else ListenHint.ANSWER
+        call = ListenHint.ANSWER
+        if left:
+            # Behind a pause the next frame comes later than the receiver would expect it.
+            next_asks = left == 1 and not window_follows
+            unasked = ListenHint.WINDOW if window_follows else ListenHint.NONE
+            call = ListenHint.ANSWER_NEXT if next_asks else unasked
         layout = self.fragments.layout
         block = layout.block_of(index)
         if index == self.next_source < layout.fragments:
