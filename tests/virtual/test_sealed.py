@@ -154,7 +154,8 @@ def test_a_table_is_rolled_out_one_vehicle_after_the_other(nodes: int) -> None:
         asked[source] += 1
 
     rng = random.Random(nodes)
-    for day in range(nodes + 1):
+    days = nodes + 12  # a report a day, of which the sea takes a third
+    for day in range(days):
         for hour in (1, 13):
             vehicle = rng.randrange(2, nodes + 1)
             network.at(day * day_s + hour * HOUR_S, partial(order, 1, vehicle))
@@ -162,7 +163,7 @@ def test_a_table_is_rolled_out_one_vehicle_after_the_other(nodes: int) -> None:
         for address in network.addresses:
             at_s = day * day_s + 5 * HOUR_S + 60.0 * address
             network.at(at_s, partial(network.publish, address, NAV, b"here"))
-    network.run(until_s=(nodes + 2) * day_s)
+    network.run(until_s=(days + 1) * day_s)
     answered = Counter(at for at, event in network.events if isinstance(event, ResponseReceived))
     assert answered == asked
     named = {
