@@ -427,7 +427,8 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "security",
         {"key": "k", "emergency": {"unsealed": ["auv1/arm"]}},
-        '.security.emergency.unsealed[0]: "auv1/arm" is no topic of streams; allowed: auv1/nav',
+        '.security.emergency.unsealed[0]: "auv1/arm" is no best-effort topic of streams; '
+        "allowed: auv1/nav",
     ),
     (
         "security",
