@@ -82,6 +82,8 @@ class OtherRuns:
         self._busy_since: int | None = None
         self._run_heard_until = -1
         """A run goes on until then, of a node whose pauses are not known, ns."""
+        self._full_run_heard_until = -1
+        """One of largest frames was heard not long before, ns."""
         self._listener_heard_until = -1
         """Somebody has a run to go on with, and listens for an answer to it, at the latest until
         then, ns."""
