@@ -89,6 +89,15 @@ VERBS: Final[dict[str, tuple[str, ...]]] = {
     "medium": ("medium", "water.json5", "--listen", NO_HOST),
     "emulate desert": ("emulate", "desert", "--listen", NO_HOST),
     "emulate evologics": ("emulate", "evologics", "--listen", NO_HOST),
+    "acl": ("acl", "fleet.json5"),
+    "audit": ("audit", "node-2.audit"),
+    "predive": ("predive", "fleet.json5", *NOBODY),
+    "key new": ("key", "new", "new.key", "--network", "harbour"),
+    "key show": ("key", "show", "fleet.key"),
+    "key rotate": ("key", "rotate", "fleet.key"),
+    "key revoke": ("key", "revoke", "fleet.members", "2"),
+    "key rejoin": ("key", "rejoin", "2", "--config", "fleet.json5", "--never"),
+    "key check": ("key", "check", "fleet.json5"),
 }
 """How each verb is called, so that it ends soon."""
 SITUATIONS: Final = {

@@ -1,5 +1,6 @@
 """The audit log: what is asked of a node and through it, and what came of it."""
 
+import itertools
 import json
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -48,7 +49,9 @@ async def pair(folder: Path, **more: Any) -> AsyncIterator[tuple[zenoh.Session, 
 def _entries(folder: Path, address: int) -> list[tuple[int, int, str, str, str]]:
     read = read_audit(folder / f"node-{address}.audit")
     assert (folder / f"node-{address}.audit").stat().st_mode & 0o777 == 0o600
-    return [(each.by, each.to, each.what, each.about, each.outcome) for each in read]
+    # A command that its sender gives again, to prove that it has heard the node, is there twice.
+    entries = [(each.by, each.to, each.what, each.about, each.outcome) for each in read]
+    return [each for each, _ in itertools.groupby(entries)]
 
 
 def _serve(query: zenoh.Query) -> None:
@@ -178,7 +181,8 @@ def test_a_report_has_commands_with_their_outcomes(
     run(scene())
     assert main(["report", str(recording), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)["handled"]
-    assert [(each["node"], each["by"], each["outcome"]) for each in told] == [
+    handled = [(each["node"], each["by"], each["outcome"]) for each in told]
+    assert [each for each, _ in itertools.groupby(handled)] == [
         (2, 1, "executed"),
         (2, 1, "refused"),
     ]

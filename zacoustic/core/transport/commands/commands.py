@@ -125,8 +125,8 @@ class Commands:
             raise LocalError(f"node {node}; allowed: 1..254")
         if timeout_s is not None:
             check_timeout(timeout_s)
-        rival = self._table.by_id(COMMANDS_STREAM_ID)
-        if self._services is not None and not rival.is_built_in:
+        rival = None if self._services is None else self._table.by_id(COMMANDS_STREAM_ID)
+        if rival is not None and not rival.is_built_in:
             raise LocalError(
                 f"stream {COMMANDS_STREAM_ID} is {rival.name}, so no commands cross the channel",
                 hint="give that stream another id",

@@ -266,7 +266,8 @@ class _Through:
     def _introduced(self, frame: ReceivedFrame) -> Iterator[ReceivedFrame]:
         """Give a frame as its sender would have sent it to a node with another table.
 
-        It would have gone on to say who it is in every frame, and told the rows of its table.
+        It would have gone on to say who it is in every frame, and told the rows of its table. The
+        engine has not asked for them, so they stand in each frame that they are to hold for.
         """
         capabilities = self._airtimes
         if capabilities is None or self._envelope is None or not capabilities.framed:
@@ -279,17 +280,15 @@ class _Through:
             source, rows = opened.source, b""
             first, records = self._unconfirming(opened)
             if isinstance(first, Hello) and first.digest == self._life.digest:
-                if self._epochs.get(source) != first.epoch:
-                    rows = _rows_of(self._then, first.epoch)
                 self._epochs[source] = first.epoch
             elif first is None and source in self._epochs:
                 first = Tag(self._epochs[source])
-            records = (first.encode() if first is not None else b"") + records
-            envelope = Envelope(capabilities, source)
-            for said in (records, rows):
-                if said:
-                    wrapped = envelope.wrap(said, opened.destination)
-                    yield msgspec.structs.replace(frame, frame_bytes=wrapped)
+            if source in self._epochs:
+                rows = _rows_of(self._then, self._epochs[source])
+            said = (first.encode() + rows if first is not None else b"") + records
+            if said:
+                wrapped = Envelope(capabilities, source).wrap(said, opened.destination)
+                yield msgspec.structs.replace(frame, frame_bytes=wrapped)
 
     def _unconfirming(self, opened: Opened) -> tuple[Hello | Tag | None, bytes]:
         """Return what a frame begins with if its sender does not share our table, and the rest.
