@@ -1,7 +1,7 @@
 """A reader who types what a page says, in its order, on one computer.
 
 - Files of the page are in the folder. Ports of the loopback are exchanged for free ones, neighbours
-  for neighbours. Where a page names a modem of a vessel, an emulated one stands in its place; where
+  for neighbours; routers of a page find each other, but not those of another page. Where a page names a modem of a vessel, an emulated one stands in its place; where
   a file connects to a router, there is one.
 - A verb that serves runs until the next heading; then it is interrupted, and has to end in peace.
   Every other command has to end with exit code 0, or with the one that its comment names.
@@ -35,6 +35,7 @@ SERVING: Final = ("gateway", "medium", "emulate", "dashboard", "monitor", "recor
 _LOOPBACK_PORT: Final = re.compile(r"\b(127\.0\.0\.1|localhost):(\d{3,5})\b")
 _MODEM: Final = re.compile(r"evologics/(tcp:(?!127|localhost)[\w.]+:\d+|serial:/dev/tty[A-Z]+\d)")
 _MODEM_OF_NODE: Final = re.compile(rf"--address (\d+) (?:\\\n *)?--link '?{_MODEM.pattern}")
+_IS_ROUTER: Final = re.compile(r'\bmode: "router",')
 _ROUTER: Final = re.compile(r'connect: \{ endpoints: \["tcp/localhost:(\d+)"\] \}')
 
 
@@ -54,6 +55,7 @@ class Walk:
         self._gateways = 0
         texts = [*files_of(page).values(), *(block.text for block in blocks_of(page))]
         self._ports = _exchange(texts)
+        self._scouting = f"224.0.0.224:{free_ports(1)[0]}"
         self._modems = self._emulated_modems("\n".join(texts))
         for router in dict.fromkeys(port for text in texts for port in _ROUTER.findall(text)):
             self._ports[int(router)] = self._stack.enter_context(zenoh_router())
@@ -88,6 +90,9 @@ class Walk:
     def moved(self, text: str) -> str:
         """Return a text with the places of this computer instead of the page's."""
         text = _LOOPBACK_PORT.sub(lambda found: f"{found[1]}:{self._ports[int(found[2])]}", text)
+        # Routers of two pages, walked at once, would find each other by multicast.
+        scouting = f'scouting: {{ multicast: {{ address: "{self._scouting}" }} }},'
+        text = _IS_ROUTER.sub(lambda found: f"{found[0]} {scouting}", text)
         return _MODEM.sub(lambda found: f"evologics/{self._modems[found[1]]}", text)
 
     def do(self, block: str) -> list[str]:
