@@ -16,7 +16,7 @@ from zacoustic.config import config_from_mapping, read_config
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.table import AGE_FIELD, StreamTable
 from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Speaker
-from zacoustic.core.wire.agreement import Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.wire.agreement import WIRE_VERSION, Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_error, encode_name
 from zacoustic.core.wire.frame import DenseAck
 
@@ -59,7 +59,7 @@ def nav(table: StreamTable) -> bytes:
 
 def test_controls_are_told_with_and_without_a_table(table: StreamTable) -> None:
     frame = (
-        Hello(1, 77, table.digest).encode()
+        Hello(WIRE_VERSION, 77, table.digest).encode()
         + Tag(77).encode()
         + Confirm(2, 5).encode()
         + Ask(2, 10).encode()
@@ -72,7 +72,7 @@ def test_controls_are_told_with_and_without_a_table(table: StreamTable) -> None:
 
 
 def test_a_hello_of_another_table_says_so(table: StreamTable) -> None:
-    (item,) = decode_frame(Hello(1, 77, b"\x01\x02\x03\x04").encode(), table)
+    (item,) = decode_frame(Hello(WIRE_VERSION, 77, b"\x01\x02\x03\x04").encode(), table)
     assert item.fault == f"another table than {table.digest.hex()}"
 
 
@@ -203,10 +203,10 @@ def test_whose_dense_block_it_is_must_be_known() -> None:
 def test_references_are_known_to_who_has_seen_the_frames_before() -> None:
     first, second, third = blocks(3)
     decoder = FrameDecoder(DENSE)
-    hello = Hello(1, 7, DENSE.digest).encode()
+    hello = Hello(WIRE_VERSION, 7, DENSE.digest).encode()
     for frame in (hello + first, second, second, hello + third):
         assert decoder.decode(frame, source=2)[-1].kind == "sample"
-    restarted = Hello(1, 8, DENSE.digest).encode()
+    restarted = Hello(WIRE_VERSION, 8, DENSE.digest).encode()
     assert decoder.decode(restarted + third, source=2)[-1].fault
     assert decoder.decode(third, source=1)[-1].fault
 

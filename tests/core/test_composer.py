@@ -11,7 +11,7 @@ from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.wire.agreement import Hello
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 
 NODES = {1: "shore", 2: "auv", 3: "glider"}
 MTUS = (8, 32, 64, 512)
@@ -83,7 +83,7 @@ def test_every_record_but_the_last_has_a_length_behind_an_introduction() -> None
     rig.publish(1, 3, {"n": 6})
     rig.now += 1
     rig.publish(1, 1, b"x")
-    hello = Hello(1, 1, fleet().digest).encode()
+    hello = Hello(WIRE_VERSION, 1, fleet().digest).encode()
     assert rig.exchange()[0] == hello + b"\xb2\x02\x03\x05\xb2\x02\x03\x06\x01x"
     assert heard(rig, 3) == [(3, {"n": 5}), (3, {"n": 6}), (1, b"x")]
 

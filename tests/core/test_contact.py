@@ -78,7 +78,7 @@ def test_heartbeat_introduces_a_node_that_has_restarted() -> None:
     medium = acquainted(2, {2: beats()})
     medium.restart(2, fleet())
     frames = medium.run(600)
-    assert frames[0].startswith(b"\xb0\x01\x00\x02")
+    assert frames[0].startswith(b"\xb0\x02\x00\x02")
     assert frames[-1] == b"\x00"
 
 

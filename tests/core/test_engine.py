@@ -114,7 +114,7 @@ def test_epoch_of_a_changed_table_is_committed_before_it_is_used() -> None:
     end.commits = True
     sent = end.poll(0)
     assert sent is not None
-    assert sent.frame_bytes[:4] == b"\xb0\x01\x00\x02"
+    assert sent.frame_bytes[:4] == b"\xb0\x02\x00\x02"
 
 
 def test_epoch_after_the_last_is_the_first() -> None:

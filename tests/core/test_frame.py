@@ -7,7 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zacoustic.core.profiles.native.controls import CONTROLS
-from zacoustic.core.wire.agreement import ABSENT_DIGEST, Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.wire.agreement import (
+    ABSENT_DIGEST,
+    WIRE_VERSION,
+    Ask,
+    Confirm,
+    Hello,
+    TableRow,
+    Tag,
+)
 from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.frame import (
     Control,
@@ -20,7 +28,7 @@ from zacoustic.core.wire.frame import (
 )
 
 SAID: tuple[Hello | Tag | Confirm | Ask | TableRow, ...] = (
-    Hello(1, 0x1234, b"abcd"),
+    Hello(WIRE_VERSION, 0x1234, b"abcd"),
     Tag(0xFFFF),
     Confirm(254, 7),
     Ask(3, 0),

@@ -5,10 +5,10 @@ import pytest
 from tests.core.rig import End, link
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.agreement import Hello
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 
 TABLE = StreamTable([TopicSpec(stream_id=1, name="a")], nodes={1: "shore", 2: "auv"})
-FRAME = Hello(1, 1, TABLE.digest).encode() + b"\x01x"
+FRAME = Hello(WIRE_VERSION, 1, TABLE.digest).encode() + b"\x01x"
 
 
 @pytest.mark.parametrize(

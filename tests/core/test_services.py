@@ -15,7 +15,7 @@ from tests.core.calling import (
 from tests.core.rig import Rig
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.events import CallFailure, ResponseReceived
-from zacoustic.core.wire.agreement import Hello
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, QueueFullError
 
 
@@ -211,7 +211,7 @@ def test_call_to_a_service_that_differs_fails_at_once() -> None:
 )
 def test_record_that_is_no_request_is_counted(records: bytes, dropped: dict[str, int]) -> None:
     rig = ends()
-    rig[2].hear(Hello(1, 1, fleet().digest).encode() + records, 0, source=1)
+    rig[2].hear(Hello(WIRE_VERSION, 1, fleet().digest).encode() + records, 0, source=1)
     assert rig[2].engine.stats.dropped == dropped
     assert requests(rig) == []
 
@@ -234,7 +234,7 @@ def test_record_that_is_no_answer_is_counted(
     records: bytes, source: int, dropped: dict[str, int]
 ) -> None:
     rig = ends()
-    rig[1].hear(Hello(1, 1, fleet().digest).encode() + records, 0, source=source)
+    rig[1].hear(Hello(WIRE_VERSION, 1, fleet().digest).encode() + records, 0, source=source)
     assert rig[1].engine.stats.dropped == dropped
 
 
@@ -255,7 +255,9 @@ def test_response_that_does_not_decode_fails_the_call(payload: bytes) -> None:
     rig = ends()
     call_id = call(rig, {"n": 1}, stream_id=21)
     rig.exchange()
-    rig[1].hear(Hello(1, 1, fleet().digest).encode() + b"\x15\x00\x41" + payload, 1, source=2)
+    rig[1].hear(
+        Hello(WIRE_VERSION, 1, fleet().digest).encode() + b"\x15\x00\x41" + payload, 1, source=2
+    )
     ((failed, failure, _),) = failures(rig)
     assert (failed, failure) == (call_id, CallFailure.BAD_RESPONSE)
 
@@ -265,7 +267,9 @@ def test_error_that_does_not_decode_is_an_error_without_text(payload: bytes) -> 
     rig = ends()
     call_id = call(rig)
     rig.exchange()
-    rig[1].hear(Hello(1, 1, fleet().digest).encode() + b"\x14\x00\x81" + payload, 1, source=2)
+    rig[1].hear(
+        Hello(WIRE_VERSION, 1, fleet().digest).encode() + b"\x14\x00\x81" + payload, 1, source=2
+    )
     assert failures(rig) == [(call_id, CallFailure.HANDLER, "")]
 
 

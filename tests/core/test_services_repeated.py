@@ -20,7 +20,7 @@ from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.linktypes import LinkState
 from zacoustic.core.transport.calls.calls import WINDOW
-from zacoustic.core.wire.agreement import Hello
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 from zacoustic.core.wire.calls import CALL_NUMBERS
 from zacoustic.errors import QueueFullError
 
@@ -180,7 +180,9 @@ def test_answer_is_named_anew_when_the_request_comes_again_so() -> None:
     answer(rig)
     rig.exchange(to_nobody)
     assert sent_by(rig, 2)[-1] == b"\x14\x40done"
-    rig[2].hear(Hello(1, 1, fleet().digest).encode() + b"\x14\x00please", rig.now, source=1)
+    rig[2].hear(
+        Hello(WIRE_VERSION, 1, fleet().digest).encode() + b"\x14\x00please", rig.now, source=1
+    )
     rig.exchange()
     assert sent_by(rig, 2)[-1].endswith(b"\x14\x00\x41done")
     assert len(requests(rig)) == len(responses(rig)) == 1
@@ -194,7 +196,7 @@ def test_no_answer_to_a_former_life_is_taken_whatever_the_number(number: int) ->
     rig.exchange(to_nobody)
     # The server has not heard of the second life. It introduces itself, as to any stranger.
     records = bytes((0x14, 0x40 | number)) + b"to the first"
-    rig[1].hear(Hello(1, 1, fleet().digest).encode() + records, rig.now, source=2)
+    rig[1].hear(Hello(WIRE_VERSION, 1, fleet().digest).encode() + records, rig.now, source=2)
     rig.now += seconds_to_ns(1)
     for kind in (0x40, 0x80, 0xC0):
         rig[1].hear(bytes((0x14, kind | number)) + b"\x01", rig.now, source=2)
@@ -206,7 +208,7 @@ def test_no_answer_to_a_former_life_is_taken_whatever_the_number(number: int) ->
 
 def test_late_introduction_of_a_former_life_ends_no_call() -> None:
     rig = ends()
-    first = Hello(1, 1, fleet().digest).encode()
+    first = Hello(WIRE_VERSION, 1, fleet().digest).encode()
     rig[2].hear(first + b"\x14\x00first life", 0, source=1)
     rig.restart(1, fleet())
     call_id = call(rig)

@@ -316,7 +316,7 @@ def test_message_about_a_stream_that_differs_counts_for_nothing() -> None:
 def test_message_that_nobody_may_write_counts_for_nothing() -> None:
     medium = rig()
     for page, streams in ((1, 0b10000), (2, 0b10000), (31, 1), (21, 0xFF)):
-        message = b"\xb0\x01\x00\x01" + fleet().digest + Subscribe(page, 1, streams).encode()
+        message = b"\xb0\x02\x00\x01" + fleet().digest + Subscribe(page, 1, streams).encode()
         for destination in (2, BROADCAST):
             medium.now += NS_PER_S
             medium[2].hear(message, medium.now, source=1, destination=destination)

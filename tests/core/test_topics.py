@@ -12,7 +12,7 @@ from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.wire.agreement import Hello
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 
 NODES = {1: "shore", 2: "auv"}
 TYPES = TypeTable([TypeSpec(name="N", fields=(FieldSpec(name="n", type="uint8", range=(0, 9)),))])
@@ -49,7 +49,7 @@ def last(rig: Rig, address: int) -> SampleReceived:
 
 def inject(rig: Rig, records: bytes) -> dict[str, int]:
     """Let node 2 hear a hand-made frame of node 1; returns what was dropped."""
-    rig[2].hear(Hello(1, 1, fleet().digest).encode() + records, rig.now, source=1)
+    rig[2].hear(Hello(WIRE_VERSION, 1, fleet().digest).encode() + records, rig.now, source=1)
     return rig[2].engine.stats.dropped
 
 
@@ -73,7 +73,7 @@ def test_other_encoding_of_a_sample_crosses_as_a_prefix(encoding: str) -> None:
 def test_encoding_of_the_stream_costs_nothing() -> None:
     rig = ends()
     rig.publish(1, 1, b"x", encoding="zenoh/bytes")
-    assert rig.exchange()[0].endswith(Hello(1, 1, fleet().digest).encode() + b"\x01x")
+    assert rig.exchange()[0].endswith(Hello(WIRE_VERSION, 1, fleet().digest).encode() + b"\x01x")
 
 
 def test_delete_crosses_without_payload() -> None:
@@ -132,13 +132,13 @@ def test_record_that_is_none_is_dropped_for_a_reason(records: bytes, reason: str
 
 def test_sample_of_a_node_that_may_not_publish_is_dropped() -> None:
     rig = ends()
-    rig[1].hear(Hello(1, 1, fleet().digest).encode() + b"\x05x", 0, source=2)
+    rig[1].hear(Hello(WIRE_VERSION, 1, fleet().digest).encode() + b"\x05x", 0, source=2)
     assert rig[1].engine.stats.dropped == {"not_publisher": 1}
 
 
 def test_key_of_an_unnamed_node_is_dropped() -> None:
     rig = ends()
-    rig[1].hear(Hello(1, 1, fleet().digest).encode() + b"\x04\x00\x05", 0, source=9)
+    rig[1].hear(Hello(WIRE_VERSION, 1, fleet().digest).encode() + b"\x04\x00\x05", 0, source=9)
     assert rig[1].engine.stats.dropped == {"payload": 1}
 
 

@@ -8,7 +8,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import LinkState, ReceivedFrame, TransmitOutcome, TransmitReport
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.agreement import Hello
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 
 
 def told() -> list[TraceRecord]:
@@ -29,7 +29,7 @@ def told() -> list[TraceRecord]:
         ),
         4000,
     )
-    hello = Hello(1, 7, b"abcd").encode()
+    hello = Hello(WIRE_VERSION, 7, b"abcd").encode()
     for frame, source in ((hello, 2), (b"", 1)):
         received = ReceivedFrame(frame_bytes=frame, received_at=5000, source=source)
         engine.handle_frame(received, 5000)

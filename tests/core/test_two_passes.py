@@ -11,7 +11,7 @@ from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire import access, agreement, objects, subscriptions
-from zacoustic.core.wire.agreement import Hello, TableRow, Tag
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello, TableRow, Tag
 from zacoustic.core.wire.controls import Controls, Extension, Form
 from zacoustic.core.wire.frame import Control
 
@@ -36,7 +36,7 @@ def received(end: End) -> list[object]:
 @pytest.mark.parametrize("is_behind", [False, True])
 def test_what_a_frame_says_of_its_sender_counts_for_all_of_its_records(is_behind: bool) -> None:
     node = Rig({1: fleet(), 2: fleet()})[2]
-    hello = Hello(1, OTHER_EPOCH, OTHER_DIGEST).encode()
+    hello = Hello(WIRE_VERSION, OTHER_EPOCH, OTHER_DIGEST).encode()
     row = TableRow(OTHER_EPOCH, 1, fleet().by_id(1).digest).encode()
     record = delimited(b"\x01depth")
     said = record + row if is_behind else row + record
@@ -47,7 +47,7 @@ def test_what_a_frame_says_of_its_sender_counts_for_all_of_its_records(is_behind
 
 def test_a_difference_that_a_frame_tells_counts_for_its_records() -> None:
     node = Rig({1: fleet(), 2: fleet()})[2]
-    hello = Hello(1, OTHER_EPOCH, OTHER_DIGEST).encode()
+    hello = Hello(WIRE_VERSION, OTHER_EPOCH, OTHER_DIGEST).encode()
     row = TableRow(OTHER_EPOCH, 1, b"diff").encode()
     node.hear(hello + delimited(b"\x01depth") + row, 0, source=1)
     assert received(node) == []
@@ -55,12 +55,12 @@ def test_a_difference_that_a_frame_tells_counts_for_its_records() -> None:
 
 
 @pytest.mark.parametrize(
-    "late", [Tag(OTHER_EPOCH).encode(), Hello(1, OTHER_EPOCH, OTHER_DIGEST).encode()]
+    "late", [Tag(OTHER_EPOCH).encode(), Hello(WIRE_VERSION, OTHER_EPOCH, OTHER_DIGEST).encode()]
 )
 @pytest.mark.parametrize("record", [b"\x01depth", b"\x02depth"])
 def test_hello_and_tag_behind_a_record_say_nothing(late: bytes, record: bytes) -> None:
     node = Rig({1: fleet(), 2: fleet()})[2]
-    first = Hello(1, 5, fleet().digest).encode()
+    first = Hello(WIRE_VERSION, 5, fleet().digest).encode()
     node.hear(first + delimited(record) + late + b"\x01more", 0, source=1)
     assert received(node) == [b"depth"]
     assert node.engine.stats.dropped == {"reserved": 1}
@@ -69,7 +69,7 @@ def test_hello_and_tag_behind_a_record_say_nothing(late: bytes, record: bytes) -
 @pytest.mark.parametrize("body", [b"", b"\x01more", bytes(254)])
 def test_an_extension_that_nobody_knows_is_skipped(body: bytes) -> None:
     node = Rig({1: fleet(), 2: fleet()})[2]
-    first = Hello(1, 5, fleet().digest).encode()
+    first = Hello(WIRE_VERSION, 5, fleet().digest).encode()
     node.hear(first + Extension(0xE7, body).encode() + b"\x01depth", 0, source=1)
     assert received(node) == [b"depth"]
     assert node.engine.stats.dropped == {"reserved": 1}

@@ -37,7 +37,7 @@ def make() -> list[Vector]:
     readable = FleetCipher(KEY, mode=Mode.AUTHENTICATE)
     other = Seal(1, LIFE, readable, JournalPort(), {}, lambda source: b"")
     nav = bytes.fromhex("0a1a02b4bfc0187b190a9b01")
-    hello = bytes.fromhex("b0010007a1b2c3d4")
+    hello = bytes.fromhex("b0020007a1b2c3d4")
 
     def vector(name: str, frame: bytes, meaning: str) -> Vector:
         return Vector(name, frame.hex(), meaning)

@@ -22,7 +22,7 @@ def test_vectors_are_as_they_were_and_stand_in_the_page() -> None:
 @pytest.mark.parametrize(
     ("name", "destination", "port", "digest", "tag_bytes", "records"),
     [
-        ("sealed_introduction", 255, 0, bytes(4), 4, "b0010007a1b2c3d40a1a02b4bfc0187b190a9b01"),
+        ("sealed_introduction", 255, 0, bytes(4), 4, "b0020007a1b2c3d40a1a02b4bfc0187b190a9b01"),
         ("sealed_unicast", 2, 1, DIGEST, 4, "0a1a02b4bfc0187b190a9b01"),
         ("sealed_strong", 2, 0, bytes(4), 8, "af020000"),
     ],

@@ -34,7 +34,16 @@ from zacoustic.core.transport.objects.code.code import Fragments
 from zacoustic.core.transport.objects.manifest import encode_object
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
-from zacoustic.core.wire.agreement import ASSURED, PROVISIONAL, Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.wire.agreement import (
+    ASSURED,
+    PROVISIONAL,
+    WIRE_VERSION,
+    Ask,
+    Confirm,
+    Hello,
+    TableRow,
+    Tag,
+)
 from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_error, encode_name
 from zacoustic.core.wire.envelope import Envelope
 from zacoustic.core.wire.frame import Control, DenseAck
@@ -131,8 +140,8 @@ def _vector(name: str, frame: bytes, meaning: str) -> Vector:
 
 def _controls() -> Iterator[Vector]:
     digest = bytes.fromhex("a1b2c3d4")
-    hello = Hello(1, 0x1234, digest).encode()
-    yield _vector("hello", hello, "HELLO: version 1, epoch 1234, digest a1b2c3d4")
+    hello = Hello(WIRE_VERSION, 0x1234, digest).encode()
+    yield _vector("hello", hello, "HELLO: version 2, epoch 1234, digest a1b2c3d4")
     yield _vector("tag", Tag(0x1234).encode(), "TAG: epoch 1234")
     yield _vector("confirm", Confirm(2, 0x1234).encode(), "CONFIRM: epoch 1234 of node 2")
     assured = Confirm(ASSURED, 0x1234).encode()

@@ -7,6 +7,7 @@ from zacoustic.core.engine.events import SampleReceived, SubscribersChanged
 from zacoustic.core.streams.specs import ActionSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.events import GoalReceived
+from zacoustic.core.wire.agreement import WIRE_VERSION
 from zacoustic.core.wire.subscriptions import Subscribe
 
 SOURCES = range(2, 254)
@@ -15,7 +16,7 @@ LISTED = {1: "shore", 2: "vehicle"}
 
 def introduced(table: StreamTable, records: bytes) -> bytes:
     """Return a frame that begins as that of any node with this table."""
-    return bytes((0xB0, 1)) + (7).to_bytes(2, "big") + table.digest + records
+    return bytes((0xB0, WIRE_VERSION)) + (7).to_bytes(2, "big") + table.digest + records
 
 
 def test_subscribe_of_nobody_is_not_written_down() -> None:

@@ -12,7 +12,16 @@ from tests.hostile.forging import AFTER_S, FORGED_S, NODES, TABLE, Forged, Outco
 from zacoustic.core.engine.events import ResponseReceived
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
-from zacoustic.core.wire.agreement import ASSURED, PROVISIONAL, Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.wire.agreement import (
+    ASSURED,
+    PROVISIONAL,
+    WIRE_VERSION,
+    Ask,
+    Confirm,
+    Hello,
+    TableRow,
+    Tag,
+)
 from zacoustic.core.wire.frame import Sync
 from zacoustic.core.wire.subscriptions import Subscribe
 
@@ -25,7 +34,7 @@ SPARE_BYTES = 48
 
 
 def hello(epoch: int, digest: bytes = TABLE.digest) -> bytes:
-    return Hello(1, epoch, digest).encode()
+    return Hello(WIRE_VERSION, epoch, digest).encode()
 
 
 def order(command: RemoteCommand, serial: int) -> bytes:

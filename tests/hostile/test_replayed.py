@@ -1,7 +1,7 @@
 """A call that somebody has recorded is played back in a later life of its client."""
 
 from tests.core.calling import acquainted, answer, call, fleet, requests
-from zacoustic.core.wire.agreement import Hello
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 
 
 def test_call_of_a_former_life_of_its_client_runs_no_more() -> None:
@@ -18,7 +18,7 @@ def test_call_of_a_former_life_of_its_client_runs_no_more() -> None:
         rig.run(100)
     before = len(requests(rig))
     # What it may have sent then: a frame that introduces it, with the call in it.
-    hello = Hello(1, former, fleet().digest).encode()
+    hello = Hello(WIRE_VERSION, former, fleet().digest).encode()
     for number in range(64):
         rig[2].hear(hello + bytes((20, number)) + b"arm", rig.now, source=1, destination=2)
     assert len(requests(rig)) == before

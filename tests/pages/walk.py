@@ -1,8 +1,9 @@
 """A reader who types what a page says, in its order, on one computer.
 
 - Files of the page are in the folder. Ports of the loopback are exchanged for free ones, neighbours
-  for neighbours; routers of a page find each other, but not those of another page. Where a page names a modem of a vessel, an emulated one stands in its place; where
-  a file connects to a router, there is one.
+  for neighbours; routers of a page find each other, but not those of another page. Where a page
+  names a modem of a vessel, an emulated one stands in its place; where a file connects to a router,
+  there is one.
 - A verb that serves runs until the next heading; then it is interrupted, and has to end in peace.
   Every other command has to end with exit code 0, or with the one that its comment names.
 - Of two gateways the second is on another computer: it listens elsewhere, unless it says where

@@ -125,7 +125,7 @@ DIGESTS = st.sampled_from([fleet().digest, bytes(4), b"abcd", fleet().by_id(1).d
 PIECES = st.one_of(
     st.binary(max_size=12),
     st.builds(
-        lambda v, e, d: Hello(v, e, d).encode(), st.integers(0, 2), st.integers(0, 3), DIGESTS
+        lambda v, e, d: Hello(v, e, d).encode(), st.integers(1, 3), st.integers(0, 3), DIGESTS
     ),
     st.builds(lambda e: Tag(e).encode(), st.integers(0, 3)),
     st.builds(lambda a, e: Confirm(a, e).encode(), st.integers(0, 3), st.integers(0, 3)),

@@ -4,7 +4,7 @@ import contextlib
 import random
 from collections.abc import Callable
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.core.rig import Pass, Rig, link
@@ -46,6 +46,13 @@ def capabilities(lacks: dict[str, bool], mtu_bytes: int) -> LinkCapabilities:
     access=st.sampled_from(ACCESS),
     steps=st.lists(STEP, min_size=10, max_size=60),
     loss=st.sampled_from((0.0, 0.3)),
+)
+@example(  # a SUBSCRIBE has no room beside a TAG
+    mtu_bytes=8,
+    lacks={"addressed": False, "checked": False, "framed": False},
+    access=None,
+    steps=[*[(1, 0, 0.0)] * 9, (1, 1_037_023, 0.0)],
+    loss=0.0,
 )
 def test_no_frame_is_larger_than_the_mtu(
     mtu_bytes: int,

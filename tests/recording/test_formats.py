@@ -150,7 +150,7 @@ def test_frames_of_a_recording_are_said_in_words(
     capsys.readouterr()
     assert main(["decode", str(trial)]) == 0
     said = capsys.readouterr().out
-    assert "HELLO version 1" in said
+    assert "HELLO version 2" in said
     assert 'auv1/nav, 0 s old: {"depth": 4.2' in said
     assert "heard by node 1" in said
     assert "request of call 0" in said

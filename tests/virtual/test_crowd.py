@@ -20,6 +20,7 @@ from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.agreement import WIRE_VERSION
 from zacoustic.testing.virtual import Disturb, VirtualNetwork
 
 TAG = TransmitRules(agreement=AgreementMethod.TAG)
@@ -120,7 +121,7 @@ def test_a_question_that_another_node_asks_is_not_asked_again() -> None:
 
 def test_the_row_that_another_node_has_asked_for_answers_this_one() -> None:
     end = End(1, table(), rules=TAG)
-    end.hear(bytes((0xB0, 1, 1, 1)) + b"othr", 0, source=2)
+    end.hear(bytes((0xB0, WIRE_VERSION, 1, 1)) + b"othr", 0, source=2)
     end.hear(bytes((0xB1, 1, 1, 1)) + b"report", NS_PER_S // 9, source=2)  # a row is missing
     end.hear(bytes((0xB6, 2, 1)), NS_PER_S // 8, source=3)
     end.hear(bytes((0xB7, 1, 1, 1)) + b"diff", NS_PER_S // 7, source=2)

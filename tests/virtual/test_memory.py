@@ -11,7 +11,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.agreement import Hello, Tag
+from zacoustic.core.wire.agreement import WIRE_VERSION, Hello, Tag
 from zacoustic.testing.virtual import VirtualNetwork
 
 DEPTH = 10
@@ -81,7 +81,7 @@ def test_strange_sources_with_ever_new_epochs_cost_bounded_memory() -> None:
     def hear(number: int) -> None:
         source = rng.randrange(2, 255)
         digest = rng.choice((fleet().digest, rng.randbytes(4)))
-        hello = Hello(1, rng.randrange(65536), digest).encode()
+        hello = Hello(WIRE_VERSION, rng.randrange(65536), digest).encode()
         tag = Tag(rng.randrange(65536)).encode()
         call = b"\x14" + bytes((rng.randrange(64),)) + b"?"
         record = rng.choice((call, b"\x01x", bytes((rng.randrange(1, 176), 0))))
@@ -108,7 +108,7 @@ def test_calls_that_nobody_answers_cost_bounded_memory_at_the_server() -> None:
     for life in range(300):
         for number in range(64):
             frame = ReceivedFrame(
-                frame_bytes=Hello(1, life, fleet().digest).encode()
+                frame_bytes=Hello(WIRE_VERSION, life, fleet().digest).encode()
                 + b"\x14"
                 + bytes((number,))
                 + b"?",

@@ -20,9 +20,9 @@ from typing import Final, TypeVar
 
 import msgspec
 
+from zacoustic.core.wire.agreement import WIRE_VERSION
 from zacoustic.errors import ConfigError
 
-WIRE_VERSION: Final = 2
 SECRET_BYTES: Final = 32
 KEY_BYTES: Final = 16
 LAST_GENERATION: Final = 0xFFFF

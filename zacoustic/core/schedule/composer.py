@@ -367,6 +367,10 @@ class Composer:
             filling = self._choose(offer, draft, now, introduced=introduced)
         self._handshake.spoken(self._link, draft.destination, now)
         items = filling.items if filling is not None else ()
+        if lane and item and draft.introduction and not items and not self._queue.fits(item):
+            # Beside a TAG it has no room, ever: it gives its turn to that, as if it had been lost.
+            self._queue.take(lane, now)
+            draft.parts += filter(None, [item.part])
         if draft.is_empty and not items:
             if offer.must_go is None:
                 return None

@@ -10,7 +10,7 @@ import msgspec
 
 from zacoustic.core.wire.controls import Form, fixed
 
-WIRE_VERSION: Final = 1
+WIRE_VERSION: Final = 2
 """Version of this wire format, in every HELLO."""
 ASSURED: Final = 0
 """Address of a CONFIRM in a unicast frame: the node that the frame is for, which has confirmed the

@@ -50,7 +50,7 @@ class DecodeCommand(Command):
         parser.add_argument("--json", action="store_true", help="one JSON object for each frame")
         parser.epilog = (
             "example:\n"
-            "  zacoustic decode b00100017d1f3a09b10001\n"
+            "  zacoustic decode b00200017d1f3a09b10001\n"
             "  zacoustic decode trial.mcap\n"
             "  zacoustic decode --log evologics --config fleet.json5 serial.log\n"
             "  zacoustic sim water.json5 --trace trace.jsonl && "
@@ -200,7 +200,7 @@ def _is_file(text: str) -> bool:
 
 
 def _from_hex(text: str) -> bytes | None:
-    """The bytes of a text such as `b001…`, `0xb0 0x01` or `b0:01`, or None."""
+    """The bytes of a text such as `b002…`, `0xb0 0x01` or `b0:01`, or None."""
     digits = text.replace("0x", "").replace(":", "").replace(",", "")
     try:
         return bytes.fromhex(digits)
