@@ -22,12 +22,14 @@ from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.wire.frame import PADDING
 from zacoustic.core.wire.seal import (
+    LEAST_ROOM_BYTES,
     LONG_HEAD_BYTES,
     NO_TABLE,
     SHORT_HEAD_BYTES,
     STRONG_TAG_BYTES,
     TAG_BYTES,
 )
+from zacoustic.errors import ConfigError
 
 KINDS: Final = ("commands", "services", "actions")
 """What can be strong."""
@@ -42,6 +44,29 @@ class SealRules(msgspec.Struct, frozen=True, kw_only=True):
     """Lengths that frames are filled up to, ascending, bytes; empty: to none."""
     unsealed: frozenset[int] = frozenset()
     """Topics, by stream id, whose samples are also taken from frames without a seal."""
+
+    def check_room(self, room_bytes: int) -> None:
+        """Check that sealed frames fit a link, and the lengths that they are filled up to.
+
+        Args:
+            room_bytes: The longest sealed frame that it can take.
+
+        Raises:
+            ConfigError: They do not.
+        """
+        if room_bytes < LEAST_ROOM_BYTES:
+            raise ConfigError(
+                f"security: this link has room for sealed frames of {room_bytes} bytes; allowed: "
+                f"at least {LEAST_ROOM_BYTES}",
+                hint="raise the mtu of the link, or use another one",
+            )
+        longest_bytes = max(self.pad_bytes, default=0)
+        if longest_bytes > room_bytes:
+            raise ConfigError(
+                f"security.pad: {longest_bytes}; this link has room for sealed frames of "
+                f"{room_bytes} bytes; allowed: lengths up to that",
+                hint=f"make the longest one {room_bytes}",
+            )
 
 
 class Closing(msgspec.Struct, frozen=True):
@@ -65,6 +90,9 @@ class Unsealed:
     """Most that sealing takes of a frame."""
     fragment_overhead_bytes: int = 0
     """What it takes of a frame that is filled by a fragment."""
+
+    def check_room(self, room_bytes: int) -> None:
+        """Check that a link has room for such frames; see `SealRules.check_room`."""
 
     def settle(
         self,
@@ -148,6 +176,10 @@ class LinkSeal(Unsealed):
         self._table = table
         self._port = port
         self._digest = digest
+
+    def check_room(self, room_bytes: int) -> None:
+        """Check that a link has room for sealed frames; see `SealRules.check_room`."""
+        self._rules.check_room(room_bytes)
 
     def settle(
         self,

@@ -127,10 +127,14 @@ class Transmitter:
         self._next_transmission_id = 1
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
-        """Begin with a link, or with new capabilities of it."""
+        """Begin with a link, or with new capabilities of it.
+
+        Raises:
+            ConfigError: It cannot do what the config asks of it; nothing has changed.
+        """
+        port = self._make_port(capabilities, self._source.envelope(capabilities))
         if self.port is not None:
             self.port.close(now)
-        port = self._make_port(capabilities, self._source.envelope(capabilities))
         self.port = port
         self._tell_access(port, now)
         self._source.use_link(port, now)
