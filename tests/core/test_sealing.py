@@ -284,22 +284,3 @@ def test_in_step_again_within_sixteen_frames_of_any_blackout(count: Callable[[in
             receiver.take(seal.seal(b"then", 2, DIGEST, 0), way)
             receiver.commit()
         assert len(receiver.handed_on) == heard + 50
-
-
-@pytest.mark.parametrize("strong", [False, True])
-def test_no_frame_of_a_stranger_is_opened(strong: bool, count: Callable[[int], int]) -> None:
-    rng = random.Random(5)
-    receiver, seal = Receiver(2, rng), sender()
-    heard = seal.seal(b"heard", 2, DIGEST, 0, strong=strong)
-    receiver.take(heard, Way(1, 2))
-    receiver.commit()
-    own = seal.seal(b"own records", 2, DIGEST, 0, strong=strong)
-    for _ in range(count(1 << 20)):
-        frame = bytearray(own)
-        if rng.random() < 0.5:
-            frame = bytearray(rng.randbytes(rng.randrange(1, 64)))
-        else:
-            frame[rng.randrange(len(frame))] ^= 1 << rng.randrange(8)
-        receiver.take(bytes(frame), Way(1, 2))
-    receiver.commit()
-    assert receiver.handed_on == [b"heard"]

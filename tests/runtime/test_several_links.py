@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from tests.links.udp_pair import locators
@@ -18,8 +19,9 @@ from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, LinkStateChanged, SampleReceived
-from zacoustic.core.linktypes import LinkState, ModemRead
+from zacoustic.core.linktypes import LinkCapabilities, LinkState, ModemRead
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError, LinkOpenError
@@ -28,6 +30,8 @@ from zacoustic.run.clocks import NodeClocks
 from zacoustic.run.hostclock import HostClock
 from zacoustic.run.permitlog import PermitLog
 from zacoustic.run.runner import LinkRunner
+from zacoustic.seal.ccm import FleetCipher
+from zacoustic.seal.keys import new_key
 from zacoustic_sim.medium import SimMedium
 
 RULES = TransmitRules(links=(LinkRules(name="sound"), LinkRules(name="radio")), routes={2: "radio"})
@@ -72,9 +76,22 @@ def publish(stream_id: int, value: bytes, engine: Engine, now: int) -> int:
 class Side:
     """A runner with both links, and what it has told."""
 
-    def __init__(self, address: int, medium: SimMedium, radio: Link, **more: Any) -> None:
+    def __init__(
+        self,
+        address: int,
+        medium: SimMedium,
+        radio: Link,
+        *,
+        pads: tuple[int, ...] = (),
+        **more: Any,
+    ) -> None:
         engine = Engine(
-            address=address, table=table(), epoch=address, rng=random.Random(1), rules=RULES
+            address=address,
+            table=table(),
+            epoch=address,
+            rng=random.Random(1),
+            rules=msgspec.structs.replace(RULES, sealing=SealRules(pad_bytes=pads)),
+            cipher=FleetCipher(new_key("test")) if pads else None,
         )
         self.runner = LinkRunner(engine, medium.link(address), beside={"radio": radio}, **more)
         self.events: list[Event] = []
@@ -228,14 +245,106 @@ def test_first_link_that_cannot_be_opened_ends_the_attempts_of_the_others() -> N
     run(scenario(), limit_s=30.0)  # no task is left
 
 
+class Sized(ScriptedLink):
+    """Comes up with frames of some length; shorter ones than any link may have are refused."""
+
+    def __init__(self, mtu_bytes: int) -> None:
+        super().__init__()
+        self.mtu_bytes = mtu_bytes
+
+    async def open(self, receiver: LinkReceiver) -> None:
+        self.receiver = receiver
+        self.come_up()
+
+    def come_up(self) -> None:
+        assert self.receiver is not None
+        self.capabilities = LinkCapabilities(mtu_bytes=self.mtu_bytes, bit_rate_bps=1e6)
+        self.receiver.state_changed(LinkState.UP, "scripted")
+
+
+@pytest.mark.parametrize(
+    ("mtu_bytes", "pads", "why"),
+    [
+        (7, (), "mtu_bytes is 7; allowed: at least 8"),
+        (
+            16,
+            (32, 64),
+            "security: this link has room for sealed frames of 16 bytes; allowed: at least",
+        ),
+        (63, (32, 64), "security.pad: 64; this link has room for sealed frames of 63 bytes;"),
+    ],
+)
+def test_a_link_whose_frames_are_too_short_is_down_and_the_others_go_on(
+    mtu_bytes: int,
+    pads: tuple[int, ...],
+    why: str,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def scenario() -> None:
+        monkeypatch.setattr("zacoustic.run.linkside.FIRST_DELAY_S", 1e-3)
+        medium, radio = two_nodes(), Sized(mtu_bytes)
+        side = Side(1, medium, radio, pads=pads)
+        seen = side.runner.side("radio")
+        await side.start()
+        await side.up("sound")
+        await side.until(lambda: seen.state is LinkState.DOWN)
+        assert why in seen.detail
+        side.runner.apply(partial(publish, 1, b"by sound"))
+        side.runner.apply(partial(publish, 2, b"by radio"))
+        assert not side.states().count(("radio", True))
+        assert radio.sent == []
+        radio.mtu_bytes = 64
+        if pads:  # the modem was set up anew
+            radio.come_up()
+        await side.up("radio")
+        await side.until(lambda: bool(radio.sent))
+        assert {len(each.frame_bytes) for each in radio.sent} <= ({*pads} or {*range(65)})
+        radio.mtu_bytes = mtu_bytes
+        if pads:
+            radio.come_up()
+            assert (seen.state, side.states()[-1]) == (LinkState.DOWN, ("radio", False))
+        assert side.runner.failure is None
+        await side.runner.close()
+        medium.close()
+
+    with caplog.at_level(logging.WARNING):
+        run(scenario(), limit_s=30.0)
+    assert why in caplog.records[0].getMessage()
+
+
+def test_a_first_link_whose_frames_are_too_short_ends_the_start_and_later_goes_down() -> None:
+    async def scenario() -> None:
+        engine = partial(
+            Engine,
+            address=1,
+            table=table(),
+            epoch=1,
+            rng=random.Random(1),
+            rules=TransmitRules(sealing=SealRules(pad_bytes=(64,))),
+            cipher=FleetCipher(new_key("test")),
+        )
+        runner = LinkRunner(engine(), Sized(63))
+        with pytest.raises(ConfigError, match=r"security\.pad: 64; .* allowed: lengths up to that"):
+            await runner.start()
+        link = Sized(64)
+        runner = LinkRunner(engine(), link)
+        await runner.start()
+        link.mtu_bytes = 63
+        link.come_up()
+        assert (runner.link_state, runner.failure) == (LinkState.DOWN, None)
+        assert "security.pad: 64" in runner.link_detail
+        await runner.close()
+
+    run(scenario(), limit_s=30.0)
+
+
 def test_fault_of_a_further_link_stops_the_runner() -> None:
     async def scenario() -> None:
         medium = two_nodes()
-        side = Side(
-            1, medium, Absent(LinkOpenError("no such port"), ConfigError("mtu is 3; allowed: 8.."))
-        )
+        side = Side(1, medium, Absent(LinkOpenError("no such port"), RuntimeError("a bug")))
         await side.start()
-        with pytest.raises(ConfigError, match="mtu is 3"):
+        with pytest.raises(RuntimeError, match="a bug"):
             await side.runner.wait_failed()
         await side.runner.close()
         medium.close()

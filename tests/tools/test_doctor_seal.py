@@ -21,6 +21,7 @@ from tests.tools.ward import NODES, STREAMS, beside, examine, modem_file, proble
 from zacoustic.app.cli import main
 from zacoustic.app.tools.security.keycheck import check_room
 from zacoustic.config import Config, config_from_mapping
+from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.gateway import Gateway
 from zacoustic.run.journal import journal_in
 from zacoustic.seal.keys import FleetKey, new_key, read_key, write_key
@@ -93,12 +94,15 @@ def test_frames_that_are_too_short_for_a_seal_or_for_its_pads() -> None:
     def config(**more: Any) -> Config:
         return config_from_mapping({"address": 1, "security": {"key": "k", **more}}, source="file")
 
-    assert list(check_room(config(pad=[16, 32]), 64)) == []
-    (found,) = check_room(config(), 8)
-    assert "frames of 8 bytes; a sealed one needs 17" in found.what
-    (found,) = check_room(config(pad=[32, 65]), 64)
-    assert "security.pad: 65; the link takes frames of 64 bytes" in found.what
-    assert list(check_room(config_from_mapping({"address": 1}, source="file"), 8)) == []
+    modem = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1000)
+    short = LinkCapabilities(mtu_bytes=8, bit_rate_bps=1000)
+    without_addresses = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1000, addressed=False)
+    assert list(check_room(config(pad=[16, 64]), modem)) == []
+    (found,) = check_room(config(), short)
+    assert "sealed frames of 8 bytes; allowed: at least 17" in found.what
+    (found,) = check_room(config(pad=[32, 64]), without_addresses)
+    assert "security.pad: 64; the link has room for sealed frames of 62 bytes" in found.what
+    assert list(check_room(config_from_mapping({"address": 1}, source="file"), short)) == []
 
 
 def test_a_gateway_that_runs_with_another_key_or_none(tmp_path: Path) -> None:

@@ -43,13 +43,17 @@ class Place:
         self.source = source
         self._whole = written
         self.path = path
-        self.written = _walk(written, path)
+
+    @property
+    def written(self) -> Any:  # noqa: ANN401 (a file can hold anything)
         """What is written at the place; None where nothing is."""
+        return _walk(self._whole, self.path)
 
     @property
     def entries(self) -> list[object]:
         """What is written here, if that is a list; else nothing."""
-        return list(self.written) if isinstance(self.written, list | tuple) else []
+        written = self.written
+        return list(written) if isinstance(written, list | tuple) else []
 
     def at(self, key: str | int) -> "Place":
         """The place of a key of the table here, or of an index of the list."""

@@ -1,7 +1,9 @@
 """One link of a runner: what is known of it, and where what it says goes.
 
 A link that was lost comes back by itself. One that cannot be opened does not, so `LinkSide` opens
-it again, after the pauses of a byte stream, and says meanwhile that it is down.
+it again, after the pauses of a byte stream, and says meanwhile that it is down. So is one that is
+open and cannot do what the config asks of it, such as one whose frames are too short: the others go
+on, and it is tried again whenever it comes up.
 """
 
 import asyncio
@@ -14,7 +16,7 @@ from zacoustic.core.base.linktypes import (
     Transmission,
     TransmitReport,
 )
-from zacoustic.errors import LinkOpenError
+from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.link.bytestream.stream import FIRST_DELAY_S, LAST_DELAY_S
 from zacoustic.link.contract import Link
 
@@ -92,13 +94,13 @@ class LinkSide:
             while not await self._is_opened():
                 await asyncio.sleep(delay_s)
                 delay_s = min(2 * delay_s, LAST_DELAY_S)
-        except Exception as error:  # a fault of the link, or what the config asks of it
+        except Exception as error:  # a fault of the link
             self._runner.fail(error)
 
     async def _is_opened(self) -> bool:
         try:
             await self.link.open(self)
-        except LinkOpenError as error:
+        except (LinkOpenError, ConfigError) as error:
             await self.link.close()
             told, self.open_failure = self.open_failure, str(error)
             if told != self.open_failure:

@@ -102,6 +102,7 @@ class LinkRunner:
         self._settled: Callable[[], None] = _nothing
         self._replacement = None if self._first is None else Replacement(self._first)
         self._is_beginning = False
+        self._has_started = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._alarm = Alarm(self._clocks.clock, self._expire)
         self._is_servicing = False
@@ -141,7 +142,8 @@ class LinkRunner:
     ) -> None:
         """Open the links and run; returns when the first one is open.
 
-        Another one that cannot be opened is reported as down, and opened again until it is there.
+        Another one that cannot be opened, or cannot do what the config asks of it, is reported as
+        down until it can; so is the first one from then on.
 
         Args:
             deliver: Takes each event, on the loop; may call `apply`.
@@ -167,6 +169,7 @@ class LinkRunner:
             self._guarded(self._service)
             if isinstance(self.failure, ZacousticError):
                 raise self.failure
+            self._has_started = True
         except BaseException:
             await self.close()
             raise
@@ -408,7 +411,7 @@ class LinkRunner:
             for step in steps:
                 step()
         except (ConfigError, RangeUnavailableError) as error:
-            self.fail(error)  # the link cannot do what the config asks of it
+            self.fail(error)  # the first link cannot do what the config asks of it
         except Exception as error:  # of the engine or the receiver of its events: a bug
             if self._replacement is None:
                 self.fail(error)
@@ -473,11 +476,21 @@ class LinkRunner:
             self._connect_side(side)
 
     def _connect_side(self, side: LinkSide) -> None:
-        """Tell the engine how a link is, unless it transmits a frame of a former engine."""
+        """Tell the engine how a link is, unless it transmits a frame of a former engine.
+
+        Raises:
+            ConfigError: The first link cannot do what the config asks of it, at the start.
+        """
         if side.is_foreign_on_air and side.state is LinkState.UP:
             return
         capabilities = side.link.capabilities if side.state is LinkState.UP else None
-        self.engine.handle_link_state(side.state, self._instant(), capabilities, *side.by)
+        try:
+            self.engine.handle_link_state(side.state, self._instant(), capabilities, *side.by)
+        except ConfigError as error:
+            if side is self._first_side and not self._has_started:
+                raise
+            self.take_state(side, LinkState.DOWN, str(error))
+            return
         if side.is_busy:
             self.engine.handle_carrier(True, self._instant(), *side.by)
 

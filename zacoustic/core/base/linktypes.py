@@ -11,6 +11,7 @@ from typing import Final, TypeAlias
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.errors import ConfigError
 
 BROADCAST: Final = 255
 """Destination address that every node hears. Node addresses are 1…254; 0 means unknown."""
@@ -95,13 +96,17 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
         """Check what no link may claim.
 
         Raises:
-            ValueError: A value outside its range.
+            ConfigError: Its frames are too short.
+            ValueError: Another value outside its range.
         """
         # A frame must hold a HELLO, 8 bytes, inside of what the core adds for the link.
         lacking = {2: self.addressed, 4: self.checked, 3: self.framed}
         least = 8 + sum(size_bytes for size_bytes, is_there in lacking.items() if not is_there)
-        if self.mtu_bytes < least:
-            raise ValueError(f"mtu_bytes is {self.mtu_bytes}; allowed: at least {least}")
+        if self.mtu_bytes < least:  # a link may have it from its config, or from the modem
+            raise ConfigError(
+                f"mtu_bytes is {self.mtu_bytes}; allowed: at least {least}",
+                hint="raise the mtu of the link, or use another one",
+            )
         if not self.bit_rate_bps > 0:
             raise ValueError(f"bit_rate_bps is {self.bit_rate_bps}; allowed: above 0")
         low, high = self.address_range

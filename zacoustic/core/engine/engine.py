@@ -164,10 +164,7 @@ class Engine:
         """Take a frame, or a piece of a byte stream."""
         self._now = now
         self._stack(link).handle_frame(frame, now)
-        for news in self._handshake.news:
-            self._events.append(news)
-            self._trace_news(news, now)
-        self._handshake.news.clear()
+        self._tell_news(now)
 
     def handle_transmit_report(
         self, report: TransmitReport, now: int, link: str | None = None
@@ -243,6 +240,7 @@ class Engine:
         for stack in self._stacks.values():
             stack.protocols.note(now)
         self._journal.committed(write_id, now)
+        self._tell_news(now)  # a sealed frame is read when the journal has its number
 
     def handle_journal_state(self, failure: str, now: int) -> None:
         """The journal cannot be written, for this reason; empty: it can be again."""
@@ -533,6 +531,13 @@ class Engine:
 
     def _override(self, stream: Stream, override: Override) -> None:
         self._stack_of(stream.stream_id).protocols.override(stream, override)
+
+    def _tell_news(self, now: int) -> None:
+        """Hand out what a frame has said of its sender."""
+        for news in self._handshake.news:
+            self._events.append(news)
+            self._trace_news(news, now)
+        self._handshake.news.clear()
 
     def _trace_news(self, news: PeerSeen | StreamsDiffer, now: int) -> None:
         if isinstance(news, PeerSeen):

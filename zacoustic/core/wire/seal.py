@@ -37,6 +37,8 @@ LONG_HEAD_BYTES: Final = 5
 TAG_BYTES: Final = 4
 STRONG_TAG_BYTES: Final = 8
 DIGEST_BYTES: Final = 4
+LEAST_ROOM_BYTES: Final = LONG_HEAD_BYTES + STRONG_TAG_BYTES + 4
+"""A link that cannot take sealed frames of so many bytes carries neither HELLO nor command."""
 NO_TABLE: Final = bytes(DIGEST_BYTES)
 """Stands for the digest in a frame that needs no table."""
 

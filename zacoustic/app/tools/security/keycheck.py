@@ -8,14 +8,14 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.config import Config
-from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
+from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.wire.envelope import Envelope
+from zacoustic.core.wire.seal import LEAST_ROOM_BYTES
 from zacoustic.errors import ConfigError
 from zacoustic.link.contract import Finding
 from zacoustic.seal.keyring import Keyring, open_keyring
 from zacoustic.text.safetext import one_line
 
-LEAST_MTU_BYTES: Final = LONG_HEAD_BYTES + STRONG_TAG_BYTES + 4
-"""A link with shorter frames cannot carry a sealed command."""
 _COUNTS: Final = re.compile(r" \([0-9]+\)")
 
 Findings = Iterator[Finding]
@@ -87,29 +87,30 @@ def check_keys(config: Config, fingerprint: str | None = None) -> KeyCheck:
     )
 
 
-def check_room(config: Config, mtu_bytes: int) -> Findings:
+def check_room(config: Config, capabilities: LinkCapabilities) -> Findings:
     """See whether sealed frames fit a link, and the lengths of `pad` too.
 
     Args:
         config: Of the node.
-        mtu_bytes: Largest frame of the link.
+        capabilities: Of the link.
     """
     if config.security is None:
         return
-    if mtu_bytes < LEAST_MTU_BYTES:
+    room_bytes = Envelope(capabilities, config.address, sealed=True).room_bytes
+    if room_bytes < LEAST_ROOM_BYTES:
         yield Finding(
-            what=f"the link takes frames of {mtu_bytes} bytes; a sealed one needs "
-            f"{LEAST_MTU_BYTES}",
-            why="head and tag take up to 13 bytes: no command, and hardly anything else, fits",
+            what=f"the link has room for sealed frames of {room_bytes} bytes; allowed: at least "
+            f"{LEAST_ROOM_BYTES}",
+            why="head and tag take up to 13 bytes: the node does not use the link",
             cure="use another link, or leave security out and see what docs/security.md says then",
         )
     longest_bytes = max(config.security.pad, default=0)
-    if longest_bytes > mtu_bytes:
+    if longest_bytes > room_bytes:
         yield Finding(
-            what=f"{config.source}: plugins.acoustic.security.pad: {longest_bytes}; the link takes "
-            f"frames of {mtu_bytes} bytes",
-            why="frames between the two lengths go as long as they are, and tell what they are",
-            cure=f"make the longest one {mtu_bytes}",
+            what=f"{config.source}: plugins.acoustic.security.pad: {longest_bytes}; the link has "
+            f"room for sealed frames of {room_bytes} bytes",
+            why="the node does not use the link",
+            cure=f"make the longest one {room_bytes}",
         )
 
 

@@ -181,8 +181,14 @@ class Protocols(Profile):
     # What is said and heard
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
-        """Make what goes around a frame on a link."""
-        return Envelope(capabilities, self._context.address, sealed=self._context.is_sealed)
+        """Make what goes around a frame on a link.
+
+        Raises:
+            ConfigError: It has no room for frames as the config wants them sealed.
+        """
+        made = Envelope(capabilities, self._context.address, sealed=self._context.is_sealed)
+        self._context.seal.check_room(made.room_bytes)
+        return made
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""

@@ -1,1 +1,1 @@
-"""Services: a request crosses, a response or an error comes back."""
+"""Services: requests cross the channel, responses or errors come back."""

@@ -1,8 +1,8 @@
-"""The calls that this node serves: each runs once, and is answered until its client confirms.
+"""The calls that this node serves: each runs once and is answered until its client confirms.
 
-`zacoustic.core.transport.calls.calls` keeps which calls there are; here they get off the channel,
-into the journal, to the application, and their answers onto the queue. A service that the engine
-itself serves has a handler here in place of the application.
+`zacoustic.core.transport.calls.calls` records which calls exist. This module takes requests from
+the channel, journals them, gives them to the application and queues the answers. A service that the
+engine itself serves has a handler here in place of the application.
 """
 
 from collections.abc import Callable, Mapping
@@ -38,7 +38,7 @@ from zacoustic.core.wire.content import server_bytes, split_age
 from zacoustic.errors import LocalError, PayloadInvalidError
 
 ANSWER_LANE: Final = 2
-"""Second part of the key of a lane with answers; the client follows."""
+"""Second part of the key of an answer lane; the client's address follows."""
 _CONFIRM_LANE: Final = 5
 _JOURNAL: Final = "call"
 _UNREADABLE: Final = object()
@@ -46,7 +46,7 @@ _HEADER_BYTES: Final = 2 + NAME_BYTES
 
 
 class _Journalled(msgspec.Struct, frozen=True, array_like=True):
-    """A call in the journal of its server."""
+    """A call in its server's journal."""
 
     digest: bytes
     answer: Answer | None
@@ -57,7 +57,7 @@ class Answering:
 
     Args:
         context: What the components of its engine share.
-        repeater: Takes answers.
+          repeater: Sends the answers until they are confirmed.
     """
 
     def __init__(self, context: Context, repeater: Repeater) -> None:
@@ -76,16 +76,16 @@ class Answering:
         self._settling_ns = 0
 
     def serve_here(self, stream_id: int, handler: Callable[[RequestReceived, int], None]) -> None:
-        """Give the requests of a service to a handler that answers soon, not to the application."""
+        """Give a service's requests to a handler that answers soon, not to the application."""
         self._handlers[stream_id] = handler
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
-        """Take the airtimes of a link, and within what time all of a request has arrived."""
+        """Set the link's airtimes and the time in which every copy of a request arrives, ns."""
         self._linger_s = times.confirm_linger_s
         self._settling_ns = settling_ns
 
     def link_up(self, now: int) -> None:
-        """The link is up: the times of what a former life has left begin."""
+        """Start the timers of calls from before the restart and send their answers."""
         for key, served in self._calls.restored():
             self._calls.begin(
                 served, timeout_ns=self._timeout_ns(key), settling_ns=self._settling_ns, now=now
@@ -94,7 +94,7 @@ class Answering:
             self._send_answer(key, served, now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with the calls that a former life has left: what ran then is answered UNKNOWN."""
+        """Restore journalled calls; answer UNKNOWN where a call had no answer yet."""
         for name, value in stored.items():
             if not name.startswith(f"{_JOURNAL}/"):
                 continue
@@ -129,14 +129,14 @@ class Answering:
     def receive_request(
         self, key: CallKey, stream: Stream, payload: bytes, now: int, *, introduced: bool
     ) -> str | None:
-        """Take a request; returns why it is dropped, or None.
+        """Take a request; return why it is dropped, or None.
 
         Args:
-            key: Names the call.
+            key: Identifies the call.
             stream: The service.
-            payload: The request.
+            payload: The encoded request.
             now: The instant.
-            introduced: Its frame began with HELLO or TAG: the answer has to be named.
+            introduced: Its frame began with HELLO or TAG, so the answer must be named.
         """
         served = self._calls.find(key)
         if served is not None:
@@ -170,7 +170,7 @@ class Answering:
         )
 
         def kept(at: int) -> None:
-            # Whom nobody waits for any more need not run.
+            # Do not run a call that its client no longer waits for.
             if served.abandoned_at is not None or at >= served.deadline_at:
                 return
             handler = self._handlers.get(key.stream_id)
@@ -184,7 +184,7 @@ class Answering:
         return None
 
     def confirmed(self, key: CallKey, now: int) -> None:
-        """The client has the answer."""
+        """Stop repeating an answer that the client has confirmed."""
         served = self._calls.find(key)
         if served is None or served.answer is None:
             return
@@ -192,9 +192,10 @@ class Answering:
         served.is_closed = True
 
     def peer_restarted(self, client: int, epoch: int, now: int) -> None:
-        """Answer the calls of this life of a client only.
+        """Answer only the calls of this boot epoch of a client.
 
-        Those of the others stay known: the frame that told of this life may be a late duplicate.
+        Calls of its other boot epochs stay known: the frame that announced this epoch may be a late
+        duplicate.
         """
         for key, served in self._calls.of(client):
             if key.epoch != epoch and served.abandoned_at is None:
@@ -206,7 +207,7 @@ class Answering:
                     self._send_answer(key, served, now)
 
     def peer_forgotten(self, client: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor which of its calls ran."""
+        """Forget a node and all of its calls."""
         for key, _ in self._calls.of(client):
             self._forget(key, now)
 
@@ -251,7 +252,7 @@ class Answering:
         then: Callable[[int], None],
         now: int,
     ) -> None:
-        """Write down how far a call is, then go on if it is still known."""
+        """Journal the state of a call, then go on if the call is still known."""
 
         def kept(at: int) -> None:
             if self._calls.find(key) is served:
@@ -265,7 +266,7 @@ class Answering:
         self._journal.write(_journal_name(key), value, kept)
 
     def _owe_confirm(self, key: CallKey, served: Served, stream: Stream, now: int) -> None:
-        """Tell the client that its request has arrived; for a moment it may wait."""
+        """Queue a CONFIRM that the request has arrived; it may linger for another frame."""
         record = Waiting(
             stream_id=stream.stream_id,
             destination=key.client,
@@ -291,7 +292,7 @@ class Answering:
             return False
         stream = self._table.by_id(call.stream_id)
         served.answer, served.is_journalled = Answer(kind, payload), False
-        # The answer says that the request has arrived, too.
+        # The answer also confirms the request.
         self._queue.drop_lane((call.stream_id, _CONFIRM_LANE, call.client, call.number))
         count(self._stats.published, call.stream_id)
 
@@ -331,7 +332,7 @@ class Answering:
 
 
 def _keeps(stream: Stream) -> bool:
-    """Tell whether a request runs once in all lives of this node: commands do no harm twice."""
+    """Return whether a request must not run twice across restarts; built-in commands may."""
     return stream.spec.journal and not stream.is_built_in
 
 
@@ -341,12 +342,12 @@ def _timeout_s(stream: Stream) -> float:
 
 
 def call_qos(qos: Qos) -> Qos:
-    """Return the QoS of a lane of calls: none pushes out another, none waits."""
+    """Return the QoS of a call lane: calls neither displace each other nor wait."""
     return msgspec.structs.replace(qos, depth=2 * CALL_NUMBERS, lifespan_s=None, min_interval_s=0.0)
 
 
 def confirm_qos(linger_s: float) -> Qos:
-    """Return the QoS of a CONFIRM, which may wait for a frame that goes anyway."""
+    """Return the QoS of a CONFIRM, which lingers for up to `linger_s` to join another frame."""
     return Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=linger_s)
 
 

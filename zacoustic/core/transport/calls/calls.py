@@ -1,30 +1,31 @@
 """Calls: a request crosses, a response or an error comes back, and the caller always hears.
 
-A record of a service has one byte behind its stream id: two bits say request, response, error or
-confirm, six bits are the *call number*, chosen by the client. Client address, the client's boot
-epoch, stream and number together name a call for its server (`CallKey`).
+A service record has one byte after its stream id: two bits give its kind (request, response, error
+or confirm), six bits the *call number*, which the client chooses. For the server, client address,
+client boot epoch, stream and number together identify a call (`CallKey`).
 
-At the client a call ends in exactly one of: response, error, time-out. Its request is repeated
-until the server has answered, or has confirmed that it has the request; the answer is repeated
-until the client has confirmed it. At the server a request that arrives twice runs once: the number
-is remembered, and a repetition gets the answer that the first one got. With a journal that holds
-over restarts: that a request is about to run is written down before it runs, and one that was
-running when the server died is answered `UNKNOWN`.
+At the client, a call ends in exactly one of response, error or time-out. The client repeats its
+request until the server answers or confirms that it has the request; the server repeats the answer
+until the client confirms it. At the server, a request that arrives twice runs once: the server
+remembers the number and gives a repetition the same answer. With a journal this holds across
+restarts: the server journals a request before it runs, and after a restart answers `UNKNOWN` to a
+request that was running.
 
-Numbers come again, so both ends must agree when one is free. The client keeps three rules:
+Call numbers are reused, so both ends must agree when a number is free. The client keeps three
+rules:
 
-1. No call is begun before the one `WINDOW` numbers earlier has ended, and nothing of its request
-   can arrive any more: so all requests under way are of `WINDOW` successive numbers.
-2. A request closes at its server all calls `WINDOW` to 64 - `WINDOW` numbers earlier, since by rule
-   1 they have ended; they are forgotten there.
-3. A number is used again only when an answer has proved that its last use was closed so. If none
-   comes, and nothing is under way, the client begins a new boot epoch instead.
+1. A call begins only after the one `WINDOW` numbers earlier has ended and nothing of its request
+   can arrive any more. So all requests under way have numbers within a window of `WINDOW`.
+2. A request closes at its server all calls that are `WINDOW` to 64 - `WINDOW` numbers earlier. By
+   rule 1 they have ended, so the server forgets them.
+3. A number is reused only when an answer has proved that the server closed its last use. If no such
+   answer comes and no call is under way, the client begins a new boot epoch.
 
-Numbers come again in the client's next life, too, and an answer tells no epoch: the server may
-still answer the former life. So a client takes an answer only if it has been told in this life
-that the server knows its epoch (`Peer.knows_us`); then the server has given up the calls of
-all other lives. Until it is told so its frames begin with HELLO or TAG, and from that the server
-knows it: to such a request it gives a *named* answer, which has the epoch in it.
+The client's next boot epoch uses the same numbers, and a plain answer carries no epoch: the server
+may still answer a call of an earlier epoch. So a client accepts a plain answer only after it has
+learned in this boot epoch that the server knows its epoch (`Peer.knows_us`); by then the server has
+abandoned the calls of all other epochs. Until then the client's frames begin with HELLO or TAG, and
+the server replies with a *named* answer, which carries the epoch.
 """
 
 from typing import Any, Final
@@ -36,26 +37,26 @@ from zacoustic.core.wire.calls import CALL_NUMBERS, CallFailure, CallKey, CallKi
 from zacoustic.errors import QueueFullError
 
 WINDOW: Final = 16
-"""Calls of one client to one service that can be under way at once."""
+"""The most calls of one client to one service that can be under way at once."""
 _LIVES: Final = 2
 _NEVER: Final = 1 << 62
 
 
 class RequestReceived(msgspec.Struct, frozen=True, kw_only=True):
-    """A client calls a service of this node: answer by `Engine.reply` or `Engine.reply_error`."""
+    """A client calls a service of this node; answer with `Engine.reply` or `Engine.reply_error`."""
 
     call: CallKey
-    """Names the call in the answer."""
+    """Identifies the call in the answer."""
     value: Any
     """The request."""
     deadline_at: int
     """Instant after which an answer is worthless, ns."""
     age_s: float | None = None
-    """How old the request was when its frame was composed, s; None: the service has no stamp."""
+    """Age of the request when its frame was composed, s; None: the service has no stamp."""
 
 
 class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
-    """A call of this node was answered."""
+    """A call of this node has its response."""
 
     call_id: int
     """What `Engine.call` returned."""
@@ -64,28 +65,28 @@ class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
     value: Any
     """The response."""
     age_s: float | None = None
-    """How old it was when its frame was composed, s; None: the service has no stamp."""
+    """Age of the response when its frame was composed, s; None: the service has no stamp."""
 
 
 class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
-    """A call of this node has no response."""
+    """A call of this node ended without a response."""
 
     call_id: int
     """What `Engine.call` returned."""
     stream_id: int
     """The service's stream."""
     failure: CallFailure
-    """Why."""
+    """The reason."""
     text: str
     """One line for people."""
 
 
 CallEvent = RequestReceived | ResponseReceived | CallFailed
-"""What the application is told of calls."""
+"""The events that report calls to the application."""
 
 
 class _Call:
-    """An own call that has no answer yet."""
+    """A call of this node that has no answer yet."""
 
     __slots__ = ("index", "lane", "number", "request", "server", "stream_id")
 
@@ -98,7 +99,7 @@ class _Call:
 
 
 class _Numbers:
-    """Which call numbers of one service are free; calls are counted by an *index* from 0."""
+    """The free call numbers of one service; an *index* counts calls from 0."""
 
     def __init__(self, first_number: int) -> None:
         self._first_number = first_number
@@ -108,14 +109,14 @@ class _Numbers:
         self._ended: dict[int, Repetition | None] = {}
 
     def take(self) -> tuple[int, int]:
-        """Return index and number of a call that begins."""
+        """Return index and number of the next call."""
         index = self._next
         self._next += 1
         self._open.add(index)
         return index, (self._first_number + index) % CALL_NUMBERS
 
     def may_begin(self, now: int, settling_ns: int) -> bool:
-        """Rules 1 and 3: tell whether the next call may begin."""
+        """Return whether rules 1 and 3 allow the next call."""
         for index, request in list(self._ended.items()):
             if request is None or request.is_settled(now, settling_ns):
                 del self._ended[index]
@@ -124,16 +125,16 @@ class _Numbers:
 
     @property
     def is_exhausted(self) -> bool:
-        """No answer has come for so long that the next number is not proved free."""
+        """Whether the next number is not proved free because no answer came for too long."""
         return self._next - CALL_NUMBERS >= self._closed_below
 
     def proved(self, index: int) -> None:
-        """The server has seen the request of this index: it has closed what is far behind."""
+        """Note that the server has this request, and so has closed the calls far behind it."""
         if self._closed_below >= index - (CALL_NUMBERS - WINDOW):
             self._closed_below = max(self._closed_below, index - WINDOW + 1)
 
     def ended(self, index: int, request: Repetition | None) -> None:
-        """A call has ended; its request is not sent any more."""
+        """Note that a call has ended; its request is no longer sent."""
         self._open.discard(index)
         self._ended[index] = request
 
@@ -142,8 +143,8 @@ class ClientCalls:
     """The calls that this node has made.
 
     Args:
-        first_number: The call number to begin with, 0…63; another one in each life, so that a late
-            answer to a call of the life before meets no call of this one.
+        first_number: The first call number, 0…63; different in each boot epoch, so that a late
+            answer to a call of the previous epoch matches no call of this one.
     """
 
     def __init__(self, first_number: int = 0) -> None:
@@ -153,10 +154,10 @@ class ClientCalls:
         self._lanes: dict[tuple[int, int], _Numbers] = {}
         self._next_call_id = 1
         self.settling_ns = 0
-        """A request arrives for the last time so long after its last transmission, at most, ns."""
+        """The longest time from the last transmission of a request to its last arrival, ns."""
 
     def begin(self, stream_id: int, server: int, now: int) -> tuple[int, int]:
-        """Reserve a number for a call; returns ``(call_id, number)``.
+        """Reserve a number for a call; return ``(call_id, number)``.
 
         Args:
             stream_id: The service's stream.
@@ -164,7 +165,7 @@ class ClientCalls:
             now: The instant.
 
         Raises:
-            QueueFullError: As many calls as can be under way are, or have been just now.
+            QueueFullError: As many calls as allowed are under way, or ended too recently.
         """
         lane = self._lane(server, stream_id)
         if not lane.may_begin(now, self.settling_ns):
@@ -180,16 +181,16 @@ class ClientCalls:
         return call_id, call.number
 
     def needs_new_epoch(self, stream_id: int, server: int) -> bool:
-        """Tell whether only a new boot epoch frees numbers, and none is in use."""
+        """Return whether numbers are exhausted, no call is open, and so a new epoch may begin."""
         return not self._calls and self._lane(server, stream_id).is_exhausted
 
     def begin_epoch(self, first_number: int) -> None:
-        """Forget all numbers: those of a new epoch are others."""
+        """Forget all numbers: a new epoch numbers its calls afresh."""
         self._first_number = first_number
         self._lanes.clear()
 
     def attach(self, call_id: int, request: Repetition) -> None:
-        """Remember the request, to stop it when the call ends."""
+        """Attach the request to its call, so that it stops when the call ends."""
         self._calls[call_id].request = request
 
     def request(self, call_id: int) -> Repetition | None:
@@ -201,17 +202,17 @@ class ClientCalls:
         return self._by_number.get((server, stream_id, number))
 
     def proved(self, call_id: int) -> None:
-        """The server has shown that it has the request of a call."""
+        """Note that the server has the request of a call."""
         call = self._calls[call_id]
         call.lane.proved(call.index)
 
     def respond(self, call_id: int, value: object) -> ResponseReceived:
-        """End a call with its response; its request has been stopped."""
+        """End a call with its response; the caller has stopped its request."""
         call = self._end(call_id)
         return ResponseReceived(call_id=call_id, stream_id=call.stream_id, value=value)
 
     def fail(self, call_id: int, failure: CallFailure, text: str) -> CallFailed:
-        """End a call without one; its request has been stopped."""
+        """End a call without a response; the caller has stopped its request."""
         call = self._end(call_id)
         return CallFailed(call_id=call_id, stream_id=call.stream_id, failure=failure, text=text)
 
@@ -233,7 +234,7 @@ class ClientCalls:
         return [call_id for call_id, call in self._calls.items() if call.server == server]
 
     def forget(self, server: int) -> None:
-        """Forget the numbers of a node to which no call is under way."""
+        """Forget the call numbers of a node; no call to it may be open."""
         for place in [place for place in self._lanes if place[0] == server]:
             del self._lanes[place]
 
@@ -254,14 +255,14 @@ class ClientCalls:
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """What a call was answered with, kept for a repetition of its request."""
+    """The answer to a call, kept for repetitions of its request."""
 
     kind: CallKind
     payload: bytes
 
 
 class Served:
-    """A request that this node has taken."""
+    """A request that this node has accepted."""
 
     __slots__ = (
         "abandoned_at", "answer", "deadline_at", "forget_at", "is_closed", "is_journalled",
@@ -271,40 +272,41 @@ class Served:
 
     def __init__(self, deadline_at: int, forget_at: int) -> None:
         self.deadline_at = deadline_at
-        """Instant after which the client does not wait any more, ns."""
+        """Instant at which the client stops waiting, ns."""
         self.forget_at = forget_at
-        """Instant after which no repetition of the request can arrive, ns."""
+        """Instant from which no repetition of the request can arrive, ns."""
         self.answer: Answer | None = None
         self.repetition: Repetition | None = None
-        """The answer on its way."""
+        """The transmission of the answer."""
         self.is_journalled = False
-        """The journal has it."""
+        """Whether the journal has the present state of the call."""
         self.is_named = True
-        """The client does not know that this node knows its epoch."""
+        """Whether answers carry the client's epoch: the client may not know that this node has
+        it."""
         self.is_closed = False
-        """The client has the answer."""
+        """Whether the client has the answer."""
         self.abandoned_at: int | None = None
-        """Since when another life of the client is heard, ns."""
+        """Instant since which another boot epoch of the client is heard, ns."""
 
     @property
     def is_answerable(self) -> bool:
-        """The answer has to go to the client."""
+        """Whether the answer is to be sent to the client."""
         waits = self.answer is not None and self.is_journalled
         return waits and not self.is_closed and self.abandoned_at is None
 
 
 class ServerCalls:
-    """The calls that this node serves: those of two lives of each client and service at most."""
+    """The calls that this node serves, at most two epochs' worth per client and service."""
 
     def __init__(self) -> None:
         self._served: dict[CallKey, Served] = {}
 
     def find(self, key: CallKey) -> Served | None:
-        """Return a call that is known."""
+        """Return a known call, or None."""
         return self._served.get(key)
 
     def take(self, key: CallKey, *, timeout_ns: int, settling_ns: int, now: int) -> Served | None:
-        """Note a new request; None when there are too many."""
+        """Add a new request; return None when there are too many."""
         rivals = sum(
             (other.client, other.stream_id) == (key.client, key.stream_id) for other in self._served
         )
@@ -315,16 +317,16 @@ class ServerCalls:
         return served
 
     def begin(self, served: Served, *, timeout_ns: int, settling_ns: int, now: int) -> None:
-        """Begin the times of a call."""
+        """Set the deadline of a call and the instant at which it is forgotten."""
         served.deadline_at = now + timeout_ns
-        # The client repeats for `timeout_ns`; that again for a link that holds back a frame.
+        # The client repeats for `timeout_ns`; twice that, since a link may hold a frame back.
         served.forget_at = now + 2 * (timeout_ns + settling_ns)
 
     def closed_by(self, key: CallKey, *, settling_ns: int, now: int) -> list[CallKey]:
-        """Return the calls that a new request shows to be over.
+        """Return the calls that a new request proves to be over.
 
-        Those that have ended at its client (rule 2); and those of lives that were over before
-        anything was heard of this one: by now nothing of them can arrive any more.
+        These are the calls that have ended at its client (rule 2), and the calls of boot epochs
+        that were abandoned long enough ago that no frame of them can still arrive.
         """
         return [
             other
@@ -339,14 +341,14 @@ class ServerCalls:
         ]
 
     def answerable(self, key: CallKey, now: int) -> Served | None:
-        """Return a call that waits for its answer, or None: it is too late."""
+        """Return a call that awaits its answer; None if it is unknown, answered or too late."""
         served = self._served.get(key)
         if served is None or served.answer is not None or served.deadline_at <= now:
             return None
         return served
 
     def of(self, client: int) -> list[tuple[CallKey, Served]]:
-        """Return the calls of a client, of all its lives."""
+        """Return a client's calls in all its boot epochs."""
         return [(key, each) for key, each in self._served.items() if key.client == client]
 
     def forget(self, key: CallKey) -> Served | None:
@@ -354,13 +356,13 @@ class ServerCalls:
         return self._served.pop(key, None)
 
     def restore(self, key: CallKey, answer: Answer) -> Served:
-        """Go on with a call of a former life of this node; its times begin at the link's UP."""
+        """Restore a call from before the restart; its times begin when the link is UP."""
         served = self._served[key] = Served(_NEVER, _NEVER)
         served.answer, served.is_journalled = answer, True
         return served
 
     def restored(self) -> list[tuple[CallKey, Served]]:
-        """Return the calls whose times have not begun."""
+        """Return the restored calls whose times have not begun."""
         return [(key, each) for key, each in self._served.items() if each.deadline_at == _NEVER]
 
 

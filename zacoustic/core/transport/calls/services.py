@@ -1,7 +1,7 @@
-"""Services: the calls that this node makes, and the way to those that it serves.
+"""Services: the calls that this node makes, and the dispatch of those that it serves.
 
-`zacoustic.core.transport.calls.calls` keeps who called what and which numbers are in use; here
-requests get onto the queue and their answers off the channel.
+`zacoustic.core.transport.calls.calls` records who called what and which numbers are in use. This
+module queues requests and takes their answers from the channel.
 `zacoustic.core.transport.calls.answering` is the server's side.
 """
 
@@ -50,7 +50,7 @@ from zacoustic.errors import LocalError
 _REQUEST_LANE: Final = 1
 _CONFIRM_LANE: Final = 5
 _HEADER_BYTES: Final = 2
-# Odd, so that 64 lives in a row begin with 64 different numbers; 23, 46, 5, 28, … are far apart.
+# Odd, so 64 successive epochs begin with 64 different numbers; 23, 46, 5, 28, … are far apart.
 _EPOCH_STRIDE: Final = 23
 
 
@@ -86,28 +86,28 @@ class Services:
         self.reply_error = self._answering.reply_error
         """Answers a request with an error; see `Engine.reply_error`."""
         self.serve_here = self._answering.serve_here
-        """Gives a service to a handler in the engine."""
+        """Gives a service's requests to a handler in the engine."""
         self._linger_s = 0.0
         self._takers: dict[int, Callable[[CallEvent, int], CallEvent | None]] = {}
 
     def take_ends(self, stream_id: int, take: Callable[[CallEvent, int], CallEvent | None]) -> None:
-        """Show the ends of own calls of a service to a handler, which returns what is told."""
+        """Show the ends of calls to a service to a handler, which returns the event to emit."""
         self._takers[stream_id] = take
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
-        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        """Set the link's airtimes and the time in which every repetition of a frame arrives, ns."""
         self._linger_s = times.confirm_linger_s
-        # A unit until the last frame has arrived, and four within which it may be repeated.
+        # The last frame arrives within one unit; repetitions of it arrive within four.
         settling_ns += settling_ns // SETTLING_UNITS
         self._clients.settling_ns = settling_ns
         self._answering.use_link(times, settling_ns)
 
     def link_up(self, now: int) -> None:
-        """The link is up: what a former life has left is answered."""
+        """Answer the calls left from before the restart, now that the link is up."""
         self._answering.link_up(now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with the calls that a former life has left."""
+        """Restore the served calls that the journal has."""
         self._answering.recover(stored)
 
     # For the application
@@ -121,7 +121,7 @@ class Services:
         timeout_s: float | None,
         server: int | None = None,
     ) -> int:
-        """Call a service; see `Engine.call`. `server` is for one that every node serves."""
+        """Call a service; see `Engine.call`. `server` is for a service that every node serves."""
         stream, spec = self._table.service(stream_id)
         server = spec.server if server is None else server
         if server in (self._address, EVERY_NODE):
@@ -150,7 +150,7 @@ class Services:
             queued_at=now,
         )
         key = (stream_id, _REQUEST_LANE, server)
-        # Longer than that the server does not remember the number.
+        # After that the server no longer remembers the number.
         until = min(deadline_at, served_at)
         started = self._repeater.start(
             key, request, call_qos(stream.qos), until=until, introduces=stream.is_built_in
@@ -160,19 +160,19 @@ class Services:
         return call_id
 
     def cancel(self, call_id: int, now: int) -> None:
-        """Give up a call; see `Engine.cancel`."""
+        """Cancel a call; see `Engine.cancel`."""
         if self._clients.locate(call_id) is not None:
             self._end(call_id, CallFailure.CANCELLED, "", now)
 
     @property
     def is_calling(self) -> bool:
-        """A call of this node has no answer yet."""
+        """Whether a call of this node has no answer yet."""
         return len(self._clients) > 0
 
     # For the channel
 
     def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
-        """Take a record that may be decoded; returns why it is dropped, or None."""
+        """Take a record that may be decoded; return why it is dropped, or None."""
         spec, source, now = stream.spec, heard.source, heard.now
         assert isinstance(spec, ServiceSpec)
         introduced = heard.epoch is not None
@@ -192,30 +192,30 @@ class Services:
         if kind is not CallKind.REQUEST:
             return "not_publisher"
         if stream.is_built_in and not introduced:
-            return "unconfirmed"  # it may be of a former life of its sender
+            return "unconfirmed"  # it may be from an earlier boot epoch of its sender
         if self._lives.is_over(source, key.epoch, now):
             return "former_life"
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Nothing is to be kept of a node; calls to it are given up."""
+        """Forget a node and cancel the calls to it."""
         for call_id in self._clients.to_node(address):
             self.cancel(call_id, now)
         self._clients.forget(address)
         self._answering.peer_forgotten(address, now)
 
     def epoch_changed(self, now: int) -> None:
-        """This node has begun a new epoch.
+        """Drop the waiting CONFIRMs after this node has begun a new epoch.
 
-        A CONFIRM that waits names a call by the epoch it is sent in: it would be taken for one of
-        the new epoch. The answer will come again.
+        A CONFIRM identifies its call by the epoch of its frame, so it would confirm a call of the
+        new epoch. The server repeats the answer, which is then confirmed again.
         """
         for stream in self._table:
             if isinstance(stream.spec, ServiceSpec):
                 self._queue.drop_lanes((stream.stream_id, _CONFIRM_LANE))
 
     def stream_differs(self, server: int, stream_id: int, now: int) -> None:
-        """Fail the calls to a service that its server defines in another way."""
+        """Fail the calls to a service that its server defines differently."""
         for call_id in self._clients.to(server, stream_id):
             self._mismatch(call_id, server, stream_id, now)
 
@@ -251,11 +251,11 @@ class Services:
         return self._receive_response(call_id, stream, payload, now)
 
     def _ask_again(self, server: int, stream_id: int, number: int, now: int) -> None:
-        """Repeat the request of what may be an answer to a former life of this node.
+        """Repeat the request of a call after an answer that may belong to an earlier boot epoch.
 
-        The server takes us for somebody who knows that it knows our epoch, and we do not any more:
-        its own HELLO was new to us after it had confirmed ours. It would say the same for ever; a
-        request behind our HELLO or TAG makes it name whom it answers.
+        The server believes that we know that it knows our epoch, but we no longer do: its own HELLO
+        was new to us after it had confirmed ours. It would send the same plain answer for ever. A
+        request behind our HELLO or TAG makes it send a named answer.
         """
         call_id = self._clients.find(server, stream_id, number)
         request = None if call_id is None else self._clients.request(call_id)
@@ -263,7 +263,7 @@ class Services:
             self._repeater.resume(request, now)
 
     def _owe_confirm(self, stream: Stream, peer: int, number: int, now: int) -> None:
-        """Tell a server that its answer has arrived; for a moment it may wait."""
+        """Queue a CONFIRM that the answer has arrived; it may linger for another frame."""
         record = Waiting(
             stream_id=stream.stream_id,
             destination=peer,
@@ -310,7 +310,7 @@ class Services:
             self._emit(told)
 
     def _end(self, call_id: int, failure: CallFailure, text: str, now: int) -> CallFailed:
-        """End a call without an answer; its request does not leave any more."""
+        """End a call without an answer and stop its request."""
         request = self._clients.request(call_id)
         if request is not None:
             self._repeater.stop(request, now)
@@ -319,7 +319,7 @@ class Services:
 
 
 def _first_number(epoch: int) -> int:
-    """Return the call number to begin a life with: far from where the lives before began."""
+    """Return the first call number of a boot epoch, far from those of the epochs before."""
     return (epoch - 1) * _EPOCH_STRIDE % CALL_NUMBERS
 
 

@@ -1,18 +1,20 @@
-"""Samples that come in a rhythm: who knows it asks for what is missing, and answers little else.
+"""Periodic samples: a receiver that knows the period asks for what is missing, and ACKs little.
 
-The problem: silence behind a sample means that it was lost, or that its ACK was. A publisher that
-repeats after each silence sends every third sample for nothing, where three frames in ten are lost.
+The problem: silence after a sample means that the sample was lost or that its ACK was. At a loss of
+three frames in ten, a publisher that repeats after each silence sends every third sample in vain.
 
-The idea: a receiver that knows when the next sample is due says so when it does not come. Then the
-publisher repeats what is asked for and nothing else, and an ACK for each sample is not needed:
-what is asked for tells of all before it. The publisher knows its own rhythm best, so it marks its
-samples: *in rhythm* says that this one was sent as long after the one before as that one after
-its own. The receiver learns the rhythm from two such samples, and is taken to know it when it has
-acknowledged both. Whatever else the publisher sends of its own accord, off the beat or again,
-is not marked, and ends the rhythm for both: so they always agree, or will with the next samples.
-A sample on the beat that is not marked wants an answer, and goes on with the rhythm.
+The idea: a receiver that knows when the next sample is due reports when it does not come. Then the
+publisher repeats only what the receiver asks for and needs no ACK for each sample, since a request
+also acknowledges everything before it. The publisher knows its own rhythm best, so it marks its
+samples: *in rhythm* means that the interval between this sample and the one before equals the
+interval before that. The receiver learns the rhythm from two such samples, and the publisher
+assumes that the receiver knows it once it has acknowledged both. The publisher does not mark a
+sample that it sends off the beat or repeats unasked; such a sample ends the rhythm for both ends.
+So both always agree, or will after the next samples. An unmarked sample on the beat asks for an ACK
+and continues the rhythm.
 
-`Beat` is the instants, for both; `SendRhythm` the publisher's view of one key and its receiver.
+`Beat` holds the instants, for both ends; `SendRhythm` is the publisher's view of one key and its
+receiver.
 """
 
 from typing import Final
@@ -23,38 +25,38 @@ from zacoustic.core.schedule.timing import LinkTimes
 
 _SMOOTHING: Final = 4
 _LEAST_ROUND_TRIPS: Final = 2
-"""Of a faster stream the next sample itself shows soon enough what is missing."""
+"""In a faster stream the next sample itself shows soon enough what is missing."""
 _MOST_ROUND_TRIPS: Final = 32
-"""The publisher of a slower one would wait too long to be told of its delivery."""
+"""In a slower stream the publisher would learn too late that a sample was delivered."""
 _LEARNED_FROM: Final = 2
 _MOST_UNANSWERED: Final = 3
 _RESERVE: Final = 4
-"""Unanswered are at most so small a part of the samples that the stream keeps."""
+"""The unanswered samples are at most this fraction, 1/4, of those that the stream keeps."""
 
 
 class Beat:
-    """Instants of numbered samples, and from them when further ones are due."""
+    """Instants of numbered samples, and the instants at which further ones are due."""
 
     __slots__ = ("_at", "_number", "period_ns")
 
     def __init__(self) -> None:
         self.period_ns: int | None = None
-        """From one number to the next, ns; None before two samples."""
+        """Interval from one number to the next, ns; None before two samples."""
         self._number: int | None = None
         self._at = 0
 
     def due_at(self, number: int) -> int | None:
-        """Return when a number is due, ns; None: not known."""
+        """Return the instant at which a number is due, ns; None: unknown."""
         if self.period_ns is None or self._number is None:
             return None
         return self._at + (number - self._number) * self.period_ns
 
     def begin(self, number: int, at: int) -> None:
-        """Forget all samples but this one."""
+        """Forget all samples except this one."""
         self.period_ns, self._number, self._at = None, number, at
 
     def goes_on(self, number: int, at: int) -> None:
-        """Take a sample that came when it was due, or the second of all."""
+        """Take a sample that came when it was due, or the second sample of all."""
         if self._number is None or number <= self._number:
             self.begin(number, at)
             return
@@ -65,7 +67,7 @@ class Beat:
         self._number, self._at = number, at
 
     def changes(self, number: int, at: int) -> None:
-        """Take a sample that came at another time: the rhythm may be another one from here."""
+        """Take a sample that came at another time, and restart the estimate of the period."""
         self.period_ns = None
         self.goes_on(number, at)
 
@@ -74,7 +76,7 @@ class SendRhythm:
     """The rhythm of a publisher's samples of one key, which has one receiver.
 
     Args:
-        qos: Of the stream.
+          qos: The stream's QoS.
     """
 
     def __init__(self, qos: Qos) -> None:
@@ -90,27 +92,27 @@ class SendRhythm:
 
     @property
     def period_ns(self) -> int:
-        """From one sample to the next, ns, where the receiver knows it."""
+        """Interval between samples, ns; 0: unknown."""
         return self._beat.period_ns or 0
 
     def is_known(self, number: int, expected: int) -> bool:
-        """Tell whether the receiver would ask for a number.
+        """Return whether the receiver would ask for a number.
 
         Args:
-            number: The newest that was sent.
-            expected: The one that the receiver waits for, as far as it has told.
+            number: The newest number that was sent.
+            expected: The number that the receiver awaits, by its last ACK.
         """
         if self._since is None or expected < self._since + _LEARNED_FROM:
             return False
-        # It asks, and is asked, again and again: so much silence is that of somebody who is gone.
+        # Requests repeat: a receiver that has acknowledged nothing for so long has gone.
         return number - expected <= 2 * self._unanswered
 
     def marks(self, number: int, expected: int, now: int) -> bool:
-        """Tell whether a sample that is sent for the first time is marked as in rhythm."""
+        """Return whether a sample is marked as in rhythm when it is first sent."""
         return self._is_on_beat(number, now) and number - expected <= self._unanswered
 
     def first_sent(self, number: int, expected: int, now: int, times: LinkTimes) -> None:
-        """A sample begins to be sent for the first time."""
+        """Record that a sample is sent for the first time."""
         is_on_beat = self._is_on_beat(number, now)
         if self.marks(number, expected, now):
             self._since = number if self._since is None else self._since
@@ -123,7 +125,7 @@ class SendRhythm:
         self._look_ahead(number + 1, times)
 
     def end(self) -> None:
-        """A sample is sent that the receiver takes for the end of the rhythm."""
+        """End the rhythm: the receiver takes the sample that is sent now for its end."""
         self._since = None
 
     def _is_on_beat(self, number: int, now: int) -> bool:
@@ -141,6 +143,6 @@ class SendRhythm:
             kept = min(kept, self._patience_ns // period_ns)
         self._unanswered = min(_MOST_UNANSWERED, kept // _RESERVE)
         if self._unanswered:
-            # Half of what the receiver allows for.
+            # Half of the receiver's own tolerance.
             tolerance_ns = times.doubt_ns // 2
             self._window = (due_at - tolerance_ns, due_at + tolerance_ns)

@@ -1,13 +1,13 @@
-"""In which lineage a number of a key is said: that of the life in which the sample was published.
+"""The lineage of each number of a key: the boot epoch in which the sample was published.
 
-A life goes on with what former ones have left, in their lineages and with their numbers, so that
-receivers know again what they have. What it publishes itself stands in a lineage of its own, though
-the numbers go on: so no number is used twice in one lineage, also not by a life that began on an
-old copy of the journal and has forgotten how far a former one went.
+After a restart a publisher continues the samples that the journal has, in their lineages and with
+their numbers, so that receivers recognise what they have. New samples stand in a lineage of their
+own, while the numbers continue. So no lineage uses a number twice, not even when a node restarted
+with an old copy of its journal and has forgotten how far it had counted.
 
-A receiver gets nothing of a later span as long as it lacks something of an earlier one: a new
-lineage ends the old one at once. And a receiver that does not take a lineage for a new one, since
-it knows it, gets a lineage of its own from there on.
+A receiver gets nothing of a later span while it lacks something of an earlier one, since a new
+lineage ends the old one at once. A receiver that knows a lineage already, and so does not accept it
+as new, gets a lineage of its own from that number on.
 """
 
 from collections.abc import Iterable
@@ -16,10 +16,10 @@ import msgspec
 
 
 class Span(msgspec.Struct, frozen=True, array_like=True):
-    """Numbers of one lineage, up to the next span."""
+    """The numbers of one lineage, up to the next span."""
 
     first: int
-    """The first of them."""
+    """The first number of the span."""
     lineage: int
     """The lineage."""
 
@@ -28,28 +28,28 @@ class Spans:
     """The spans of one key.
 
     Args:
-        spans: In the order of their numbers, at least one.
-        own: Those of single receivers, by address.
+          spans: Ordered by number, at least one.
+          own: The spans of single receivers, by address.
     """
 
     def __init__(self, spans: Iterable[Span], own: dict[int, Span] | None = None) -> None:
         self.all = list(spans)
-        """In the order of their numbers."""
+        """All spans, ordered by number."""
         self.own = dict(own or {})
-        """From where on a receiver has a lineage of its own, up to the next span, by address."""
+        """The first number of a receiver's own lineage, which ends at the next span; by address."""
         self._over: set[int] = set()
 
     @property
     def newest(self) -> Span:
-        """The last one."""
+        """The last span."""
         return self.all[-1]
 
     def begin(self, number: int, lineage: int) -> None:
-        """From a number on, which was never said, another lineage counts."""
+        """Begin another lineage at a number that was never sent."""
         self.all.append(Span(number, lineage))
 
     def of(self, address: int, number: int) -> Span:
-        """Return the span of a number, as one receiver is told."""
+        """Return the span of a number for one receiver."""
         span = max(
             (each for each in self.all if each.first <= number),
             key=lambda each: each.first,
@@ -59,10 +59,11 @@ class Spans:
         return own if own is not None and span.first <= own.first <= number else span
 
     def heard_of(self, address: int, number: int, lineage: int) -> int | None:
-        """Return a number of the span that a receiver speaks of; None: that cannot be.
+        """Return a number in the span that a receiver refers to; None: impossible.
 
-        It is that of the oldest number which it lacks, or a later one: then a former life of this
-        node has known that it lacks nothing of those before.
+        This is the oldest number that the receiver lacks. It is the first number of a later span if
+        the receiver names that lineage: then this node knew, in an earlier boot epoch, that the
+        receiver lacked nothing before it.
         """
         present = self.of(address, number)
         if lineage == present.lineage:
@@ -71,22 +72,22 @@ class Spans:
         return next((each for each in later if self.of(address, each).lineage == lineage), None)
 
     def first_of(self, number: int) -> int:
-        """Return the first number of the span of a number; 0: there is no span before it."""
+        """Return the first number of a number's span; 0: there is only one span."""
         if len(self.all) == 1:
             return 0
         return max((each.first for each in self.all if each.first <= number), default=0)
 
     def end_of(self, number: int, newest: int) -> int:
-        """Return the end of the span of a number.
+        """Return the end of a number's span.
 
         Args:
             number: The number.
-            newest: The next number to be given away.
+            newest: The next number to be assigned.
         """
         return min((each.first for each in self.all if each.first > number), default=newest)
 
     def forget_before(self, floor: int) -> None:
-        """Nothing before a number is said any more."""
+        """Forget the spans that end at or below a number."""
         while len(self.all) > 1 and self.all[1].first <= floor:
             self._over.add(self.all.pop(0).lineage)
         for address, own in list(self.own.items()):
@@ -94,7 +95,7 @@ class Spans:
                 self._over.add(self.own.pop(address).lineage)
 
     def knows(self, lineage: int) -> bool:
-        """Tell whether a lineage is, or was in this life, one of this key."""
+        """Return whether a lineage belongs to this key, or has belonged to it since the restart."""
         return (
             lineage in self._over
             or any(each.lineage == lineage for each in self.all)

@@ -144,7 +144,7 @@ class _Rounds:
             self.examined.append("seal")
             capabilities = getattr(link, "capabilities", None)
             if isinstance(capabilities, LinkCapabilities):
-                self.findings += check_room(config, capabilities.mtu_bytes)
+                self.findings += check_room(config, capabilities)
         if running.health:
             self.findings += check_running(config, running.health, fingerprint)
 

@@ -1,1 +1,1 @@
-"""The subscriber's side: what is there, what is handed on, what is acknowledged."""
+"""The subscriber's side: samples received, delivered and acknowledged."""

@@ -1,10 +1,10 @@
-"""What the journal has of samples that come: where counts stand, and what is not handed on yet.
+"""The receiver's journal: where counts stand, and which samples are not delivered yet.
 
-A position is written down before a sample is handed on and acknowledged, so no later life hands it
-on twice. A node that dies between the two has not handed it on, though, and nobody sends it again.
-So where the topic is journalled the sample is in the entry of its position, and is taken out when
-it has been handed on. A life that finds one there hands it on: *again*, it says, since the one
-before may have died right behind that.
+A receiver journals its position before it delivers and acknowledges a sample, so that no later boot
+epoch delivers the sample twice. If the node dies between the two, the sample is not delivered, and
+nobody sends it again. So for a journalled topic the position's entry also holds the sample, until
+it is delivered. After a restart the node delivers a sample that it finds there and flags it
+`again`, since it may have died right after the first delivery.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -27,7 +27,7 @@ LaneKey = tuple[int, int, Instance]
 
 
 class _Sample(msgspec.Struct, frozen=True, array_like=True):
-    """A sample that is about to be handed on."""
+    """A sample that is about to be delivered."""
 
     payload: bytes
     deleted: bool
@@ -36,7 +36,7 @@ class _Sample(msgspec.Struct, frozen=True, array_like=True):
 
 
 class _Position(msgspec.Struct, frozen=True, array_like=True):
-    """What a journal keeps of a lane."""
+    """A lane's entry in the journal."""
 
     lineage: int
     expected: int
@@ -49,8 +49,8 @@ class Positions:
     """The positions of one node in its journal.
 
     Args:
-        journal: Where they are.
-        table: The streams.
+         journal: Holds the positions.
+         table: The streams.
     """
 
     def __init__(self, journal: JournalPort, table: StreamTable) -> None:
@@ -64,7 +64,7 @@ class Positions:
         expected: int,
         then: Callable[[int], None] | None = None,
     ) -> None:
-        """Write down that everything before a number is handed on, or pending in the lane."""
+        """Journal that each sample before a number is delivered, or pending in the lane."""
         position = _Position(lane.lineage, expected, lane.former)
         stream = self._table.get(key[1])
         if lane.pending and stream is not None:
@@ -77,7 +77,7 @@ class Positions:
         self._journal.write(_name(key), None)
 
     def recover(self, stored: Mapping[str, bytes]) -> Iterator[tuple[LaneKey, ReceiveLane]]:
-        """Yield the lanes that a former life has left; what is pending in them is not handed on."""
+        """Yield the lanes from before the restart, with their undelivered samples in `pending`."""
         for name, value in stored.items():
             if not name.startswith(f"{_JOURNAL}/"):
                 continue

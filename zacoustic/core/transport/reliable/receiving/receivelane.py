@@ -1,4 +1,4 @@
-"""Samples of one key of one publisher, in the order of their numbers."""
+"""The samples of one key of one publisher, in the order of their numbers."""
 
 from typing import Final
 
@@ -8,11 +8,11 @@ from zacoustic.core.wire.frame import Sync
 from zacoustic.core.wire.numbers import Ack
 
 _FORMER_LINEAGES: Final = 16
-"""So many are remembered: a publisher whose journal is so many lives old is recognised."""
+"""How many old lineages a receiver remembers, and so recognises if a publisher reuses one."""
 
 
 class ReceiveLane:
-    """Samples of one key of one publisher."""
+    """The samples of one key of one publisher."""
 
     __slots__ = (
         "doubtful_end",
@@ -32,35 +32,36 @@ class ReceiveLane:
     def __init__(self, lineage: int, expected: int, *, is_settled: bool) -> None:
         self.lineage = lineage
         self.expected = expected
-        """The next number to hand on."""
+        """The next number to deliver."""
         self.kept = expected
-        """Everything before this number is written down: it may be acknowledged."""
+        """Everything before this number is journalled and may be acknowledged."""
         self.pending: list[SampleReceived] = []
-        """Samples before that number which are being written down, and handed on then."""
+        """Samples before `expected` that are being journalled and are delivered after that."""
         self.held: dict[int, SampleReceived] = {}
         """Samples that came too early, by number."""
         self.former: tuple[int, ...] = ()
-        """Lineages that are over, the last first: nothing of them is handed on any more."""
+        """Lineages that are over, the latest first; their samples are no longer delivered."""
         self.is_settled = is_settled
-        """In this life it has had a SYNC. A position that was kept may be an old one, and by it a
-        number cannot be told from one that is 128 ahead."""
+        """Whether a SYNC has come since the restart. A position from the journal may be outdated,
+        and with an outdated position a number cannot be told from the one 128 ahead."""
         self.doubtful_end = expected
-        """A former life may have handed on samples before this number."""
+        """Samples before this number may have been delivered before the restart."""
         self.in_sync = True
-        """The publisher's last sample came without SYNC: a short ACK is understood."""
+        """Whether the publisher's last sample came without SYNC, so that it understands a short
+        ACK."""
         self.unheard = 0
-        """Answers that were followed by nothing new."""
+        """ACKs after which nothing new came."""
         self.watch = Watch()
-        """Asks for what does not come in time."""
+        """Asks for overdue samples."""
         self.large_end = 0
-        """A large sample is on its way, the one before this number, unless it is over."""
+        """The number after a large sample that is on its way, unless that one is over."""
 
     def settle(self, floor: int, depth: int) -> None:
-        """Learn in this life where the publisher's count stands.
+        """Learn, for the first time since the restart, where the publisher's count stands.
 
         Args:
             floor: Everything before this number is over.
-            depth: So many samples from there on may have been sent before this life.
+            depth: How many samples from there on may have been sent before the restart.
         """
         if not self.is_settled:
             self.is_settled = True
@@ -68,16 +69,16 @@ class ReceiveLane:
 
     @property
     def newest(self) -> int:
-        """The highest number that has come, or is given up."""
+        """The highest number that has come or is given up."""
         return max(self.held, default=self.expected - 1)
 
     @property
     def awaits_large(self) -> bool:
-        """What is awaited crosses as an object, or waits for one: no ACK would bring it sooner."""
+        """Whether the awaited sample is an object or waits for one: no ACK would speed it up."""
         return self.expected < self.large_end
 
     def hand_on(self, up_to: int) -> list[SampleReceived]:
-        """Take what is in order now, and what is held below a number; what lacks there is over."""
+        """Return the samples in order, and those held below a number; give up the gaps there."""
         ready = [self.held.pop(number) for number in sorted(self.held) if number < up_to]
         self.expected = max(self.expected, up_to)
         while self.expected in self.held:
@@ -89,7 +90,7 @@ class ReceiveLane:
     def behind(
         cls, before: "ReceiveLane | None", lineage: int, expected: int
     ) -> tuple["ReceiveLane", list[SampleReceived]]:
-        """Begin another lineage; returns what the one before holds: what it lacks never comes."""
+        """Begin another lineage; return the samples that the old one holds: its gaps never fill."""
         lane = cls(lineage, expected, is_settled=False)
         if before is None:
             return lane, []
@@ -99,13 +100,13 @@ class ReceiveLane:
 
     @property
     def sync(self) -> Sync:
-        """Where its count stands, as it may be acknowledged."""
+        """Where the lane's count stands, as far as it may be acknowledged."""
         return Sync(self.lineage, self.kept)
 
     def ack(self) -> Ack:
-        """Return what may be acknowledged."""
+        """Return what may be acknowledged now."""
         held = 0
         for number in self.held:
-            # Numbers between `kept` and `expected` are being written down: they are not held.
+            # Numbers from `kept` to `expected` are being journalled: the ACK must not claim them.
             held |= 1 << number - self.kept - 1
         return Ack(self.kept, held if self.kept == self.expected else 0)

@@ -1,4 +1,4 @@
-"""The subscriber's side: samples in their order, each once, and what is owed for them."""
+"""The subscriber's side: delivers samples in order, each once, and owes ACKs for them."""
 
 import enum
 from collections.abc import Callable, Mapping
@@ -30,45 +30,45 @@ _MOST_UNHEARD: Final = 5
 
 
 class Arrival(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample that came, and how."""
+    """A sample that arrived, with the circumstances."""
 
     sync: Sync | None
-    """What stood before it."""
+    """The SYNC before the sample, if any."""
     low_number: int
     """The seven bits of its number."""
     in_rhythm: bool
-    """It is marked so."""
+    """Whether the sample is marked as in rhythm."""
     frame_bytes: int
-    """Size of its frame."""
+    """Size of its frame, bytes."""
     sample: SampleReceived
-    """The event to hand on when it is its turn."""
+    """The event to emit when it is the sample's turn."""
     is_alone: bool
-    """The frame was for this node, so no other one answers."""
+    """Whether the frame was addressed to this node alone, so that no other node answers."""
     spare_bytes: int
-    """What the frame would have had left, had the record been in it twice, less the MTU: with
-    less than nothing the publisher may have had more to say."""
+    """Bytes left in the frame had it held the record twice, less the MTU; if negative, the
+    publisher may have more to send."""
 
 
 class _Turn(msgspec.Struct, frozen=True):
-    """How long an ACK waits before it is a reason for a frame of its own."""
+    """How long an ACK waits before it justifies a frame of its own."""
 
     linger_ns: int = 0
-    """For the end of the publisher's frames; each one of them puts it off."""
+    """Wait for the end of the publisher's frames, ns; each further frame restarts it."""
     offset_ns: int = 0
-    """Behind that, so that those who answer do not speak all at once."""
+    """Wait after that, ns, so that receivers do not all answer at once."""
 
 
 class Claim(enum.Enum):
-    """Whether it is the turn of a large sample that is complete."""
+    """Whether a complete large sample may be delivered."""
 
     NOW = "now"
-    """It is handed on next."""
+    """It is the next to be delivered."""
     LATER = "later"
-    """Something before it may still come."""
+    """A sample before it may still come."""
     OVER = "over"
-    """It was handed on before, or given up."""
+    """It was delivered before, or is given up."""
     FORMER = "former"
-    """Its lineage is over: it will not be handed on, and whether it was is not known."""
+    """Its lineage is over: it is not delivered, and whether it was before is unknown."""
 
 
 class _AckWaiting(Waiting):
@@ -76,15 +76,15 @@ class _AckWaiting(Waiting):
 
     __slots__ = ("owed_at",)
     owed_at: int
-    """Since when one is owed, ns."""
+    """Instant since which the ACK is owed, ns."""
 
 
 class ReliableReceiving:
-    """What came reliably from other nodes.
+    """The samples that came reliably from other nodes.
 
     Args:
         context: What the components of its engine share.
-        hand_on: Takes the samples in their order, and the instant.
+        hand_on: Takes each sample in order, and the instant.
     """
 
     def __init__(self, context: Context, hand_on: Callable[[SampleReceived, int], None]) -> None:
@@ -100,17 +100,17 @@ class ReliableReceiving:
         context.peers.forgotten.connect(self.peer_forgotten)
         self._lanes: dict[LaneKey, ReceiveLane] = {}
         self._left: list[LaneKey] = []
-        """Lanes of which a former life was about to hand something on."""
+        """Lanes with samples that were about to be delivered before the restart."""
         self._watched: dict[LaneKey, ReceiveLane] = {}
-        """Those of which something may have to be asked for."""
+        """Lanes that may have to ask for a sample."""
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on from the positions that a former life has left."""
+        """Restore the positions from the journal."""
         self._lanes.update(self._positions.recover(stored))
         self._left = [key for key, lane in self._lanes.items() if lane.pending]
 
     def link_up(self, now: int) -> None:
-        """The link is up: what a former life was about to hand on is handed on."""
+        """Deliver the samples that were about to be delivered before the restart."""
         for key in self._left:
             lane = self._lanes[key]
             for sample in lane.pending:
@@ -120,13 +120,13 @@ class ReliableReceiving:
         self._left.clear()
 
     def receive(self, stream: Stream, arrival: Arrival, now: int) -> str | None:
-        """Take a sample of a topic; returns why it is dropped, or None."""
+        """Take a sample of a topic; return why it is dropped, or None."""
         sync, sample = arrival.sync, arrival.sample
         key = (sample.source, stream.stream_id, sample.instance)
         lane = self._lanes.get(key)
         ready: list[SampleReceived] = []
         if sync is not None and lane is not None and sync.lineage in lane.former:
-            # It came late, or its publisher has forgotten what it has published since.
+            # The sample is late, or its publisher has forgotten what it has published since.
             self._owe(key, lane.ack(), lane.sync, now, self._turn(stream, arrival))
             return "repeated_sample"
         if sync is not None and (lane is None or lane.lineage != sync.lineage):
@@ -158,7 +158,7 @@ class ReliableReceiving:
         if is_first:
             self._watch(key, lane, now + turn.linger_ns + turn.offset_ns)
         own_turn = turn if answers else None
-        if ready or lane.expected != before:  # what is given up is not asked for any more
+        if ready or lane.expected != before:  # do not ask for what is given up
             self._keep(key, lane, ready, stream, now, own_turn)
         else:
             self._owe_ack(key, lane, now, own_turn)
@@ -176,23 +176,23 @@ class ReliableReceiving:
         *,
         is_turn: bool,
     ) -> Claim:
-        """Tell whether it is the turn of a large sample that is complete.
+        """Return whether a complete large sample may be delivered now.
 
-        NOW: the caller writes down that it is handed on, and then calls `take`.
+        After NOW the caller journals the delivery and then calls `take`.
 
         Args:
             stream: The topic.
-            source: Who published it.
-            instance: Which of the topic's keys.
-            slot: Where it stands.
+            source: The publisher's address.
+            instance: The key within the topic.
+            slot: The sample's lineage and number.
             now: The instant.
-            is_turn: The publisher says that nothing before it will come.
+            is_turn: The publisher says that nothing before the sample will come.
         """
         key = (source, stream.stream_id, instance)
         lane = self._lanes.get(key)
         ready: list[SampleReceived] = []
         if lane is None or lane.lineage != slot.lineage:
-            # Of two lineages nobody but the publisher knows which one is over.
+            # Of two lineages only the publisher knows which one is over.
             if lane is not None and slot.lineage in lane.former:
                 return Claim.FORMER
             if not is_turn and (slot.number or lane is not None):
@@ -210,7 +210,7 @@ class ReliableReceiving:
         return Claim.LATER if number > lane.expected else Claim.NOW
 
     def peer_forgotten(self, source: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor which of its samples were handed on."""
+        """Forget a node and its positions."""
         for key in [key for key in self._lanes if key[0] == source]:
             del self._lanes[key]
             self._watched.pop(key, None)
@@ -218,7 +218,7 @@ class ReliableReceiving:
         self._watch_changed()
 
     def expect(self, source: int, stream_id: int, instance: Instance, slot: SequenceSlot) -> None:
-        """A large sample is on its way: nothing is in rhythm before it is handed on, or over."""
+        """Suspend the rhythm of a key until a large sample under way is delivered or over."""
         lane = self._lanes.get((source, stream_id, instance))
         if lane is None or lane.lineage != slot.lineage:
             return
@@ -235,13 +235,13 @@ class ReliableReceiving:
         sample: SampleReceived | None,
         now: int,
     ) -> None:
-        """Hand on a large sample, and what is held behind it; not if it is over meanwhile.
+        """Deliver a large sample and the samples held behind it, unless it is over by now.
 
         Args:
             stream: The topic.
             key: Source, stream, instance.
-            slot: Where it stands.
-            sample: The sample; None: it cannot be read, but nothing waits for it any longer.
+            slot: The sample's lineage and number.
+            sample: The sample; None: it is unreadable, and its number is passed over.
             now: The instant.
         """
         lane = self._lanes.get(key)
@@ -259,14 +259,14 @@ class ReliableReceiving:
         self._hand_on_held(key, lane, stream, now)
 
     def hand_on_left(self, sample: SampleReceived | None, now: int) -> None:
-        """Hand on a large sample that a former life was about to; None: it is unreadable."""
+        """Deliver a large sample whose delivery a restart interrupted; None: it is unreadable."""
         if sample is not None:
             self._emit(sample, now)
 
     def recover_slot(
         self, stream_id: int, source: int, instance: Instance, slot: SequenceSlot
     ) -> None:
-        """A former life has written down that it handed a large sample on."""
+        """Note a large sample that, by the journal, was delivered before the restart."""
         key = (source, stream_id, instance)
         lane = self._lanes.get(key)
         if lane is None:
@@ -279,7 +279,7 @@ class ReliableReceiving:
     # Below the methods above
 
     def _ask(self, now: int) -> None:
-        """Ask for what has not come in time."""
+        """Ask for overdue samples."""
         for key, lane in list(self._watched.items()):
             ask_at = lane.watch.ask_at
             if ask_at is None or self._lanes[key] is not lane:
@@ -297,7 +297,7 @@ class ReliableReceiving:
         return min((at for at in instants if at is not None), default=None)
 
     def _learn(self, lane: ReceiveLane, number: int, arrival: Arrival) -> bool:
-        """Learn the rhythm from a sample; returns whether it is to be answered."""
+        """Learn the rhythm from a sample; return whether to answer it."""
         times = self._pacers.link_times
         is_rhythmic = not (times.is_delegated or lane.awaits_large)
         if arrival.sync is not None or not is_rhythmic:
@@ -314,7 +314,7 @@ class ReliableReceiving:
         )
 
     def _count(self, key: LaneKey, lane: ReceiveLane, *, is_new: bool) -> None:
-        """Count the answers that were said, and behind which the same comes again."""
+        """Count the ACKs that were sent but followed by the same sample again."""
         source, stream_id, instance = key
         if is_new:
             lane.unheard = 0
@@ -347,7 +347,7 @@ class ReliableReceiving:
         now: int,
         turn: _Turn | None,
     ) -> None:
-        """Write the position down and hand the samples on; that first, where the topic asks."""
+        """Journal the position and deliver the samples; a journalled topic journals first."""
         expected = lane.expected
 
         def kept(at: int) -> None:
@@ -365,12 +365,12 @@ class ReliableReceiving:
             lane.pending += ready
             self._positions.write(key, lane, expected, kept)
         else:
-            # No promise waits for it: it spares most of the repetitions after a restart.
+            # Nothing depends on this write; it avoids most repetitions after a restart.
             self._positions.write(key, lane, expected)
             kept(now)
 
     def _owe_ack(self, key: LaneKey, lane: ReceiveLane, now: int, turn: _Turn | None) -> None:
-        """Let an ACK wait; without a turn until it is asked for what is missing."""
+        """Queue an ACK; without a turn, it waits until the lane asks for the missing sample."""
         sync = None if lane.in_sync else lane.sync
         ask_at = lane.watch.ask_at
         if turn is None and ask_at is not None:
@@ -379,7 +379,7 @@ class ReliableReceiving:
             self._owe(key, lane.ack(), sync, now, turn or _Turn())
 
     def _owe(self, key: LaneKey, ack: Ack, sync: Sync | None, now: int, turn: _Turn) -> None:
-        """Let an ACK wait for its turn."""
+        """Queue an ACK for its turn."""
         source, stream_id, instance = key
         before = self._queue.first((stream_id, ACK_LANE, source, *instance))
         owed_at = before.owed_at if isinstance(before, _AckWaiting) else now
@@ -392,7 +392,7 @@ class ReliableReceiving:
     def _push(
         self, key: LaneKey, ack: Ack, sync: Sync | None, *, owed_at: int, due_at: int
     ) -> None:
-        """Queue an ACK in the place of one that waits already."""
+        """Queue an ACK in place of one that waits already."""
         source, stream_id, instance = key
         lane_key = (stream_id, ACK_LANE, source, *instance)
         largest_bytes = self._queue.largest_bytes
@@ -417,18 +417,18 @@ class ReliableReceiving:
     def _turn(
         self, stream: Stream, arrival: Arrival, *, is_first: bool = False, unheard: int = 0
     ) -> _Turn:
-        """Return how long an ACK waits: for the end of the publisher's frames, and for its turn.
+        """Return how long an ACK waits: for the publisher's last frame, then for its turn.
 
-        Receivers answer in the order of their addresses. Where an answer was lost, since they are
-        not equally far away, or one had more to say, the same might be lost in the same way again:
-        a repetition is answered at a random instant. All may wait for the same pause of the
-        publisher: so the range of that is doubled each time when nothing new follows, up to the
-        deadline of the topic.
+        Receivers answer in the order of their addresses. If an answer was lost, because distances
+        differ or because one receiver had more to send, the same order might lose it again. So a
+        repetition is answered at a random instant. All receivers may wait for the same pause of the
+        publisher, so the range of that instant doubles each time that nothing new follows, up to
+        the topic's deadline.
         """
         times = self._pacers.link_times
         assert isinstance(stream.spec, TopicSpec)
         linger_ns = times.ack_linger_ns
-        # A publisher goes on when its frame is full, and with further copies of what is urgent.
+        # A publisher continues when its frame is full, and with further copies of urgent samples.
         is_full = arrival.spare_bytes + times.mtu_bytes < 0
         if is_full or stream.qos.priority is Priority.REAL_TIME:
             linger_ns += times.next_frame_ns

@@ -1,10 +1,10 @@
-"""A receiver's watch over a key whose samples come in a rhythm: what is missing is asked for.
+"""A receiver's watch over a periodic key: it asks for missing samples.
 
-An ACK is asked for what it says: the number that is awaited. It goes when the next sample has not
-come in time, and again, a round trip later, as long as nothing comes. How often it is said each
-time, and how long it is gone on with, follows from how many samples were missed lately: when it is
-likely that one of so many would have been heard, the publisher has nothing more to say, or cannot
-be reached. Then the watch is over until a further sample comes.
+An ACK also serves as a request: it names the number that the receiver awaits. The watch sends it
+when the next sample is overdue, and again one round trip later, until a sample comes. How many
+copies it sends in each round, and how many rounds, follows from the share of samples missed lately.
+When one of so many requests would probably have been heard, the publisher has nothing more to send
+or is out of reach. Then the watch pauses until a further sample comes.
 """
 
 from typing import Final
@@ -15,16 +15,16 @@ from zacoustic.core.transport.reliable.rhythm import Beat
 _SMOOTHING: Final = 1 / 16
 _FIRST_GUESS: Final = 0.25
 _LEAST_MISSED, _MOST_MISSED = 0.05, 0.5
-"""Shares of samples missed that are reckoned with: it is never sure that none is, and beyond the
-other asking costs more than it brings."""
+"""Bounds of the assumed share of missed samples: a loss of zero is never certain, and above the
+upper bound asking costs more than it brings."""
 _ALL_UNHEARD: Final = 0.1
-"""Chance that nothing of what is said in one round is heard."""
+"""Probability that no copy in a round of requests is heard."""
 _ALL_IN_VAIN: Final = 0.01
-"""Chance that a sample that exists does not come, although it was asked for in all rounds."""
+"""Probability that an existing sample does not come although all rounds asked for it."""
 
 
 class Watch:
-    """When one key of a publisher is to be asked for.
+    """Decides when to ask for the samples of one key of a publisher.
 
     See `zacoustic.core.transport.reliable.rhythm`.
     """
@@ -42,7 +42,7 @@ class Watch:
 
     def __init__(self) -> None:
         self.ask_at: int | None = None
-        """When the publisher is asked for what is missing then, ns; None: never."""
+        """Instant at which to ask the publisher for what is missing then, ns; None: never."""
         self._beat = Beat()
         self._frames_ns = (0, 0)
         self._missed = _FIRST_GUESS
@@ -53,11 +53,11 @@ class Watch:
 
     @property
     def is_known(self) -> bool:
-        """The rhythm is known."""
+        """Whether the rhythm is known."""
         return self._beat.period_ns is not None
 
     def forget(self) -> None:
-        """The rhythm is over."""
+        """Forget the rhythm."""
         self._beat = Beat()
         self._frames_ns = (0, 0)
         self.ask_at = None
@@ -65,14 +65,14 @@ class Watch:
     def take(
         self, number: int, *, at: int, frame_ns: int, newest: bool, marked: bool, times: LinkTimes
     ) -> bool:
-        """Learn from a sample; returns whether it needs no answer of its own.
+        """Learn from a sample; return whether it needs no ACK of its own.
 
         Args:
             number: Its number.
             at: When its frame began to arrive, ns.
-            frame_ns: The airtime of that.
-            newest: None that came had so high a number.
-            marked: It is in rhythm, as its publisher says.
+            frame_ns: The airtime of that frame, ns.
+            newest: It has the highest number so far.
+            marked: The publisher has marked it as in rhythm.
             times: The airtimes of the link.
         """
         was_known, due_at = self.is_known, self._beat.due_at(number)
@@ -82,26 +82,26 @@ class Watch:
         if not marked and not is_on_beat:
             self.forget()
             return False
-        if newest and not is_late:  # else it was asked for, and is no beat
+        if newest and not is_late:  # otherwise it was asked for, and is no beat
             if is_early:
                 self._beat.begin(number, at)
             else:
                 self._beat.goes_on(number, at)
             period_ns = self._beat.period_ns
             if period_ns is not None and period_ns < times.first_round_trip_ns:
-                self._beat.begin(number, at)  # nothing that could be asked for in time
+                self._beat.begin(number, at)  # too fast to be asked for in time
             self._frames_ns = (self._frames_ns[1], frame_ns)
         if was_known:
             self._missed += ((not is_on_beat) - self._missed) * _SMOOTHING
         return marked and was_known
 
     def plan(self, newest: int, *, is_whole: bool, soon_at: int, times: LinkTimes) -> None:
-        """A sample has come: ask when the next one is overdue.
+        """Plan, after a sample has come, to ask when the next one is overdue.
 
         Args:
             newest: The highest number that came.
-            is_whole: Nothing is missing before it; otherwise that is asked for now.
-            soon_at: The earliest instant for it, ns.
+            is_whole: Nothing is missing before it; otherwise ask at `soon_at`.
+            soon_at: The earliest instant to ask, ns.
             times: The airtimes of the link.
         """
         due_at = self._beat.due_at(newest + 1)
@@ -113,7 +113,7 @@ class Watch:
         self._copies, self._in_vain = 0, 1.0
 
     def asks(self, now: int, times: LinkTimes) -> None:
-        """It is asked now: plan the next time."""
+        """Note that a request is sent now, and plan the next one."""
         if not self._copies:
             self._round_at = now
         missed = min(max(self._missed, _LEAST_MISSED), _MOST_MISSED)
@@ -127,7 +127,7 @@ class Watch:
         self.ask_at = self._next_round_at(times) if self._in_vain > _ALL_IN_VAIN else None
 
     def _next_round_at(self, times: LinkTimes) -> int:
-        """Return when it is asked again: not right before a further sample is due."""
+        """Return when to ask again, but not right before a further sample is due."""
         round_trip_ns = times.ask_round_trip_ns(max(self._frames_ns))
         period_ns = self._beat.period_ns
         assert period_ns is not None

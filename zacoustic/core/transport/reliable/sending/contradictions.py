@@ -1,15 +1,16 @@
-"""A receiver that knows more than its publisher: then the publisher has forgotten something.
+"""Detects receivers that know more than their publisher: then the publisher has lost something.
 
-A publisher may live on an old copy of its journal. What it sends again then stands in a lineage
-that its receiver has seen end, or below a number that it awaits beyond all that was ever given
-away here: it is dropped there as a repetition, and the ACK tells why, by SYNC with a lineage or a
-number that the publisher does not know. It is told so twice, the second time for a sample that was
-sent after the first and a settling time later, before it is believed: an ACK may be a late one, or
-forged. And each further time it takes twice as long: nobody makes a publisher begin anew for ever.
+A publisher may run on an old copy of its journal. The samples that it then sends stand in a lineage
+that its receiver has seen end, or have numbers below the one that the receiver awaits, which this
+publisher has not yet assigned. The receiver drops them as repetitions and says why in its ACK: SYNC
+names a lineage or a number that the publisher does not know. An ACK may be late or forged, so the
+publisher believes this only the second time, when the ACK answers a sample that was sent after the
+first contradiction, and at least a settling time has passed. Each further time it takes twice as
+long, so that nobody can make a publisher begin anew for ever.
 
-What it does then. Of samples out of former lives nobody can tell any more whether the receiver has
-handed them on: they end as unknown. Those of this life it has not: they go in a lineage drawn for
-this receiver, which takes them for what they are.
+Then the publisher acts. Nobody can tell any more whether the receiver has delivered the samples
+from before the restart: they end as unknown. The receiver has not delivered the samples published
+since: the publisher sends them in a lineage drawn for this receiver, which accepts them as new.
 """
 
 import random
@@ -26,15 +27,15 @@ from zacoustic.core.wire.frame import Sync
 _LINEAGES: Final = 1 << 16
 _LONGEST: Final = 12
 _SUSPECTED: Final = 16
-"""For so many settling times a first contradiction keeps old calls and goals from being begun."""
+"""For how many settling times a first contradiction keeps old calls and goals from beginning."""
 
 
 class Contradictions:
-    """What receivers say that cannot be, and what follows.
+    """Contradictions between receivers and this publisher, and the response to them.
 
     Args:
         keeping: The lanes in the journal.
-        doubt: Is told that something was forgotten.
+        doubt: Learns that something was forgotten.
         rng: Draws lineages.
         lose: Takes the lane and the address of a receiver that needs SYNC.
     """
@@ -51,15 +52,15 @@ class Contradictions:
         self._rng = rng
         self._lose = lose
         self.settling_ns = 0
-        """Within what time a repetition of a frame arrives, ns."""
+        """Time in which every repetition of a frame arrives, ns."""
 
     def heard(self, stream: Stream, lane: SendLane, source: int, sync: Sync, now: int) -> None:
-        """A receiver has acknowledged what cannot be."""
+        """Record an impossible acknowledgement from a receiver."""
         reception = lane.receptions[source]
         if reception.contradicted_at is None:
             reception.contradicted_at = now
             self._doubt.suspect(now + _SUSPECTED * self.settling_ns)
-            self._lose(lane, source)  # what it lacks is sent again: it is asked a second time
+            self._lose(lane, source)  # repeat what it lacks, and so ask it a second time
             return
         lasts_ns = now - reception.contradicted_at
         was_asked = any(
@@ -84,10 +85,10 @@ class Contradictions:
         self._lose(lane, source)
 
     def agrees(self, lane: SendLane, source: int, expected: int) -> None:
-        """A receiver tells what it awaits.
+        """Record which number a receiver awaits.
 
-        Where the journal is in doubt, what former lives have left and is not awaited when that is
-        told for the first time may have been handed on, or given up.
+        If the journal is in doubt, samples from before the restart that the receiver no longer
+        awaits in its first report may have been delivered or given up; they become unknown.
         """
         reception = lane.receptions[source]
         reception.contradicted_at = None
@@ -99,7 +100,7 @@ class Contradictions:
                 sample.unknown.add(source)
 
     def _forget_former(self, lane: SendLane, source: int) -> bool:
-        """End for a receiver what former lives have left; returns whether there was any."""
+        """End for a receiver the samples from before the restart; return whether any existed."""
         former = [
             sample
             for sample in lane.samples

@@ -1,9 +1,9 @@
-"""What the journal has of samples that were published: of each lane its count, and each sample.
+"""The publisher's journal: for each lane its count, and each of its samples.
 
-A sample is written before its first transmission and deleted when it has ended. The count goes
-with it, so a life that comes later never gives a number to another sample: receivers would take it
-for a repetition. What was published under another definition of the stream cannot be read by
-anybody any more, and is given up.
+A sample is journalled before its first transmission and deleted when it has ended. The count is
+journalled with it, so no later boot epoch gives the number to another sample, which receivers would
+take for a repetition. Samples that were published under another definition of the stream cannot be
+read by anybody, and are given up.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -22,7 +22,7 @@ _JOURNAL: Final = "out"
 
 
 class _JournalledCount(msgspec.Struct, frozen=True, array_like=True):
-    """A lane as the journal has it."""
+    """The count of a lane in the journal."""
 
     digest: bytes
     next_number: int
@@ -31,7 +31,7 @@ class _JournalledCount(msgspec.Struct, frozen=True, array_like=True):
 
 
 class JournalledLane(msgspec.Struct, frozen=True, kw_only=True):
-    """A lane that a former life has left."""
+    """A lane from before the restart."""
 
     stream_id: int
     instance: tuple[int, ...]
@@ -39,20 +39,20 @@ class JournalledLane(msgspec.Struct, frozen=True, kw_only=True):
     spans: tuple[Span, ...]
     own: dict[int, Span]
     samples: tuple[tuple[int, JournalledSample], ...]
-    """With their numbers, in that order."""
+    """The samples with their numbers, in that order."""
 
 
 class Keeping:
     """The lanes of one node in its journal.
 
     Args:
-        journal: Where they are.
+        journal: Holds the lanes.
     """
 
     def __init__(self, journal: JournalPort) -> None:
         self._journal = journal
         self.highest_id = 0
-        """The highest delivery id that was found."""
+        """The highest delivery id that was found in the journal."""
 
     def keep(
         self,
@@ -62,19 +62,19 @@ class Keeping:
         kept: JournalledSample,
         then: Callable[[int], None],
     ) -> None:
-        """Write a sample down, and the count behind it."""
+        """Journal a sample and the count of its lane."""
         self.keep_count(stream, lane)
         name = f"{_name(lane)}/{sample.number}"
         self._journal.write(name, msgspec.msgpack.encode(kept), then)
 
     def keep_count(self, stream: Stream, lane: SendLane) -> None:
-        """Write down where the count of a lane stands."""
+        """Journal the count of a lane."""
         spans = lane.spans
         count = _JournalledCount(stream.digest, lane.next_number, tuple(spans.all), spans.own)
         self._journal.write(_name(lane), msgspec.msgpack.encode(count))
 
     def check(self, stream: Stream) -> None:
-        """Refuse a sample that is to be kept and cannot be.
+        """Refuse a sample that must be journalled and cannot be.
 
         Raises:
             JournalUnavailableError: The journal cannot be written.
@@ -98,12 +98,12 @@ class Keeping:
         table: StreamTable,
         emit: Callable[[DeliveryEnded], None],
     ) -> Iterator[JournalledLane]:
-        """Yield what a former life has left.
+        """Yield the lanes from before the restart.
 
         Args:
-            stored: What the journal has.
+            stored: The content of the journal.
             table: The streams as they are now.
-            emit: Takes the end of what nobody can read any more, when it is deleted.
+            emit: Takes the end of each sample that nobody can read any more, once it is deleted.
         """
         numbers: dict[str, list[int]] = {}
         for key in stored:
@@ -141,7 +141,7 @@ class Keeping:
 
 
 def given_up(stream_id: int, delivery_id: int, now: int) -> DeliveryEnded:
-    """Return what is told of a sample whose stream is not what it was."""
+    """Return the event for a sample whose stream is defined differently now."""
     return DeliveryEnded(
         delivery_id=delivery_id,
         stream_id=stream_id,

@@ -1,8 +1,8 @@
-"""When a sample goes again: how long its receivers are given to answer, and who is waited for.
+"""When to repeat a sample: how long receivers get to answer, and which of them to wait for.
 
-Repetitions to a node that does not answer become rare. Of a topic with a deadline they do not
-become rarer than that: one ends within each deadline, unless even a few answers take longer. So
-a sample of it does not wait for as long as others have decided to leave the node in peace.
+Repetitions to a node that does not answer become rare. For a topic with a deadline they do not
+become rarer than the deadline: one ends within each deadline, unless even a few answers take
+longer. So such a sample does not wait through a pause that other streams have agreed for the node.
 """
 
 import random
@@ -19,20 +19,20 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.reliable.sending.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 
 _COPIED_AT_ONCE: Final = 2
-"""A stream of copies would fill the channel, and no answer could be heard."""
+"""With more samples than this, copies would fill the channel and no answer could be heard."""
 _ROUND_TRIPS_OF_ASKING: Final = 2
-"""How long a receiver that asks for what is overdue is awaited."""
+"""How many round trips a publisher waits for a receiver that asks for overdue samples."""
 
 
 class Pacing:
-    """When the reliable samples of this node go again.
+    """Decides when the reliable samples of this node are repeated.
 
     Args:
         table: The streams.
-        pacers: How long others take to answer.
+        pacers: How long other nodes take to answer.
         rng: Draws the pauses between repetitions.
-        stats: Is told how long that is.
-        handshake: Is told where a device decides when it transmits.
+        stats: Gets the round-trip times.
+        handshake: Gets the round-trip times where the device decides when it transmits.
     """
 
     def __init__(
@@ -55,32 +55,32 @@ class Pacing:
         return self._pacers.times
 
     def timing(self, address: int) -> Pacer:
-        """Return what is known of one node."""
+        """Return the pacer of one node."""
         return self._pacers[address]
 
     def forget(self, address: int) -> None:
-        """Tell no round trip of a node any more; the rest goes with the node."""
+        """Remove a node's round-trip time from the statistics; its pacer goes with the node."""
         self._stats.round_trips_ns.pop(address, None)
 
     def first_acknowledged(
         self, lane: SendLane, sample: Outgoing, source: int, now: int, *,
         is_last: bool, had_gap: bool,
     ) -> int:  # fmt: skip
-        """Learn from an ACK; returns the order of the transmission that it is taken to answer.
+        """Learn from an ACK; return the order of the transmission that it presumably answers.
 
         Args:
             lane: The key.
-            sample: What it acknowledges for the first time, and was sent last of that.
-            source: Who acknowledges.
+            sample: Of the samples that the ACK acknowledges for the first time, the one sent last.
+            source: The receiver that acknowledges.
             now: The instant.
             is_last: Nothing at all was sent later.
-            had_gap: It was known to have something that was sent behind what it lacked.
+            had_gap: The receiver was known to hold a sample behind one that it lacked.
         """
         times, timing, round_trip_ns = self.times, self.timing(source), now - sample.sent_at
         if times is None or sample.stage is not Stage.SENT or sample.marked:
             return sample.order
         if sample.tries == 1 and (is_last or times.is_delegated):
-            # What comes so late was said because nothing further came, and the answer was lost.
+            # An ACK this late came because no further sample did; the first answer was lost.
             is_answer = not lane.rhythm_is_known(sample) or 2 * round_trip_ns < _period_ns(lane)
             if is_answer:
                 self._measured(source, round_trip_ns, times)
@@ -90,34 +90,37 @@ class Pacing:
         reception.late_ns = now - sample.sent_before_at if sample.tries > 1 else None
         order = sample.order
         if sample.tries > 1 and round_trip_ns < timing.least_ns(times):
-            # Too soon for the last transmission.
+            # Too soon to answer the last transmission.
             self.answered_again(lane, source)
             order = sample.first_order
         elif sample.tries > 1 and not had_gap:
-            order = sample.first_order  # all behind it may be on its way, too
+            order = sample.first_order  # later samples may be on their way, too
         for other in lane.active():
-            # Frames wait in the device: what was sent later is only awaited from now on.
+            # Frames wait in the device: start the time-out of whatever was sent later only now.
             if other.stage is Stage.SENT and other.order > order and source in lane.lacking(other):
                 other.due_at = max(other.due_at, now + self.pause_ns(lane, other))
         return order
 
     def answered_again(self, lane: SendLane, source: int) -> None:
-        """An ACK says nothing new: the one before answered what went before the last repetition."""
+        """Measure a round trip with an ACK that says nothing new.
+
+        The ACK before it answered a transmission before the last repetition.
+        """
         reception = lane.receptions[source]
         if reception.late_ns is not None and self.times is not None:
             self._measured(source, reception.late_ns, self.times)
             reception.late_ns = None
 
     def begins(self, lane: SendLane, sample: Outgoing, now: int) -> None:
-        """A sample begins to be sent."""
+        """Record that a transmission of a sample begins."""
         lane.begins(sample, now, self._pacers.link_times)
 
     def asked(self, lane: SendLane, source: int, now: int) -> None:
-        """Where the rhythm is known, an ACK asks for what should have come and has not."""
+        """Repeat the samples that an ACK asks for, where the receiver knows the rhythm."""
         shortest_ns = self.timing(source).shortest_ns
         if self.times is None or shortest_ns is None:
             return
-        # Before that nobody who has it can have been heard: the ACK is from before it came.
+        # Nobody can answer sooner: an earlier ACK was sent before the sample came.
         least_ns = shortest_ns - self.times.ack_linger_ns
         for sample in lane.active():
             is_lacking = lane.awaits(sample) and now - sample.sent_at >= least_ns
@@ -125,12 +128,12 @@ class Pacing:
                 sample.asked, sample.due_at = True, AT_ONCE
 
     def ready_at(self, lane: SendLane, sample: Outgoing) -> int:
-        """Return when a sample may be repeated: an answer to what was sent later is waited for."""
+        """Return when to repeat a sample, ns; answers to later transmissions are awaited first."""
         if sample.follows or sample.asked:
             return sample.due_at
         if self.times is None:
             return self._before_end(sample, sample.due_at)
-        # Of several receivers the first: one that is out of range does not hold back the others.
+        # Of several receivers, wait for the first: one out of range must not hold back the others.
         priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
         quiet = (
             self.timing(each).ready_at(self.times, priority, in_haste=at_most_ns is not None)
@@ -140,11 +143,11 @@ class Pacing:
         return self._before_end(sample, at)
 
     def due_at(self, lane: SendLane, sample: Outgoing) -> int:
-        """Return when a sample is due, whatever is waited for."""
+        """Return when a sample is due, without regard to answers to later transmissions, ns."""
         return self._before_end(sample, self._in_time(lane, sample, self._at_most_ns(lane)))
 
     def may_repeat(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
-        """Tell whether a sample, or what else is repeated now, opens or joins a turn."""
+        """Return whether a sample may open or join a turn of repetitions now."""
         if self.ready_at(lane, sample) <= now:
             return True
         return (
@@ -157,7 +160,7 @@ class Pacing:
         )
 
     def takes(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
-        """Take a sample into the present turn of those who lack it; False: there is no room."""
+        """Take a sample into the present turn of the receivers that lack it; False: no room."""
         times, priority = self.times, self._priority(lane)
         is_free = sample.follows or sample.asked or priority is Priority.REAL_TIME
         if times is None or is_free or self._at_most_ns(lane) is not None:
@@ -169,7 +172,7 @@ class Pacing:
         return any(taken) or not taken
 
     def repeats(self, lane: SendLane, sample: Outgoing, now: int) -> None:
-        """A sample is repeated: its receivers have not answered."""
+        """Record that a sample is repeated because its receivers have not answered."""
         if self.times is None or sample.asked:
             return
         if not sample.follows:
@@ -178,17 +181,18 @@ class Pacing:
         self._await_answer(lane, sample, now, now + self.pause_ns(lane, sample))
 
     def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
-        """Tell whether all receivers that lack a sample have not answered again and again."""
+        """Return whether each receiver that lacks a sample has failed to answer repeatedly."""
         times = self._pacers.link_times
         return all(self.timing(each).is_doubtful(times) for each in lane.lacking(sample))
 
     def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
-        """Return when a sample that was just sent is due again."""
+        """Return when a sample that was just sent is due again, ns."""
         times = self._pacers.link_times
         was_copy, sample.follows = sample.follows, False
         was_sent = report.outcome in (TransmitOutcome.SENT, TransmitOutcome.DELIVERED)
         if was_sent and lane.rhythm_is_known(sample):
-            # If it was lost it is asked for; if it is the last one, the next one is asked for.
+            # If the sample was lost, the receiver asks for it; if it was the last, for the next
+            # one.
             round_trips_ns = _ROUND_TRIPS_OF_ASKING * times.first_round_trip_ns
             return lane.put_off(report.finished_at + _period_ns(lane) + round_trips_ns)
         priority = self._priority(lane)
@@ -213,7 +217,7 @@ class Pacing:
         return due_at
 
     def pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
-        """Draw how long the receivers that lack a sample are given, ns."""
+        """Draw how long the receivers that lack a sample get to answer, ns."""
         times, lacking = self._pacers.link_times, lane.addressed(sample)
         rank, spread_ns = _order_of_answers(lane, sample, lacking, times)
         priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
@@ -231,14 +235,14 @@ class Pacing:
         )
         pause_ns = min(pauses_ns, default=times.first_round_trip_ns)
         if rank > FEW_RECEIVERS and priority is not Priority.REAL_TIME and at_most_ns is None:
-            # Of many each has its turn before anybody is asked again.
+            # With many receivers, let each have its turn before asking anybody again.
             pause_ns = max(pause_ns, times.first_round_trip_ns + rank * times.ack_slot_ns)
         return pause_ns
 
     def _at_most_ns(self, lane: SendLane) -> int | None:
-        """Return after what pause a repetition ends within the deadline, ns; None: there is none.
+        """Return the longest pause with which a repetition meets the deadline, ns; None: none.
 
-        What may have been drawn, and a frame, come on top of the pause.
+        The random part and the airtime of a frame come on top of the pause.
         """
         times, deadline_ns = self.times, self._table.by_id(lane.key[0]).qos.deadline_ns
         if deadline_ns is None or times is None:
@@ -246,7 +250,7 @@ class Pacing:
         return max(1, deadline_ns - times.doubt_ns - times.airtime_ns(times.mtu_bytes))
 
     def _in_time(self, lane: SendLane, sample: Outgoing, at_most_ns: int | None) -> int:
-        """Return when a sample is due, with this longest pause, ns, if there is one."""
+        """Return when a sample is due, limited by the longest pause, ns, if there is one."""
         if at_most_ns is None or self.times is None:
             return sample.due_at
         lacking = lane.lacking(sample)
@@ -268,10 +272,10 @@ class Pacing:
             self._handshake.answers_within(source, timing.round_trip_ns(times))
 
     def _before_end(self, sample: Outgoing, at: int) -> int:
-        """Return an instant, or the last one that leaves time for an answer before the sample ends.
+        """Return `at`, ns, but early enough that an answer can come before the sample expires.
 
-        However rare repetitions have become, a sample has this one; not before the last one can
-        have been answered.
+        However rare repetitions have become, a sample gets this last one; not before the previous
+        one can have been answered.
         """
         if sample.expires_at is None or self.times is None:
             return at
@@ -292,7 +296,7 @@ class Pacing:
 def _order_of_answers(
     lane: SendLane, sample: Outgoing, lacking: list[int], times: LinkTimes
 ) -> tuple[int, int]:
-    """Return how many answer before the last one, and within what time each at random, ns."""
+    """Return how many receivers answer before the last one, and the range of random answers, ns."""
     if sample.aimed_at is not None:
         return 0, times.ack_spread_ns(1)
     if sample.tries > 1 or sample.waiting.sync:

@@ -1,4 +1,4 @@
-"""What a publisher knows of one receiver of a key."""
+"""A publisher's state for one receiver of a key."""
 
 
 class Reception:
@@ -11,21 +11,24 @@ class Reception:
 
     def __init__(self, expected: int) -> None:
         self.expected = expected
-        """It has told that it has everything before this number."""
+        """The receiver has reported that it has everything before this number."""
         self.in_sync = False
-        """It knows the lineage, and nothing that it waits for is gone."""
+        """Whether the receiver knows the lineage and awaits nothing that is over."""
         self.skips_to = 0
-        """It is not to have the sample before this number, and others may still lack that: until
-        it has told to await this number, it is addressed alone, with a floor of its own."""
+        """The number after a sample that this receiver does not get but others may still lack.
+        Until the receiver reports that it awaits this number, it is addressed alone, with a floor
+        of its own."""
         self.lineage: int | None = None
-        """The lineage in which it was told last where the count stands; None: not in this life."""
+        """The lineage last sent to the receiver or named by its SYNC since the restart; None: none
+        yet."""
         self.is_told = False
-        """It has told in this life what it awaits."""
+        """Whether the receiver has reported since the restart which number it awaits."""
         self.contradicted_at: int | None = None
-        """Instant at which it acknowledged what cannot be, and was asked a second time, ns."""
+        """Instant of its first impossible acknowledgement, after which it was asked again, ns."""
         self.anew = 0
-        """How often its count was begun anew for that."""
+        """How often the count was begun anew for this receiver."""
         self.late_ns: int | None = None
-        """How long the last round trip took at least, if the next ACK says the same again, ns."""
+        """Least duration of the last round trip if the next ACK says nothing new, ns."""
         self.settled_at: int | None = None
-        """Instant from which it can be in sync: short ACKs from before have arrived by then, ns."""
+        """Instant from which it can be in sync, since all earlier short ACKs have arrived by then,
+        ns."""

@@ -1,4 +1,4 @@
-"""The publisher's side: what was published reliably, until it is acknowledged or worth nothing."""
+"""The publisher's side: reliable samples, until they are acknowledged or worth nothing."""
 
 from collections.abc import Callable, Iterable, Mapping, Set
 from functools import partial
@@ -43,12 +43,7 @@ _ANY_DEPTH: Final = 65535
 
 
 class ReliableSending:
-    """What this node has published reliably.
-
-    Args:
-        context: What the components of its engine share.
-        subscriptions: Knows who has subscribed to on-demand topics.
-    """
+    """The samples that this node has published reliably."""
 
     def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
         self._table = context.table
@@ -80,7 +75,7 @@ class ReliableSending:
             go_on=self._go_on,
             pause_ns=self._pacing.pause_ns,
         )
-        """The places of samples that cross as objects."""
+        """The sequence slots of samples that cross as objects."""
         self._settling_ns = 0
         self._paced_until: int | None = None
         self._next_delivery_id = 1
@@ -95,11 +90,11 @@ class ReliableSending:
     # For the application
 
     def check(self, stream: Stream) -> None:
-        """Refuse what could not be delivered, or not kept.
+        """Refuse a sample that could not be delivered or not be journalled.
 
         Raises:
-            LocalError: Nobody is listed who could acknowledge.
-            JournalUnavailableError: It is to be journalled, and the journal cannot be written.
+            LocalError: No node is listed that could acknowledge it.
+            JournalUnavailableError: It must be journalled, and the journal cannot be written.
         """
         self._lanes.check(stream)
         self._keeping.check(stream)
@@ -116,19 +111,20 @@ class ReliableSending:
         expires_at: int | None,
         now: int,
     ) -> int:
-        """Take a sample that `check` has not refused; returns its delivery id."""
+        """Publish a sample that `check` has accepted; return its delivery id."""
         lane = self._lanes.of(stream, instance)
         delivery_id = self.next_delivery_id()
         kept = JournalledSample(delivery_id, prefix, payload, stamped)
         sample = lane.add(stream, kept, queued_at=queued_at, expires_at=expires_at)
         if lane.is_journalled:
-            # Before what it pushes out is deleted: a journal that ends here has one of the two.
+            # Journal it before deleting what it displaces: the journal then always has one of the
+            # two.
             self._keeping.keep(
                 stream, lane, sample, kept, lambda at: self._stored(lane, sample, at)
             )
         else:
             sample.stage = Stage.BEHIND
-        # By the number: a receiver reckons so, where it may hear of this one before what it lacks.
+        # Compare numbers, as receivers do: they may get this sample before one that they lack.
         while (first := lane.samples[0]).number <= sample.number - stream.qos.depth:
             end = self.slots.give_up if first.number < lane.born else self._end
             end(lane, first, DeliveryOutcome.SUPERSEDED, now)
@@ -136,16 +132,16 @@ class ReliableSending:
         return delivery_id
 
     def next_delivery_id(self) -> int:
-        """Return a delivery id that was never given away."""
+        """Return a delivery id that was never used before."""
         self._next_delivery_id += 1
         return self._next_delivery_id - 1
 
     def delivering(self, stream_id: int) -> int:
-        """Count the samples of a topic that not all receivers have acknowledged."""
+        """Return how many samples of a topic are not acknowledged by all receivers."""
         return sum(len(lane.samples) for lane in self._lanes if lane.key[0] == stream_id)
 
     def is_delivering(self, delivery_id: int) -> bool:
-        """Tell whether a sample has not ended."""
+        """Return whether a sample has not ended."""
         return any(
             sample.delivery_id == delivery_id for lane in self._lanes for sample in lane.samples
         )
@@ -153,12 +149,12 @@ class ReliableSending:
     # For the link
 
     def use_link(self, settling_ns: int) -> None:
-        """Take from a link within what time a repetition of a frame arrives."""
+        """Set the time in which every repetition of a frame arrives, ns."""
         self._settling_ns = self._contradictions.settling_ns = settling_ns
         self._changed()
 
     def link_up(self, now: int) -> None:
-        """What was sent before is due."""
+        """Repeat what was sent before, and start the lifespans of restored samples."""
         for lane in self._lanes:
             lifespan_s = self._table.by_id(lane.key[0]).qos.lifespan_s
             for sample in lane.samples:
@@ -172,17 +168,17 @@ class ReliableSending:
     # For the channel
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
-        """A node has begun a new life."""
+        """Send the missing samples of a restarted node with SYNC."""
         self.peer_asked(source, now)
 
     def peer_forgotten(self, source: int, now: int) -> None:
-        """Nothing is to be kept of a node; what it lacks goes with SYNC if it is there again."""
+        """Forget a node's round trips; send what it lacks with SYNC if it comes back."""
         self._pacing.forget(source)
         self._changed()
         self.peer_asked(source, now)
 
     def peer_asked(self, source: int, now: int) -> None:
-        """A node does not know us, or has begun a new life: what it lacks goes with SYNC."""
+        """Send with SYNC what a node lacks that does not know this node, or has restarted."""
         for lane in self._lanes:
             reception = lane.receptions.get(source)
             if reception is not None and reception.in_sync:
@@ -194,15 +190,15 @@ class ReliableSending:
         """Take an ACK.
 
         Args:
-            source: Who acknowledges.
+            source: The receiver that acknowledges.
             stream: The topic.
-            instance: Which of its keys.
-            ack: The content.
-            sync: What stands before it: lineage, and what is expected in full.
+            instance: The key within the topic.
+            ack: The content of the ACK.
+            sync: The SYNC before it, if any: lineage, and the expected number in full.
             now: The instant.
 
         Returns:
-            Why it is dropped, or None.
+            The reason why it is dropped, or None.
         """
         lane = self._lanes.find(stream, instance)
         reception = lane.receptions.get(source) if lane else None
@@ -213,7 +209,7 @@ class ReliableSending:
             return None
         if sync is None:
             if not reception.in_sync:
-                return "unexpected_ack"  # it may be of another life, or about numbers long ago
+                return "unexpected_ack"  # from another boot epoch perhaps, or about old numbers
             expected = resolve_expected(ack.expected, reception.expected)
         else:
             expected = lane.told(source, sync)
@@ -225,7 +221,7 @@ class ReliableSending:
         self._contradictions.agrees(lane, source, expected)
         if sync is not None and not reception.in_sync:
             if expected < reception.expected:
-                # It has forgotten what it had, and began at the floor: it lacks that again.
+                # The receiver has lost what it had and began at the floor: it lacks all that again.
                 lane.regress(source, expected)
             if expected >= lane.floor:
                 if reception.settled_at is None:
@@ -242,7 +238,7 @@ class ReliableSending:
         return None
 
     def subscribers_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
-        """Others subscribe to an on-demand topic than before."""
+        """Apply a change of the subscribers of an on-demand topic."""
         for lane in self._lanes:
             if lane.key[0] == stream.stream_id:
                 for sample in [] if lane.subscribers else list(lane.samples):
@@ -254,7 +250,7 @@ class ReliableSending:
                 self._go_on(lane, now)
 
     def dropped(self, records: Iterable[Waiting], now: int) -> None:
-        """Records fit no frame of the link any more: they go as objects."""
+        """Send as objects the records that no longer fit a frame of the link."""
         for record in records:
             if isinstance(record, SampleWaiting):
                 self.slots.enlarge(record.lane, record.sample, now)
@@ -263,7 +259,7 @@ class ReliableSending:
     # The journal
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left; ids of its samples are not given away again."""
+        """Restore samples from before the restart, and continue the delivery ids above theirs."""
         if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
             self._next_delivery_id += life << 36 | self._handshake.epoch << 20
         for kept in self._keeping.recover(stored, self._table, self._emit):
@@ -273,7 +269,7 @@ class ReliableSending:
     # Below the methods above
 
     def _released(self, address: int, now: int) -> None:
-        """What waits for a node is due."""
+        """Make due what waits for a node."""
         for lane in self._lanes:
             if address in lane.receptions:
                 lane.due_soon(address)
@@ -283,7 +279,7 @@ class ReliableSending:
         self._timers.changed((Due.SENDING,), self._due_at, self._go_on_all)
 
     def _due_at(self) -> int | None:
-        """Return the earliest instant at which something expires or is due, ns, or None."""
+        """Return the earliest instant at which a sample expires or is due, ns, or None."""
         instants = [] if self._paced_until is None else [self._paced_until]
         times = self._pacing.times
         may_repeat = times is not None and self._lanes.repeating_bytes() < times.batch_bytes
@@ -298,7 +294,7 @@ class ReliableSending:
         return min(instants, default=None)
 
     def _go_on_all(self, now: int) -> None:
-        """End what is too old, and repeat what is due."""
+        """End expired samples, and repeat those that are due."""
         self._paced_until = None
         for lane in self._lanes:
             for sample in list(lane.samples):
@@ -315,16 +311,16 @@ class ReliableSending:
         self._advance(lane, now)
 
     def _go_on(self, lane: SendLane, now: int) -> None:
-        """End what has been delivered, and queue what comes next."""
+        """End the samples that are delivered, and queue the next ones."""
         while lane.samples and not lane.missing(first := lane.samples[0]):
             if first.stage is Stage.OBJECT:
-                break  # it ends with its object
+                break  # its object ends it
             outcome = DeliveryOutcome.UNKNOWN if first.unknown else DeliveryOutcome.DELIVERED
             self._end(lane, first, outcome, now, missing=tuple(sorted(first.unknown)))
         self._advance(lane, now)
 
     def _advance(self, lane: SendLane, now: int) -> None:
-        """Queue what has come into the window."""
+        """Queue the samples that have come into the window."""
         self._changed()
         paced_until = lane.open(now, self._settling_ns)
         if paced_until is not None:
@@ -341,7 +337,7 @@ class ReliableSending:
             if not self._handshake.differs(address, stream.stream_id)
         ]
         if not lacking:
-            # Whoever lacks it could not read it: until that changes.
+            # The receivers that lack it define the stream differently: wait until that changes.
             sample.stage = Stage.SENT
             sample.due_at = now + self._pacing.pause_ns(lane, sample)
             return
@@ -361,14 +357,14 @@ class ReliableSending:
         self._queue.push(lane.key, sample.waiting, qos)
 
     def _transmitted(self, lane: SendLane, sample: Outgoing, now: int) -> None:
-        """A transmission of a sample begins."""
+        """Record that a transmission of a sample begins."""
         self._changed()
         self._order += 1
         sample.order, sample.stage = self._order, Stage.ON_AIR
         self._pacing.begins(lane, sample, now)
 
     def _reported(self, lane: SendLane, sample: Outgoing, report: TransmitReport, now: int) -> None:
-        """It has ended: from here an ACK is awaited."""
+        """Record that the transmission has ended, and await an ACK."""
         self._changed()
         if sample.stage is Stage.ON_AIR:
             sample.stage = Stage.SENT
@@ -376,18 +372,18 @@ class ReliableSending:
             sample.due_at = self._pacing.repeat_at(lane, sample, report)
 
     def _refresh(self, lane: SendLane) -> None:
-        """What is known of receivers has changed: so do the records that wait."""
+        """Readdress the waiting records after the knowledge of receivers has changed."""
         for sample in lane.address_anew():
             self._queue.discard(lane.key, sample.waiting)
             sample.stage = Stage.SENT
 
     def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
-        """Note what a receiver has, and repeat at once what it must have missed."""
+        """Note which samples a receiver has, and make due those that it must have missed."""
         latest: Outgoing | None = None
         had_gap = any(source in each.held for each in lane.samples)
         for sample in lane.samples:
             if sample.stage is Stage.OBJECT:
-                continue  # its own feedback tells
+                continue  # its object has feedback of its own
             ahead = sample.number - expected - 1
             has_it = sample.number < expected
             holds_it = ahead >= 0 and bool(held >> ahead & 1)
@@ -399,7 +395,7 @@ class ReliableSending:
             elif holds_it:
                 sample.held.add(source)
             else:
-                sample.held.discard(source)  # it has restarted, and lost what it held
+                sample.held.discard(source)  # it has restarted and lost what it held
         if latest is None:
             self._pacing.answered_again(lane, source)
         else:
@@ -412,9 +408,9 @@ class ReliableSending:
         self._refresh(lane)
 
     def _repeat(self, now: int) -> None:
-        """Queue what is due, and with it what will be before an answer can come.
+        """Queue what is due, and what will be due before an answer can come.
 
-        Not more at once than a few frames: whoever transmits without end hears no answer.
+        A batch is limited to a few frames: a node that transmits without end hears no answer.
         """
         times = self._pacing.times
         if times is None:
@@ -452,7 +448,7 @@ class ReliableSending:
         *,
         missing: tuple[int, ...] | None = None,
     ) -> bool:
-        """Forget a sample and tell of it; returns whether receivers wait for its number."""
+        """Remove a sample and emit its end; return whether receivers wait for its number."""
         if sample.stage is Stage.QUEUED:
             self._queue.discard(lane.key, sample.waiting)
         leaves_gap = lane.remove(sample)
@@ -461,7 +457,7 @@ class ReliableSending:
             self.slots.left(sample, outcome, now)
         sample.stage = Stage.ENDED
         ended = lane.ended(sample, outcome, now, detail, missing)
-        if lane.is_journalled:  # no later life is to find the sample, and tell another end of it
+        if lane.is_journalled:  # a later boot epoch must not find the sample and report another end
             self._keeping.forget(lane, sample, lambda at: self._forgotten(lane, sample, ended, at))
         else:
             self._emit(ended)

@@ -1,4 +1,4 @@
-"""Samples of one key that not all receivers have acknowledged."""
+"""The samples of one key that some receiver has not acknowledged."""
 
 import enum
 from collections import deque
@@ -19,38 +19,38 @@ from zacoustic.core.wire.frame import Control, Sync
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW, resolve_floor
 
 AT_ONCE: Final = 0
-"""A `due_at` that is always over."""
+"""A `due_at` that has always passed."""
 _DELETE: Final = bytes((Control.DELETE,))
 _DOUBTED_TRIES: Final = 8
-"""What was sent so often in vain goes with SYNC: its receiver may count in another lineage."""
+"""After this many tries a sample carries SYNC: its receiver may count in another lineage."""
 
 
 _AIMED_SHARE: Final = 3
-"""If a third of the receivers lack a sample, or fewer, each gets it alone: that takes less than the
-acknowledgements of all."""
+"""If this fraction of the receivers, 1/3, or fewer lack a sample, each gets its own copy: that
+takes less airtime than acknowledgements from all."""
 
 
 class Stage(enum.Enum):
-    """Where a sample is."""
+    """The state of a sample."""
 
     STORING = "storing"
     """The journal has not committed it."""
     BEHIND = "behind"
-    """Its number is too far ahead of the oldest."""
+    """Its number is too far ahead of the oldest one."""
     QUEUED = "queued"
-    """In the transmit queue."""
+    """It is in the transmit queue."""
     ON_AIR = "on_air"
-    """In a transmission that has not ended."""
+    """It is in a transmission that has not ended."""
     SENT = "sent"
-    """Sent; an ACK is awaited until `due_at`."""
+    """It is sent; an ACK is awaited until `due_at`."""
     OBJECT = "object"
-    """It has its place here, and crosses as an object (`zacoustic.core.transport.objects`)."""
+    """It has a slot here and crosses as an object (`zacoustic.core.transport.objects`)."""
     ENDED = "ended"
-    """Its publisher has been told what became of it."""
+    """Its end has been reported to the publisher."""
 
 
 class JournalledSample(msgspec.Struct, frozen=True, array_like=True):
-    """What is needed to make the record of a sample, in this life or in the next."""
+    """What makes the record of a sample, before and after a restart."""
 
     delivery_id: int
     prefix: bytes
@@ -59,7 +59,7 @@ class JournalledSample(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Outgoing:
-    """A sample on its way.
+    """A sample under way.
 
     Args:
         number: Its number in the lane.
@@ -83,28 +83,29 @@ class Outgoing:
         self.expires_at = expires_at
         self.stage = Stage.STORING
         self.acknowledged: set[int] = set()
-        """Receivers that have it and all before it."""
+        """Receivers that have it and everything before it."""
         self.unknown: set[int] = set()
-        """Receivers of which nobody knows any more whether they have handed it on."""
+        """Receivers of which it is no longer known whether they have delivered it."""
         self.held: set[int] = set()
-        """Receivers that have it, but keep it until what is before it has come."""
+        """Receivers that hold it until they have everything before it."""
         self.follows = False
-        """It was just sent, and goes again without an answer."""
+        """It was just sent, and is sent again without waiting for an answer."""
         self.asked = False
-        """Its receiver has told that it lacks it, after it should have come."""
+        """Its receiver has reported that it lacks it, after it should have come."""
         self.marked = False
-        """It was sent as one in rhythm."""
+        """It was sent marked as in rhythm."""
         self.aimed_at: int | None = None
-        """It was repeated to this one receiver, of several that lack it."""
+        """The one receiver, of several that lack it, to which it was last repeated; None: all of
+        them."""
         self.tries = 0
         self.order = 0
-        """Counts transmissions of the node: what was sent after what."""
+        """The position of its last transmission among all transmissions of the node."""
         self.first_order = 0
-        """The same of its first transmission."""
+        """The same for its first transmission."""
         self.sent_at = 0
         """End of its last transmission, ns."""
         self.sent_before_at = 0
-        """End of the one before that, ns."""
+        """End of the transmission before that, ns."""
         self.due_at = 0
 
 
@@ -116,7 +117,7 @@ class SampleWaiting(Waiting):
     sample: Outgoing
 
     def head_at(self, now: int) -> bytes:
-        """Return wildcards and number, marked where it is sent in rhythm now."""
+        """Return wildcards and number, marked if the sample is in rhythm now."""
         mark = IN_RHYTHM if self.lane.is_marked(self.sample, now) else 0
         return self.head[:-1] + bytes((self.head[-1] | mark,))
 
@@ -125,14 +126,14 @@ class SendLane:
     """Samples of one key in the order of their numbers.
 
     Args:
-        key: Of its lane in the transmit queue: stream id first, then wildcards.
-        receivers: Addresses that are to have each sample.
-        spans: Their lineages.
+        key: Key of its lane in the transmit queue: stream id first, then wildcards.
+        receivers: Addresses that should get each sample.
+        spans: The lineages of its numbers.
         next_number: The number of the next sample.
-        is_journalled: Its samples and its count are in the journal.
-        subscribers: Of the receivers those that want samples, as they change; None: all.
-        rhythm: Learns the rhythm of the samples; None: whatever it is, each one is answered.
-        may_aim: Where few of many receivers lack a sample, each gets it alone.
+        is_journalled: Its samples and its count are journalled.
+        subscribers: The receivers that want samples, as they change; None: all receivers.
+        rhythm: Learns the rhythm of the samples; None: each sample is acknowledged.
+        may_aim: Whether a sample that few of many receivers lack is repeated to each of them alone.
     """
 
     def __init__(
@@ -154,31 +155,32 @@ class SendLane:
         self.rhythm = rhythm
         self.spans = spans
         self.born = 0
-        """What has a smaller number was published by a former life."""
+        """Samples with smaller numbers were published before the restart."""
         self.closing = 0
-        """So many samples of former lives were given up, and the journal has them still."""
+        """How many samples from before the restart are given up, but not yet deleted in the
+        journal."""
         self.is_former = False
-        """This life has published nothing yet: it begins a lineage of its own when it does."""
+        """Whether nothing is published since the restart; the first sample begins a new lineage."""
         self.next_number = next_number
         self.samples: deque[Outgoing] = deque()
         self._end = next_number
         self._marks: deque[tuple[int, int]] = deque()
-        """When numbers came into use lately, and where they began."""
+        """Instants at which numbers came into use lately, with the first of those numbers."""
         self.receptions = {address: Reception(next_number) for address in receivers}
 
     @property
     def lineage(self) -> int:
-        """Boot epoch in which the newest samples were published."""
+        """The boot epoch in which the newest samples were published."""
         return self.spans.newest.lineage
 
     def begin_life(self, lineage: int) -> None:
-        """This life publishes for the first time: numbers go on, in a lineage of its own."""
+        """Begin a new lineage with the first sample since the restart; numbers continue."""
         self.is_former, self.born = False, self.next_number
         self.spans.begin(self.next_number, lineage)
         self.spans.forget_before(self.floor)
 
     def told(self, address: int, sync: Sync) -> int:
-        """Return the number that a receiver awaits by SYNC; above all: that cannot be."""
+        """Return the number that a receiver awaits by its SYNC; above `next_number`: impossible."""
         first = self.spans.heard_of(address, self._next_for(address), sync.lineage)
         expected = resolve_floor(sync.floor, self.receptions[address].expected)
         is_possible = first is not None and expected <= self.spans.end_of(first, self.next_number)
@@ -188,7 +190,7 @@ class SendLane:
         return expected
 
     def contradicts(self, address: int, sync: Sync) -> bool:
-        """Tell whether SYNC of a receiver, which `told` does not understand, cannot be."""
+        """Return whether a receiver's SYNC that `told` rejects is a contradiction."""
         number = self._next_for(address)
         is_present = sync.lineage == self.spans.of(address, number).lineage
         lacks = any(address not in each.acknowledged for each in self.samples)
@@ -207,7 +209,7 @@ class SendLane:
     def add(
         self, stream: Stream, kept: JournalledSample, *, queued_at: int, expires_at: int | None
     ) -> Outgoing:
-        """Give a sample the next number."""
+        """Add a sample with the next number."""
         number = self.next_number
         self.next_number += 1
         waiting = SampleWaiting(
@@ -226,7 +228,7 @@ class SendLane:
         return sample
 
     def insert(self, stream: Stream, kept: JournalledSample, number: int) -> Outgoing:
-        """Give a sample of a former life its number again, in the place of what has it."""
+        """Insert a sample from before the restart at its number, in place of the one there."""
         end, self.next_number = self.next_number, number
         sample = self.add(stream, kept, queued_at=0, expires_at=None)
         self.next_number = max(self.next_number, end)
@@ -237,14 +239,14 @@ class SendLane:
         return sample
 
     def active(self) -> Iterator[Outgoing]:
-        """Yield the samples that may be on their way."""
+        """Yield the samples whose numbers are in use."""
         for sample in self.samples:
             if sample.number >= self._end:
                 return
             yield sample
 
     def open(self, now: int, settling_ns: int) -> int | None:
-        """Let numbers come into use; returns when to try again because of `PACE`, ns, or None."""
+        """Take numbers into use; return when to try again because of `PACE`, ns, or None."""
         while self._marks and self._marks[0][0] + settling_ns <= now:
             self._marks.popleft()
         wanted = min(self.floor + WINDOW, self.next_number)
@@ -256,10 +258,10 @@ class SendLane:
         return self._marks[0][0] + settling_ns if end < wanted else None
 
     def remove(self, sample: Outgoing) -> bool:
-        """Forget a sample; returns whether receivers wait for its number.
+        """Remove a sample; return whether receivers wait for its number.
 
-        If it and all behind it were never sent, those take its number over; not where numbers are
-        in the journal.
+        If neither it nor any sample behind it was ever sent, those behind move up by one number,
+        unless the numbers are journalled.
         """
         index = self.samples.index(sample)
         behind = list(self.samples)[index + 1 :]
@@ -276,11 +278,11 @@ class SendLane:
         return False
 
     def awaits(self, sample: Outgoing) -> bool:
-        """Tell whether an answer to a sample that was sent is awaited."""
+        """Return whether a sample is sent and still lacks an answer."""
         return sample.stage is Stage.SENT and bool(self.lacking(sample))
 
     def lacking(self, sample: Outgoing) -> list[int]:
-        """Return the receivers that are not known to have it, and may have it now."""
+        """Return the receivers that may have the sample now and are not known to have it."""
         first = self.spans.first_of(sample.number)
         return [
             address
@@ -289,7 +291,7 @@ class SendLane:
         ]
 
     def addressed(self, sample: Outgoing) -> list[int]:
-        """Return those of them that its last transmission was for."""
+        """Return those of `lacking` that its last transmission was addressed to."""
         lacking = self.lacking(sample)
         if sample.aimed_at is None:
             return lacking
@@ -303,7 +305,7 @@ class SendLane:
         detail: str,
         missing: tuple[int, ...] | None,
     ) -> DeliveryEnded:
-        """Return what is told of a sample that ends."""
+        """Return the event that reports the end of a sample."""
         return DeliveryEnded(
             delivery_id=sample.delivery_id,
             stream_id=self.key[0],
@@ -314,15 +316,16 @@ class SendLane:
         )
 
     def is_closing(self, sample: Outgoing, outcome: DeliveryOutcome) -> bool:
-        """Tell whether the end of a sample must be safe before a later lineage is begun.
+        """Return whether the end of a sample must be journalled before a later lineage begins.
 
-        Else a life that finds it again would take what is heard of that lineage for its delivery.
+        Otherwise a later boot epoch that finds the sample would take an ACK in the later lineage
+        for its delivery.
         """
         is_given_up = outcome is not DeliveryOutcome.DELIVERED
         return self.is_journalled and sample.number < self.born and is_given_up
 
     def _waits(self, address: int, first: int) -> bool:
-        """Tell whether a receiver lacks something of a lineage before that of this number."""
+        """Return whether a receiver lacks something of a lineage before this number's."""
         return bool(first) and (self.closing > 0 or self.floor_of(address) < first)
 
     def _some_wait(self, sample: Outgoing) -> bool:
@@ -330,11 +333,11 @@ class SendLane:
         return any(self._waits(address, first) for address in self.missing(sample))
 
     def is_blocked(self, sample: Outgoing) -> bool:
-        """Tell whether all receivers of a sample lack something of an earlier lineage."""
+        """Return whether all receivers of a sample lack something of an earlier lineage."""
         return bool(self.missing(sample)) and not self.lacking(sample)
 
     def missing(self, sample: Outgoing) -> list[int]:
-        """Return the receivers that have not acknowledged a sample and all before it."""
+        """Return the receivers that have not acknowledged a sample and everything before it."""
         return [
             address
             for address in self.receptions
@@ -343,7 +346,7 @@ class SendLane:
         ]
 
     def is_marked(self, sample: Outgoing, now: int) -> bool:
-        """Tell whether a sample that is sent now is marked as one in rhythm."""
+        """Return whether a sample that is sent now is marked as in rhythm."""
         if self.rhythm is None or sample.waiting.sync or self._has_large:
             return False
         (reception,) = self.receptions.values()
@@ -352,14 +355,14 @@ class SendLane:
         return self.rhythm.marks(sample.number, reception.expected, now)
 
     def rhythm_is_known(self, sample: Outgoing) -> bool:
-        """Tell whether the receiver would ask for a sample, the newest that was sent."""
+        """Return whether the receiver would ask for a sample, the newest that was sent."""
         if self.rhythm is None or self._has_large:
             return False
         (reception,) = self.receptions.values()
         return reception.in_sync and self.rhythm.is_known(sample.number, reception.expected)
 
     def begins(self, sample: Outgoing, now: int, times: LinkTimes) -> None:
-        """A sample begins to be sent."""
+        """Record that a transmission of a sample begins."""
         sample.marked = self.is_marked(sample, now)
         if self.rhythm is not None:
             (reception,) = self.receptions.values()
@@ -373,11 +376,11 @@ class SendLane:
         sample.asked = False
 
     def due_soon(self, address: int, before: int | None = None) -> None:
-        """What a receiver lacks, and was sent, is due at once.
+        """Make due the sent samples that a receiver lacks.
 
         Args:
             address: The receiver.
-            before: Only what was sent before the transmission of this order; None: all.
+            before: Only samples sent before the transmission of this order; None: all.
         """
         for sample in self.active():
             is_earlier = before is None or sample.order < before
@@ -385,13 +388,13 @@ class SendLane:
                 sample.due_at = AT_ONCE
 
     def address(self, sample: Outgoing, lacking: list[int]) -> None:
-        """Make the record of a sample one for these receivers, with SYNC where one needs it."""
+        """Address the record of a sample to receivers, with SYNC if one of them needs it."""
         waiting = sample.waiting
         skip = (each for each in lacking if self.receptions[each].skips_to > self._told(each))
         alone = next(skip, None)
         is_private = bool(self.spans.own) or self._some_wait(sample)
         if alone is None and is_private:
-            alone = lacking[0]  # the others must not hear this lineage yet, or not at all
+            alone = lacking[0]  # other receivers must not hear this lineage yet, or at all
         sample.aimed_at = None
         if alone is None and self._aims(sample, lacking):
             alone = sample.aimed_at = lacking[sample.tries % len(lacking)]
@@ -411,19 +414,19 @@ class SendLane:
             return
         floor = self.floor
         if len(lacking) == 1:
-            # What others still lack does not concern it, but they may not read this.
+            # It need not wait for what others lack, but they must not read this floor.
             floor = max(floor, self._told(lacking[0]), self.floor_of(lacking[0]))
             waiting.for_one_node = True
         waiting.sync = Sync(span.lineage, max(floor, span.first)).encode()
 
     def answered(self, address: int) -> None:
-        """A receiver has answered: what was repeated to it alone is due for the next one."""
+        """Make due, for the next receiver, what was repeated to this one alone."""
         for sample in self.active():
             if sample.aimed_at == address and self.awaits(sample) and not self.addressed(sample):
                 sample.due_at = AT_ONCE
 
     def address_anew(self) -> list[Outgoing]:
-        """Make the records that are queued ones for who lacks them; returns those for nobody."""
+        """Readdress the queued samples to those who lack them; return those nobody lacks."""
         queued = [sample for sample in self.active() if sample.stage is Stage.QUEUED]
         for sample in queued:
             if lacking := self.lacking(sample):
@@ -431,26 +434,26 @@ class SendLane:
         return [sample for sample in queued if not self.lacking(sample)]
 
     def put_off(self, due_at: int) -> int:
-        """Let nothing that was sent, and not asked for, be due before an instant; returns that."""
+        """Postpone the sent samples that nobody asked for until `due_at`; return that."""
         for sample in self.active():
             if sample.stage is Stage.SENT and not sample.asked:
                 sample.due_at = max(sample.due_at, due_at)
         return due_at
 
     def skip(self, sample: Outgoing, address: int) -> None:
-        """A receiver is not to have a sample that others may still lack."""
+        """Skip a sample for a receiver; others may still lack it."""
         sample.acknowledged.add(address)
         self.receptions[address].skips_to = sample.number + 1
 
     def lose_sync(self, address: int) -> None:
-        """A receiver may know neither lineage nor floor, and have lost what it held."""
+        """Assume that a receiver knows neither lineage nor floor, and lost what it held."""
         self.receptions[address].in_sync = False
         self.receptions[address].settled_at = None
         for sample in self.samples:
             sample.held.discard(address)
 
     def regress(self, address: int, expected: int) -> None:
-        """A receiver has forgotten what it had from this number on."""
+        """Note that a receiver has lost everything from a number on."""
         self.receptions[address].expected = expected
         for sample in self.samples:
             if sample.number >= expected and sample.stage is not Stage.OBJECT:
@@ -463,10 +466,10 @@ class SendLane:
     # Below the methods above
 
     def _aims(self, sample: Outgoing, lacking: list[int]) -> bool:
-        """Tell whether a repetition is for one of those who lack it alone.
+        """Return whether to repeat a sample to one receiver alone.
 
-        All who hear one that is for all acknowledge it again: nobody knows whether the answer
-        before has arrived.
+        All receivers that hear a repetition addressed to all acknowledge it again, since they
+        cannot know whether their last ACK arrived.
         """
         receivers = len(self.receptions)
         is_crowd = self._may_aim and receivers > FEW_RECEIVERS
@@ -474,11 +477,11 @@ class SendLane:
 
     @property
     def _has_large(self) -> bool:
-        """A large sample is on its way: its receiver awaits no rhythm, and asks for nothing."""
+        """Whether a large sample is under way, so that its receiver expects no rhythm."""
         return any(each.stage is Stage.OBJECT for each in self.samples)
 
     def _next_for(self, address: int) -> int:
-        """Return the oldest number that a receiver lacks, or the newest one."""
+        """Return the oldest number that a receiver lacks, or the newest number if it lacks none."""
         return max(0, min(self.floor_of(address), self.next_number - 1))
 
     def _told(self, address: int) -> int:

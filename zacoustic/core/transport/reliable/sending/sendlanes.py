@@ -1,4 +1,4 @@
-"""All lanes of one publisher: each begins with its first sample, or where a former life ended."""
+"""All lanes of one publisher: each begins with its first sample or with the journal's count."""
 
 from collections.abc import Iterator
 
@@ -43,7 +43,7 @@ class SendLanes:
         return self._lanes.get((stream.stream_id, RELIABLE_LANE, *instance))
 
     def of(self, stream: Stream, instance: Instance) -> SendLane:
-        """Return a lane; a new one begins its count in this life."""
+        """Return a key's lane; create one that counts from 0 in the present boot epoch."""
         lane = self.find(stream, instance)
         if lane is None:
             return self.begin(stream, instance, Spans([Span(0, self._handshake.epoch)]), 0)
@@ -60,7 +60,7 @@ class SendLanes:
         *,
         is_journalled: bool | None = None,
     ) -> SendLane:
-        """Begin a lane with this number; in the journal as its topic says, or as it was."""
+        """Create a lane that begins at this number; journalled as its topic says, or as it was."""
         qos = stream.qos
         is_pressing = qos.priority is Priority.REAL_TIME or qos.deadline_ns is not None
         lane = SendLane(
@@ -77,7 +77,7 @@ class SendLanes:
         return lane
 
     def restore(self, stream: Stream, kept: JournalledLane) -> SendLane:
-        """Go on with a lane of a former life; returns it with its samples, all to be sent."""
+        """Restore a lane from before the restart, with its samples, all to be sent again."""
         first = min((number for number, _ in kept.samples), default=kept.next_number)
         spans = Spans(kept.spans, kept.own)
         spans.forget_before(first)
@@ -90,11 +90,7 @@ class SendLanes:
         return lane
 
     def check(self, stream: Stream) -> None:
-        """Refuse a topic that nobody could acknowledge.
-
-        Raises:
-            LocalError: Neither nodes nor subscribers are listed.
-        """
+        """Refuse a topic that no node could acknowledge."""
         assert isinstance(stream.spec, TopicSpec)
         if stream.spec.subscribers is None and not self._table.nodes:
             raise LocalError(
@@ -103,7 +99,7 @@ class SendLanes:
             )
 
     def repeating_bytes(self) -> int:
-        """Return how much waits to be repeated, or is being repeated."""
+        """Return how many bytes of repetitions wait or are in transmission."""
         return sum(
             sample.waiting.size_bytes
             for lane in self
@@ -112,7 +108,7 @@ class SendLanes:
         )
 
     def _rhythm(self, stream: Stream) -> SendRhythm | None:
-        # Several receivers would ask all at once, and what is urgent is sent in copies.
+        # Several receivers would all ask at once, and urgent samples are sent in copies anyway.
         is_urgent = stream.qos.priority is Priority.REAL_TIME
         alone = len(self._receivers(stream)) == 1
         return SendRhythm(stream.qos) if alone and not is_urgent else None

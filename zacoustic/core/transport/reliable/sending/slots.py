@@ -1,12 +1,12 @@
-"""Samples that cross as objects have their place in the count of their key.
+"""The sequence slots of samples that cross as objects.
 
-A sample that fits no frame is sent by `zacoustic.core.transport.objects`, and its manifest has
-lineage and number. Here it is a sample like any other, but for its record: there is none. So depth,
-window and floor hold for small and large samples alike, and receivers hand them on in one order.
-Its object tells when a receiver has it, and how it ends.
+`zacoustic.core.transport.objects` sends a sample that fits no frame; the manifest of its object
+carries lineage and number. Here it is a sample like any other, except that it has no record. So
+depth, window and floor hold for small and large samples alike, and receivers deliver both in one
+order. The object reports when a receiver has it, and how it ends.
 
-What ends before its receivers have it leaves a gap in the count, which they have to be told of by
-SYNC; that is here as well.
+A sample that ends before its receivers have it leaves a gap in the count. This module also marks
+the receivers that must learn of the gap by SYNC.
 """
 
 from collections.abc import Callable, Set
@@ -30,28 +30,28 @@ from zacoustic.core.wire.frame import SYNC_BYTES, Control
 from zacoustic.core.wire.numbers import NUMBER_BYTES
 
 LEAST_ACK_BYTES: Final = 10
-"""ACK with SYNC, address and stream id, wildcards excepted: where a frame has no room for it, all
-samples go as objects."""
+"""Size of an ACK with SYNC, address and stream id, without wildcards. Where a frame has no room for
+it, all samples go as objects."""
 
 
 class SequenceSlot(msgspec.Struct, frozen=True):
-    """Where a large sample stands in the count of its key."""
+    """The position of a large sample in the count of its key."""
 
     lineage: int
     number: int
 
 
 class Large(Protocol):
-    """Who sends large samples."""
+    """The sender of large samples."""
 
     def enlarge(self, sample: Outgoing, stream_id: int, slot: SequenceSlot, now: int) -> str:
-        """Send a sample that was published as a small one; returns why not, or nothing."""
+        """Send as an object a sample that was published as a small one; return why not, or ''."""
 
     def handed_on(self, delivery_id: int, address: int, now: int) -> None:
-        """A receiver has acknowledged the sample."""
+        """Note that a receiver has acknowledged the sample."""
 
     def withdraw(self, delivery_id: int, outcome: DeliveryOutcome, now: int) -> None:
-        """The sample is over."""
+        """Stop sending the sample: it has ended."""
 
 
 class LargeSlots:
@@ -60,10 +60,10 @@ class LargeSlots:
     Args:
         lanes: The lanes.
         keeping: Their counts in the journal.
-        end: Ends a sample, tells of it, and returns whether receivers wait for its number.
-        lose: A receiver of a lane has to be told by SYNC where the count stands.
-        go_on: What was behind a sample may go.
-        pause_ns: How long the receivers of a sample are given to acknowledge it, ns.
+        end: Ends a sample, emits its event, and returns whether receivers wait for its number.
+        lose: Marks a receiver of a lane that needs SYNC.
+        go_on: Sends what waited behind a sample.
+        pause_ns: Returns how long the receivers of a sample get to acknowledge it, ns.
     """
 
     def __init__(
@@ -84,17 +84,17 @@ class LargeSlots:
         self._pause_ns = pause_ns
         self._large: dict[int, tuple[SendLane, Outgoing]] = {}
         self.sender: Large | None = None
-        """Who sends large samples."""
+        """The sender of large samples."""
 
     # What is published
 
     def next_slot(self, stream: Stream, instance: Instance) -> SequenceSlot:
-        """Return where the next sample of a key will stand."""
+        """Return the slot of a key's next sample."""
         lane = self._lanes.of(stream, instance)
         return SequenceSlot(lane.lineage, lane.next_number)
 
     def take(self, stream: Stream, instance: Instance, delivery_id: int, now: int) -> None:
-        """Give the next place to a sample that has become an object."""
+        """Give the next slot to a sample that has become an object."""
         lane = self._lanes.of(stream, instance)
         sample = lane.add(stream, _placeholder(delivery_id), queued_at=now, expires_at=None)
         sample.stage = Stage.OBJECT
@@ -102,13 +102,13 @@ class LargeSlots:
         self._leave_out(lane, sample, lane.subscribers)
         if lane.is_journalled:
             self._keeping.keep_count(stream, lane)
-        # Receivers learn by its number what is over, but not before they have all of it.
+        # Receivers learn from its number what is over, but only once they have all of it.
         while lane.samples[0].number <= sample.number - stream.qos.depth:
             self.give_up(lane, lane.samples[0], DeliveryOutcome.SUPERSEDED, now)
         self._go_on(lane, now)
 
     def is_large(self, sample: Outgoing, largest_bytes: int | None) -> bool:
-        """Tell whether a sample fits no frame in which the largest record has so many bytes."""
+        """Return whether a sample fits no frame, given the size of the largest record, bytes."""
         if largest_bytes is None:
             return False
         waiting = sample.waiting
@@ -117,7 +117,7 @@ class LargeSlots:
         return max(record_bytes, least_bytes) > largest_bytes
 
     def enlarge(self, lane: SendLane, sample: Outgoing, now: int) -> None:
-        """A sample turns out to fit no frame: it goes as an object, or is given up."""
+        """Send as an object a sample that fits no frame, or give it up."""
         fault = "oversized"
         if self.sender is not None and sample.waiting.prefix[:1] != bytes((Control.DELETE,)):
             slot = SequenceSlot(lane.lineage, sample.number)
@@ -133,10 +133,10 @@ class LargeSlots:
     # What becomes of it
 
     def stored(self, delivery_id: int) -> bool:
-        """Note that the object is in the journal; returns whether its sample was not before."""
+        """Note that an object is journalled; return whether its sample was not, until now."""
         found = self._large.get(delivery_id)
         if found is None:
-            return False  # it is over
+            return False  # it has ended
         lane, sample = found
         if not (lane.is_journalled and sample.waiting.payload):
             return True
@@ -144,14 +144,14 @@ class LargeSlots:
         return False
 
     def is_turn(self, delivery_id: int, address: int) -> bool:
-        """Tell whether nothing before a large sample will come for a receiver."""
+        """Return whether a receiver has everything before a large sample that it will ever get."""
         lane, sample = self._large[delivery_id]
         return all(
             address in each.acknowledged for each in lane.samples if each.number < sample.number
         )
 
     def passed(self, delivery_id: int, address: int, now: int) -> None:
-        """A receiver has handed a large sample on, and so all before it."""
+        """Note that a receiver has delivered a large sample, and so everything before it."""
         found = self._large.get(delivery_id)
         if found is None:
             return
@@ -161,14 +161,14 @@ class LargeSlots:
         if reception is not None:
             reception.expected = max(reception.expected, sample.number + 1)
         for each in lane.samples:
-            # What it held behind, it acknowledges now; or that is lost.
+            # The receiver now acknowledges what it held behind this sample, or that ACK is lost.
             if each.number > sample.number and address in each.held:
                 each.held.discard(address)
                 each.due_at = now + self._pause_ns(lane, each)
         self._go_on(lane, now)
 
     def refused(self, delivery_id: int, address: int, now: int) -> None:
-        """A receiver does not want a large sample: it waits for it no longer."""
+        """Skip a large sample for a receiver that refuses it."""
         found = self._large.get(delivery_id)
         if found is not None:
             lane, sample = found
@@ -177,18 +177,19 @@ class LargeSlots:
                 self._lose(lane, address)
 
     def subscribers_changed(self, lane: SendLane) -> None:
-        """Others subscribe than before: who leaves, waits for no large sample any more.
+        """Skip the large samples for receivers that do not subscribe.
 
-        Nor does who comes: an object is for those who had subscribed when it was made.
+        An object goes only to those who had subscribed when it was made, so it also skips
+        newcomers.
         """
         for sample in lane.samples:
             if sample.stage is Stage.OBJECT:
                 self._leave_out(lane, sample, lane.subscribers)
 
     def acknowledged(self, lane: SendLane, address: int, expected: int, now: int) -> None:
-        """A receiver has acknowledged all before a number: large samples are among it.
+        """Apply an ACK of everything before a number to the large samples among it.
 
-        Where it waits for something that will not come for it, it has to be told so.
+        A receiver that waits for a sample that will not come for it is marked for SYNC.
         """
         self._has_handed_on(lane, address, expected, now)
         holds = any(address in each.held for each in lane.samples)
@@ -203,7 +204,7 @@ class LargeSlots:
         detail: str,
         missing: tuple[int, ...],
     ) -> None:
-        """The object has ended; nothing happens if it has left its place before."""
+        """End the sample of an object that has ended, unless the sample has ended before."""
         found = self._large.pop(delivery_id, None)
         if found is not None:
             lane, sample = found
@@ -211,12 +212,12 @@ class LargeSlots:
             self._go_on(lane, now)
 
     def left(self, sample: Outgoing, outcome: DeliveryOutcome, now: int) -> None:
-        """A large sample has left its lane: it was superseded, or its object has ended."""
+        """Withdraw the object of a large sample that has left its lane."""
         if self._large.pop(sample.delivery_id, None) is not None and self.sender is not None:
             self.sender.withdraw(sample.delivery_id, outcome, now)
 
     def cancel(self, delivery_id: int, now: int) -> bool:
-        """Give up a small sample; False when it is not on its way."""
+        """Cancel a small sample; return False when it is not under way."""
         for lane in self._lanes:
             for sample in lane.samples:
                 if sample.delivery_id == delivery_id and sample.stage is not Stage.OBJECT:
@@ -234,7 +235,7 @@ class LargeSlots:
         detail: str = "",
         missing: tuple[int, ...] | None = None,
     ) -> None:
-        """End a sample: whoever waits for it has to be told, by the SYNC of a later one."""
+        """End a sample; receivers that wait for it learn so by the SYNC of a later one."""
         waiting = lane.missing(sample) if missing is None else list(missing)
         leaves_gap = self._end(lane, sample, outcome, now, detail, missing=tuple(waiting))
         if leaves_gap:
@@ -251,7 +252,7 @@ class LargeSlots:
         delivery_id: int,
         receivers: tuple[int, ...],
     ) -> bool:
-        """Give its place to a large sample of a former life; False: its count is over."""
+        """Give a large sample from before the restart its slot again; False: its count is over."""
         lane = self._lanes.find(stream, instance)
         if lane is None:
             spans = Spans([Span(slot.number, slot.lineage)])
@@ -270,13 +271,13 @@ class LargeSlots:
     # Below the methods above
 
     def _leave_out(self, lane: SendLane, sample: Outgoing, subscribers: Set[int] | None) -> None:
-        """Let all receivers but those be without a large sample; None: it is for all."""
+        """Skip a large sample for all receivers but `subscribers`; None: it is for all."""
         if subscribers is not None:
             for address in lane.receptions.keys() - subscribers:
                 lane.skip(sample, address)
 
     def _has_handed_on(self, lane: SendLane, address: int, end: int, now: int) -> None:
-        """A receiver has handed on all before a number: the objects among it are complete."""
+        """Mark each sample before a number as acknowledged, and tell its object, if it has one."""
         for each in list(lane.samples):
             if each.number < end and address not in each.acknowledged:
                 each.acknowledged.add(address)
