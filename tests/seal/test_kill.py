@@ -26,6 +26,7 @@ _WORK_S: Final = 0.02
 _PATIENCE_S: Final = 0.2
 """What they have for their start, s: that of a node which may not transmit never ends."""
 _KILLED: Final = 9
+_OLD_RECORDS: Final = 30
 _LIFE: Final = slice(KEY_BYTES + 3, KEY_BYTES + 5)
 """Where the life stands in a pair."""
 
@@ -47,6 +48,7 @@ class Node:
         self._key = new_key("kills")
         self._last_life = -1
         self._copies: list[Path] = []
+        self._old_records: list[bytes] = []
         self._live.mkdir()
         self._aside.mkdir()
         write_key(self._live / "fleet.key", self._key)
@@ -80,6 +82,8 @@ class Node:
 
     def suffer(self) -> None:
         """Let something happen to the files, or nothing."""
+        self._old_records += [path.read_bytes() for path in self._lives.paths if path.exists()]
+        del self._old_records[:-_OLD_RECORDS]
         journal, chance = self._live / "journal", self._rng.random()
         if chance < 0.08:
             self._note("journal deleted")
@@ -96,9 +100,12 @@ class Node:
             self._note("journal damaged")
             self._damage(self._rng.choice(sorted(journal.iterdir())))
         elif chance < 0.5:
-            self._note("one or two life records damaged")
+            self._note("one or two life records damaged or old")
             for path in self._rng.sample(list(self._lives.paths), self._rng.choice((1, 2))):
-                self._damage(path)
+                if self._old_records and self._rng.random() < 0.5:
+                    path.write_bytes(self._rng.choice(self._old_records))
+                else:
+                    self._damage(path)
         elif chance < 0.53:
             self._note("key rotated")
             self._key, self._last_life = self._key.rotated(), -1

@@ -73,6 +73,7 @@ class Lives:
         self._folder = folder
         self._key = key
         self._address = address
+        self._reached: int | None = None
         named = f"{key.network}\0{address}".encode()
         self._name = hashlib.sha256(named).digest()[:_NAME_BYTES]
 
@@ -131,6 +132,8 @@ class Lives:
     def reach(self, life: int) -> None:
         """Write down that a later life has begun, in a process that has begun one before.
 
+        What could not be written may be tried again.
+
         Raises:
             LifeError: It is none that comes later, or cannot be written.
         """
@@ -138,7 +141,9 @@ class Lives:
         is_later = (
             found.generation == self._key.generation
             and found.life is not None
-            and found.life < life <= LAST_LIFE
+            # A copy may have it from an attempt of this process that failed behind that.
+            and (found.life < life or found.life == life == self._reached)
+            and life <= LAST_LIFE
         )
         if not is_later:
             raise LifeError(
@@ -147,6 +152,7 @@ class Lives:
                 hint="restart the node; behind life "
                 f"{LAST_LIFE} the key is to be rotated: zacoustic key rotate",
             )
+        self._reached = life
         self._write(life)
 
     def join(self, after: int | None = None) -> int:
