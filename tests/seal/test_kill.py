@@ -82,7 +82,8 @@ class Node:
 
     def suffer(self) -> None:
         """Let something happen to the files, or nothing."""
-        self._old_records += [path.read_bytes() for path in self._lives.paths if path.exists()]
+        records = [path.read_bytes() if path.exists() else b"" for path in self._lives.paths]
+        self._old_records += records
         del self._old_records[:-_OLD_RECORDS]
         journal, chance = self._live / "journal", self._rng.random()
         if chance < 0.08:
@@ -99,7 +100,7 @@ class Node:
         elif chance < 0.34 and journal.exists():
             self._note("journal damaged")
             self._damage(self._rng.choice(sorted(journal.iterdir())))
-        elif chance < 0.5:
+        elif chance < 0.5 and len(set(records)) == 1:  # the last fault was mended
             self._note("one or two life records damaged or old")
             for path in self._rng.sample(list(self._lives.paths), self._rng.choice((1, 2))):
                 if self._old_records and self._rng.random() < 0.5:
