@@ -47,6 +47,10 @@ class Node:
         self._live, self._aside = folder / "node", folder / "aside"
         self._key = new_key("kills")
         self._last_life = -1
+        self._has_records = True
+        """The last life that was used is in one of its records;"""
+        self._has_journal = False
+        """and in the journal."""
         self._copies: list[Path] = []
         self._old_records: list[bytes] = []
         self._live.mkdir()
@@ -78,43 +82,62 @@ class Node:
             assert pair not in self.used, f"{pair.hex()} is used twice, after {self.happened}"
             self.used.add(pair)
             self._last_life = max(self._last_life, int.from_bytes(pair[_LIFE], "big"))
-        self.happened["lives that transmitted"] += bool(ended.pairs)
+        if ended.pairs:
+            self.happened["lives that transmitted"] += 1
+            self._has_records = self._has_journal = True
 
     def suffer(self) -> None:
-        """Let something happen to the files, or nothing."""
+        """Let something happen to the files, or nothing.
+
+        Of the witnesses of the last life one is left: a life record, or the journal.
+        """
         records = [path.read_bytes() if path.exists() else b"" for path in self._lives.paths]
-        self._old_records += records
-        del self._old_records[:-_OLD_RECORDS]
-        journal, chance = self._live / "journal", self._rng.random()
-        if chance < 0.08:
-            self._note("journal deleted")
-            shutil.rmtree(journal, ignore_errors=True)
-        elif chance < 0.16 and journal.exists():
-            self._note("journal copied")
-            self._copies.append(self._aside / str(len(self._copies)))
-            shutil.copytree(journal, self._copies[-1])
-        elif chance < 0.26 and self._copies:
-            self._note("journal put back from an old copy")
-            shutil.rmtree(journal, ignore_errors=True)
-            shutil.copytree(self._rng.choice(self._copies[-50:]), journal)
-        elif chance < 0.34 and journal.exists():
-            self._note("journal damaged")
-            self._damage(self._rng.choice(sorted(journal.iterdir())))
-        elif chance < 0.5 and len(set(records)) == 1:  # the last fault was mended
-            self._note("one or two life records damaged or old")
-            for path in self._rng.sample(list(self._lives.paths), self._rng.choice((1, 2))):
-                if self._old_records and self._rng.random() < 0.5:
-                    path.write_bytes(self._rng.choice(self._old_records))
-                else:
+        self._old_records = [*self._old_records, *records][-_OLD_RECORDS:]
+        chance = self._rng.random()
+        if chance < 0.26:
+            if self._has_records:
+                self._suffer_in_journal()
+        elif chance < 0.4:
+            if self._has_records and len(set(records)) == 1:  # the last fault was mended
+                self._note("one or two life records damaged or old")
+                for path in self._rng.sample(list(self._lives.paths), self._rng.choice((1, 2))):
                     self._damage(path)
+        elif chance < 0.5:
+            if self._has_journal:
+                self._note("all life records put back from old copies")
+                self._has_records = False
+                for path in self._lives.paths:
+                    path.write_bytes(self._rng.choice(self._old_records))
         elif chance < 0.53:
             self._note("key rotated")
             self._key, self._last_life = self._key.rotated(), -1
             write_key(self._live / "fleet.key", self._key, replace=True)
 
+    def _suffer_in_journal(self) -> None:
+        journal = self._live / "journal"
+        files = sorted(journal.glob("node-*"))
+        match self._rng.randrange(4):
+            case 0:
+                self._note("journal deleted")
+                shutil.rmtree(journal, ignore_errors=True)
+            case 1 if files:
+                self._note("journal damaged")
+                self._damage(self._rng.choice(files))
+            case 2 if self._copies:
+                self._note("journal put back from an old copy")
+                shutil.rmtree(journal, ignore_errors=True)
+                shutil.copytree(self._rng.choice(self._copies[-50:]), journal)
+            case _ if files:
+                self._note("journal copied")
+                self._copies.append(self._aside / str(len(self._copies)))
+                shutil.copytree(journal, self._copies[-1])
+                return
+        self._has_journal = False
+
     def lose_lives(self) -> None:
         """Delete all records of lives."""
         self._note("all life records deleted")
+        self._has_records = True  # as soon as it has rejoined
         shutil.rmtree(self._live / "lives")
 
     def rejoin(self) -> None:
@@ -126,13 +149,15 @@ class Node:
 
     def _damage(self, path: Path) -> None:
         content = path.read_bytes() if path.exists() else b""
-        match self._rng.randrange(4):
+        match self._rng.randrange(5):
             case 0:
                 path.unlink(missing_ok=True)
             case 1:
                 path.write_bytes(content[: self._rng.randrange(len(content) + 1)])
             case 2:
                 path.write_bytes(self._rng.randbytes(len(content)))
+            case 3 if path in self._lives.paths:
+                path.write_bytes(self._rng.choice(self._old_records))
             case _ if content:
                 place = self._rng.randrange(len(content))
                 path.write_bytes(content[:place] + b"\xff" + content[place + 1 :])
