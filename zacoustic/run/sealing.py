@@ -102,7 +102,6 @@ class NodeSeal:
             "mode": self._spec.mode.value,
             "life": self.life,
             "failure": self.failure,
-            "journal": "" if self._lives is None else self._lives.age,
         }
 
 

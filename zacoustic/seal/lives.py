@@ -58,6 +58,11 @@ class Start(msgspec.Struct, frozen=True, order=True, array_like=True):
     life: int
     """Counted from 0 in each generation."""
 
+    @property
+    def next(self) -> "Start":
+        """The one behind it, with the same key."""
+        return Start(self.generation, self.life + 1)
+
 
 NO_START: Final = Start(-1, -1)
 """Before all others."""
