@@ -106,6 +106,71 @@ def test_a_long_list_of_nodes_is_planned_for_a_shorter_time(tmp_path: Path) -> N
     assert plan(path).hours < 0.5
 
 
+def large_fleet(folder: Path, count: int, **more: object) -> Path:
+    nodes = [{"address": each, "name": f"n{each}"} for each in range(1, count + 1)]
+    streams = [
+        {"id": 1, "topic": "{node}/report", "type": "Flag", "min_interval_s": 300},
+        {"id": 2, "topic": "stop", "type": "Flag", "publishers": [1], "reliability": "reliable",
+         "min_interval_s": 600},
+    ]  # fmt: skip
+    types = [{"name": "Flag", "fields": [{"name": "on", "type": "bool"}]}]
+    path = folder / "fleet.json5"
+    section = {"nodes": nodes, "types": types, "streams": streams, "agreement": "tag", **more}
+    path.write_text(json.dumps({"plugins": {"acoustic": section}}))
+    return path
+
+
+def test_some_nodes_of_a_large_fleet_speak_for_the_equal_ones(tmp_path: Path) -> None:
+    count = 48
+    sampled = plan(large_fleet(tmp_path, count), hours=0.25)
+    # The same channel as a scenario, which has places of its own for all nodes: walked whole.
+    nodes = [
+        {"address": each, "position": [0 if each == 1 else 1000, 0, 10]}
+        for each in range(1, count + 1)
+    ]
+    traffic: list[dict[str, Any]] = [
+        {"node": each, "topic": f"n{each}/report", "every_s": 300, "value": {"on": True}}
+        for each in range(1, count + 1)
+    ]
+    traffic.append({"node": 1, "topic": "stop", "every_s": 600, "value": {"on": True}})
+    path = tmp_path / "water.json5"
+    scenario = {"config": "fleet.json5", "nodes": nodes, "traffic": traffic}
+    path.write_text(json.dumps(scenario), encoding="utf-8")
+    whole = plan(path, hours=0.25)
+
+    assert any("20 of 48 nodes were walked" in each for each in sampled.notes)
+    assert not any("walked" in each for each in whole.notes)
+    assert [each.address for each in sampled.nodes] == list(range(1, count + 1))
+    by_id = {each.stream_id: each for each in whole.streams}
+    for stream, allowed in ((1, 0.1), (2, 0.4)):
+        one = next(each for each in sampled.streams if each.stream_id == stream)
+        assert one.went == by_id[stream].went == 1.0
+        airtime_s = by_id[stream].airtime_s_per_h / by_id[stream].per_h
+        assert one.airtime_s_per_h / one.per_h == pytest.approx(airtime_s, rel=allowed)
+    assert sampled.fits == whole.fits
+
+
+def test_a_node_with_settings_of_its_own_is_not_spoken_for(tmp_path: Path) -> None:
+    path = large_fleet(tmp_path, 60)
+    config = json.loads(path.read_text())
+    config["plugins"]["acoustic"]["nodes"][41]["heartbeat_s"] = 20
+    path.write_text(json.dumps(config))
+    airtime = {each.address: each.utilisation for each in plan(path, hours=0.5).nodes}
+    assert max(airtime, key=lambda each: airtime[each]) == 42
+    assert airtime[42] > 3 * airtime[43]
+
+
+def test_a_table_of_254_nodes_is_planned_in_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = large_fleet(tmp_path, 254, agreement="confirm")
+    assert main(["plan", str(path), "--hours", "0.1"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) < 40
+    assert any("agreement on tables alone takes" in each for each in lines)
+    assert any('it would fit with: agreement: "tag"' in each for each in lines)
+
+
 def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

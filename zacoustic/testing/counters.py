@@ -74,6 +74,14 @@ class SimulationResult(msgspec.Struct, frozen=True, kw_only=True):
     """What engines dropped, by reason."""
     crashes: dict[int, int]
     """Crashes by node; without nodes that had none."""
+    mean_s: float | None
+    """Mean time from publication to arrival, or from call to answer, of all streams together, s."""
+    p50_s: float | None
+    """Median of the same, s."""
+    p95_s: float | None
+    """95th percentile, s."""
+    p99_s: float | None
+    """99th percentile, s."""
     streams: tuple[StreamResult, ...]
     """By stream."""
     digest: str
@@ -158,6 +166,7 @@ class Counters(Checker):
             until_s: How long, s of virtual time.
         """
         ledger = _Ledger(network)
+        took = sorted(took_ns for counts in self._counts.values() for took_ns in counts.took_ns)
         return SimulationResult(
             seed=network.scenario.seed,
             until_s=until_s,
@@ -168,6 +177,10 @@ class Counters(Checker):
             losses=dict(sorted(network.losses.items())),
             dropped=dict(sorted(ledger.dropped.items())),
             crashes=dict(sorted(self.crashes.items())),
+            mean_s=_mean_s(took),
+            p50_s=_percentile_s(took, 50),
+            p95_s=_percentile_s(took, 95),
+            p99_s=_percentile_s(took, 99),
             streams=tuple(counts.result(ledger) for _, counts in sorted(self._counts.items())),
             digest=network.digest,
         )
@@ -215,7 +228,7 @@ class _Counts:
             out_of_order=self.out_of_order,
             failed=self.failed,
             refused=self.refused,
-            mean_s=sum(took) / len(took) / NS_PER_S if took else None,
+            mean_s=_mean_s(took),
             p50_s=_percentile_s(took, 50),
             p95_s=_percentile_s(took, 95),
             p99_s=_percentile_s(took, 99),
@@ -263,6 +276,11 @@ class _Ledger:
             if stream_id in (None, each):
                 by_cause[cause] = by_cause.get(cause, 0.0) + airtime_ns / NS_PER_S
         return by_cause
+
+
+def _mean_s(took_ns: list[int]) -> float | None:
+    """Return the mean of times, s."""
+    return sum(took_ns) / len(took_ns) / NS_PER_S if took_ns else None
 
 
 def _percentile_s(took_ns: list[int], percent: int) -> float | None:

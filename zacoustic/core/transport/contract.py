@@ -1,17 +1,16 @@
-"""The contract for a transport of somebody else: a mechanism between two nodes beside the wire's.
+"""The contract for a third-party transport: a mechanism between two nodes beside the wire's own.
 
-It is made by `Engine(transports=[...])`, once for each link, with the `Context` of the link, and
-from then on lives like the others: it says something in *extensions* (docs/wire.md, section 3),
-registers what it takes, has timers, a place in the journal, random numbers and events of its own,
-and follows the signals of `Peers`. It adds no thread, no clock and no file: an engine is a function
-of its inputs.
+`Engine(transports=[...])` makes one for each link, with the `Context` of the link. The transport
+sends *extensions* (docs/wire.md, section 3) and registers those that it takes. It has timers,
+journal entries, random numbers and events of its own, and follows the signals of `Peers`. It adds
+no thread, no clock and no file: an engine is a function of its inputs.
 
-A node that does not have it skips what it says. A recording has no commands to it: a run with such
-commands cannot be replayed.
+A node without the transport skips its extensions. A recording does not contain the commands to a
+transport, so a run with such commands cannot be replayed.
 
 ============================  ======================================================================
 `Context.reception`           ``on_extension(code, take)``: ``take(heard, body)`` returns why
-                              something is dropped, one word, or None, and raises for no bytes;
+                              the body is dropped, one word, or None, and never raises;
                               `Heard.refusal` tells what is agreed with the sender
 `Context.timers`              ``at((Due.TRANSPORT, name, ...), instant, callback)``
 `Context.peers`               ``restarted``, ``asked``, ``forgotten`` … ``.connect(told)``
@@ -54,52 +53,52 @@ __all__ = [
 
 
 class TransportEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """What a transport of somebody else tells; its own events derive from this one."""
+    """An event from a third-party transport; its own events derive from this class."""
 
 
 class Transport:
-    """A mechanism between two nodes; override what it needs.
+    """A mechanism between two nodes; override the methods that it needs.
 
-    Its constructor takes the `Context` alone and registers what it takes.
+    Its constructor takes only the `Context` and registers the extensions that it takes.
 
     Args:
         context: What the components of its engine share.
     """
 
     name: ClassVar[str] = ""
-    """Names it in `Engine.transports`; not empty."""
+    """Its name in `Engine.transports`; not empty."""
 
     def __init__(self, context: Context) -> None:
         self.context = context
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
-        """Take what the link can do; called before it is up, and when that changes."""
+        """Take the link's capabilities; called before the link is up, and when they change."""
 
     def link_up(self, now: int) -> None:
-        """The link is up."""
+        """Begin or resume work: the link is up."""
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame is to go for it, ns; None: it has nothing."""
+        """Return the instant at which it needs a frame, ns; None: it has nothing to send."""
         return None
 
     def offer(self, now: int) -> Offer | None:
-        """Return where a frame is to go now; None: nothing is due.
+        """Return which frame it needs now; None: nothing is due.
 
-        With ``owed_first=True`` it goes before what else waits, otherwise where payloads leave
-        room. The frame is made only if `say` then says something.
+        With ``owed_first=True`` the frame goes before everything else that waits, otherwise where
+        payloads leave room. The engine makes the frame only if `say` then returns something.
         """
         return None
 
     def say(self, destination: int, room_bytes: int, now: int) -> Said | None:
-        """Return what it says in a frame that goes now, whoever it was made for; None: nothing.
+        """Return what to add to the frame that goes now, whatever its purpose; None: nothing.
 
         Args:
             destination: Address, or `BROADCAST`.
-            room_bytes: How long the body may be, 0…254.
+            room_bytes: Largest length of the body, 0…254.
             now: The instant.
         """
         return None
 
 
 MakeTransport = Callable[[Context], Transport]
-"""Makes a transport; a subclass of `Transport` itself is one."""
+"""Makes a transport; a subclass of `Transport` is one."""

@@ -1,4 +1,4 @@
-"""What an engine tells of samples: one arrived, one is in the journal, one ended."""
+"""The events of samples: arrived, journalled, ended."""
 
 import enum
 from typing import Any
@@ -17,24 +17,24 @@ class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
     source: int
     """Address of the node that published it."""
     instance: Instance
-    """Which of the topic's keys; see `zacoustic.core.streams.keys`."""
+    """The key within the topic; see `zacoustic.core.streams.keys`."""
     value: Any
-    """The sample as its type says, bytes for an opaque stream, None for a delete."""
+    """The sample in its type, bytes for an opaque stream, None for a delete."""
     deleted: bool = False
     """The key was deleted; there is no value."""
     encoding: str
-    """Zenoh encoding that the publisher used."""
+    """The Zenoh encoding that the publisher used."""
     age_s: float | None = None
-    """How old the sample was when its frame was composed, s; infinity: over an hour; None: the
-    stream has no stamp."""
+    """Age of the sample when its frame was composed, s; infinity: over an hour; None: the stream
+    has no stamp."""
     received_at: int
-    """Instant at which the frame had arrived, ns; of one that a former life has left, the first
-    instant of this life."""
+    """Instant at which the frame had arrived, ns; for a sample from before a restart, the instant
+    at which the link came up."""
     metrics: LinkMetrics
     """What the modem measured on the frame."""
     again: bool = False
-    """It may have been handed on before: a life of this node ended, or its journal was put back,
-    at that very moment."""
+    """Whether it may have been delivered before: this node stopped, or its journal was restored
+    from an old copy, just then."""
 
 
 class DeliveryOutcome(enum.Enum):
@@ -43,20 +43,20 @@ class DeliveryOutcome(enum.Enum):
     DELIVERED = "delivered"
     """Every subscriber's engine has it."""
     SUPERSEDED = "superseded"
-    """A newer sample of its key pushed it out."""
+    """A newer sample of its key replaced it."""
     EXPIRED = "expired"
-    """It became too old."""
+    """Its lifespan ended."""
     REFUSED = "refused"
-    """A subscriber does not take it: it is larger than allowed there, or not wanted any more."""
+    """A subscriber refused it: it is too large there, or no longer wanted."""
     CANCELLED = "cancelled"
-    """Given up by its publisher."""
+    """Its publisher cancelled it."""
     UNKNOWN = "unknown"
-    """Published by a former life, and the journal is in doubt: whether those that are missing have
-    handed it on, nobody can tell any more."""
+    """Published before a restart while the journal is in doubt: it is no longer known whether the
+    missing subscribers have delivered it."""
 
 
 class DeliveryStored(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample that this node published is in its journal: it survives a restart."""
+    """A sample that this node published is journalled: it survives a restart."""
 
     delivery_id: int
     """What `Engine.publish` returned."""
@@ -65,10 +65,10 @@ class DeliveryStored(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DeliveryEnded(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample that this node published reliably is not repeated any more."""
+    """A reliable sample of this node has ended: it is no longer repeated."""
 
     delivery_id: int
-    """What `Engine.publish` returned, maybe in a former life."""
+    """What `Engine.publish` returned, perhaps before a restart."""
     stream_id: int
     """The topic's stream."""
     outcome: DeliveryOutcome
@@ -76,10 +76,10 @@ class DeliveryEnded(msgspec.Struct, frozen=True, kw_only=True):
     missing: tuple[int, ...]
     """Addresses of the subscribers that have not acknowledged it."""
     ended_at: int
-    """Instant, ns."""
+    """Instant of the end, ns."""
     detail: str = ""
-    """Why, where the outcome does not say it."""
+    """The reason, where the outcome alone does not tell it."""
 
 
 DeliveryEvent = DeliveryStored | DeliveryEnded
-"""What a publisher is told of a reliable sample."""
+"""The events that report a reliable sample to its publisher."""

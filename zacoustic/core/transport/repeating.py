@@ -1,13 +1,12 @@
-"""Records that are sent again and again to one node, until an answer makes that needless.
+"""Records that are repeated to one node until an answer stops them.
 
-Requests and answers of calls are such records: each has one node that it is for, and somebody who
-stops it. They wait in the transmit queue like everything else; what is kept here is when a record
-is due again. When something may be repeated to a node, its pacer decides
-(`zacoustic.core.schedule.pacers`).
+Requests and answers of calls are such records: each is for one node, and some component stops it.
+They wait in the transmit queue like all records; this module keeps the instant at which each is due
+again. The node's pacer decides when a repetition may go to it (`zacoustic.core.schedule.pacers`).
 
-A record may have a *reminder*: a short one that asks whether the node has it. When the record
-went twice and no answer came, answers were lost rather than the record twice, so from then on the
-reminder is repeated; a node that lacks the record says so, and gets it `again`.
+A record may have a *reminder*, a short record that asks whether the node has it. After two
+transmissions without an answer it is likelier that answers were lost than that both copies were. So
+from then on the reminder is repeated; a node that lacks the record says so and gets it `again`.
 """
 
 import enum
@@ -26,9 +25,9 @@ from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
 
 _WHOLE_TRIES: Final = 2
-"""So often a record goes before its reminder does. After two tries at 30 % loss a node that has not
-answered has it in two cases of three. After one it is fewer than half: what is saved then goes into
-questions, and what is lost arrives a round trip later."""
+"""How often the whole record is sent before its reminder. After two tries at 30 % loss, a node that
+has not answered has the record in two cases of three. After one try it has it in fewer than half:
+then reminders cost what they save, and a lost record arrives a round trip later."""
 
 
 class _Stage(enum.Enum):
@@ -39,7 +38,7 @@ class _Stage(enum.Enum):
 
 
 class Repetition:
-    """One record on its way; made by `Repeater.start`."""
+    """One record under way; `Repeater.start` makes it."""
 
     __slots__ = (
         "due_at",
@@ -72,28 +71,28 @@ class Repetition:
         self.whole = whole
         self.reminder = reminder
         self.record = whole
-        """The one of them that is sent, or was last."""
+        """The record or the reminder, whichever was or will be sent."""
         self.wholes_left = _WHOLE_TRIES
         self.qos = qos
         self.paced_as = Priority.INTERACTIVE_HIGH if introduces else qos.priority
-        """A command goes at once, but is repeated with the rest."""
+        """A command goes at once, but its repetitions are paced like the others."""
         self.until = until
         self.introduces = introduces
-        """Its frame has to be readable also for a node that has forgotten this one."""
+        """Whether a node that has forgotten this one must be able to read its frame."""
         self.stage = _Stage.QUEUED
         self.tries = 0
         self.on_air = 0
-        """So many transmissions of it are under way, even if it is over meanwhile."""
+        """How many transmissions of it have not ended, even if it has been stopped."""
         self.sent_at = 0
         """End of its last transmission, ns."""
         self.due_at = 0
 
     def is_settled(self, now: int, settling_ns: int) -> bool:
-        """Tell whether all that was sent of it has arrived, if at all.
+        """Return whether each transmission of it has arrived, or never will.
 
         Args:
             now: The instant.
-            settling_ns: Time after a transmission within which it arrives, repetitions included.
+            settling_ns: Time in which a transmission and its duplicates arrive, ns.
         """
         return not self.on_air and (self.tries == 0 or self.sent_at + settling_ns <= now)
 
@@ -102,10 +101,10 @@ class Repeater:
     """Repeats the records of one engine.
 
     Args:
-        queue: Takes them.
+        queue: Takes the records.
         peers: The other nodes.
-        pacers: When something may be repeated to them.
-        timers: Repeat and end them.
+        pacers: Decide when to repeat to a node.
+        timers: Repeat and end the records.
         rng: Draws the pauses.
     """
 
@@ -137,15 +136,15 @@ class Repeater:
         introduces: bool = False,
         reminder: Waiting | None = None,
     ) -> Repetition:
-        """Send a record until it is stopped, or until an instant, ns, if there is one.
+        """Send a record until it is stopped, or until an instant.
 
         Args:
-            key: Where it waits.
+            key: The lane in which it waits.
             record: The record.
-            qos: How it waits.
+            qos: The QoS of that lane.
             until: End, ns; None: none.
-            introduces: Each frame with it is to be readable for a node that has forgotten us.
-            reminder: A short record that asks for an answer; None: there is none.
+            introduces: A node that has forgotten this one must be able to read each frame with it.
+            reminder: A short record that asks for an answer; None: none.
         """
         self._pacers[record.destination].begin(record.queued_at)
         repetition = Repetition(key, record, qos, until, reminder, introduces=introduces)
@@ -166,10 +165,10 @@ class Repeater:
         """End a repetition.
 
         Args:
-            repetition: Which; one that is over stays so.
+            repetition: The repetition; one that has ended stays so.
             now: The instant.
-            answered: The node has just said that it has the record.
-            prompt: It says so as soon as it can; otherwise it may have worked on it meanwhile.
+            answered: The node has just shown that it has the record.
+            prompt: The node answers at once; otherwise it may have worked on the request meanwhile.
         """
         peer = repetition.record.destination
         if answered:
@@ -186,7 +185,7 @@ class Repeater:
         self._changed()
 
     def again(self, repetition: Repetition) -> None:
-        """Repeat at once: the node has shown that it lacks the record."""
+        """Repeat a record at once: the node has shown that it lacks it."""
         repetition.wholes_left = max(1, repetition.wholes_left)
         reminds = repetition.stage is _Stage.QUEUED and repetition.record is repetition.reminder
         if reminds:
@@ -195,7 +194,7 @@ class Repeater:
             self._push_again(repetition)
 
     def resume(self, repetition: Repetition, now: int) -> None:
-        """Go on with what was stopped, unless its end has come."""
+        """Resume a stopped repetition unless its end has passed."""
         if repetition.stage is _Stage.OVER and (repetition.until is None or now < repetition.until):
             self._repetitions[repetition] = None
             self._push_again(repetition)
@@ -203,7 +202,7 @@ class Repeater:
     # Below the methods above
 
     def _released(self, address: int, now: int) -> None:
-        """What waits for a node is due."""
+        """Make due what waits for a node."""
         for repetition in self._repetitions:
             if repetition.record.destination == address:
                 repetition.due_at = 0
@@ -213,7 +212,7 @@ class Repeater:
         self._timers.changed((Due.REPETITION,), self._due_at, self._go_on)
 
     def _go_on(self, now: int) -> None:
-        """Forget what nobody wants any more, and repeat what is due."""
+        """End expired repetitions, and repeat what is due."""
         self._changed()
         for repetition in list(self._repetitions):
             if repetition.until is not None and repetition.until <= now:
@@ -241,7 +240,7 @@ class Repeater:
                 self._push_again(repetition)
 
     def _due_at(self) -> int | None:
-        """Return the earliest instant at which something is due or over, ns, or None."""
+        """Return the earliest instant at which a repetition is due or ends, ns, or None."""
         earliest: int | None = None
         for repetition in self._repetitions:
             at = repetition.until
@@ -253,7 +252,7 @@ class Repeater:
         return earliest
 
     def _transmitted(self, repetition: Repetition, now: int) -> None:
-        """A transmission of the record begins."""
+        """Record that a transmission begins."""
         self._changed()
         repetition.tries += 1
         repetition.wholes_left -= repetition.record is repetition.whole
@@ -261,7 +260,7 @@ class Repeater:
         repetition.on_air += 1
 
     def _reported(self, repetition: Repetition, report: TransmitReport, now: int) -> None:
-        """It has ended: from here an answer is awaited."""
+        """Record that a transmission has ended, and await an answer."""
         self._changed()
         at = report.finished_at
         repetition.on_air -= 1

@@ -59,10 +59,10 @@ def choose(
     """Make the policy of a link.
 
     Args:
-        spec: What the config says; None: delegated where the device controls access, else carrier
-            sense where it senses one, else ALOHA.
+        spec: The settings of the config; None: delegated where the device controls access, else
+            carrier sense where it senses a carrier, else ALOHA.
         capabilities: The link's.
-        address: Of this node.
+        address: Address of this node.
         rng: For the back-off.
 
     Raises:

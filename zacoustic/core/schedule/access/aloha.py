@@ -1,8 +1,8 @@
 """ALOHA: a frame goes when it is due, or at the next slot.
 
-Nothing is better where the delay of sound exceeds the frame: what a carrier sense could hear is
-over, and a schedule would mostly be guard time. With random traffic G of all nodes (in frames per
-frame's airtime), G·exp(-2G) gets through, at most 18 % of the channel.
+Nothing is better where the propagation delay exceeds the frame: whatever a carrier sense could hear
+is over, and a schedule would mostly be guard time. With random traffic G of all nodes (in frames
+per frame's airtime), G·exp(-2G) gets through, at most 18 % of the channel.
 
 Slots (starts at multiples of a length, in network time) help only as far as the slot has a guard
 for the differences in delay: with a guard of the longest delay aT, 1/(e(1 + a)). A slot as long as
@@ -24,19 +24,13 @@ from zacoustic.core.schedule.access.base import MediumAccess, Wanted
 from zacoustic.core.schedule.access.networktime import NetworkTime
 from zacoustic.core.schedule.access.spec import AlohaSpec
 
-# A timer that fires late has still met its slot: by a fiftieth of it, and 20 ms at most.
+# A timer that fires late still meets its slot: within a fiftieth of it, and at most 20 ms.
 _LATE_PARTS: Final = 50
 _LATE_LIMIT_NS: Final = NS_PER_S // 50
 
 
 class Aloha(MediumAccess):
-    """Waits for no other node.
-
-    Args:
-        spec: The settings.
-        capabilities: The link's, for its airtime.
-        rng: Draws the back-off.
-    """
+    """ALOHA: waits for no other node."""
 
     def __init__(self, spec: AlohaSpec, capabilities: LinkCapabilities, rng: random.Random) -> None:
         self._slot_ns = None if spec.slot_s is None else seconds_to_ns(spec.slot_s)

@@ -1,6 +1,6 @@
-"""What the application and the channel say to the actions of one node.
+"""The actions of one node, for the application and the channel.
 
-Commands are given here (`Engine.actions`); the events are those of
+The commands are methods (`Engine.actions`); the events are those of
 `zacoustic.core.transport.actions.events`.
 """
 
@@ -25,7 +25,7 @@ class Actions:
 
     Args:
         context: What the components of its engine share.
-        repeater: Repeats what has to be answered.
+        repeater: Repeats the records that need an answer.
     """
 
     def __init__(self, context: Context, repeater: Repeater) -> None:
@@ -53,18 +53,18 @@ class Actions:
         timeout_s: float | None = None,
         tag: bytes = b"",
     ) -> GoalKey:
-        """Send a goal; `GoalAnswered` follows, and after that, if it was accepted, its end.
+        """Send a goal; `GoalAnswered` follows, and then, if it was accepted, its outcome.
 
         Args:
             stream_id: The action's stream.
-            value: The goal, as its type says; bytes if it is opaque.
+            value: The goal in its type; bytes if it is opaque.
             now: The instant.
-            timeout_s: Time for the answer, s, > 0; the action's `timeout_s` at most, and unless
-                given.
-            tag: Any bytes; `GoalRecovered` brings them back after a restart.
+            timeout_s: Time for the answer, s, > 0; at most the action's `timeout_s`, which is the
+                default.
+            tag: Any bytes; `GoalRecovered` returns them after a restart.
 
         Returns:
-            What names the goal in all that follows.
+            The key of the goal in all later events and commands.
 
         Raises:
             UnknownStreamError: No such action.
@@ -72,7 +72,7 @@ class Actions:
             PayloadInvalidError: The goal's type does not allow the value.
             PayloadTooLargeError: It fits no frame of this link.
             QueueFullError: Twelve goals of this action are under way.
-            JournalUnavailableError: It cannot be written down.
+            JournalUnavailableError: The journal cannot be written.
         """
         stream, spec = self._action(stream_id)
         if spec.server == self._address:
@@ -81,17 +81,17 @@ class Actions:
         return self._client.send(stream, spec, value, now, wait_s, tag)
 
     def cancel_goal(self, goal: GoalKey, now: int) -> bool:
-        """Ask for the end of a goal, before everything else that waits; False: it has ended.
+        """Ask for the end of a goal, ahead of everything that waits; False: it has ended.
 
-        `CancelAnswered` follows, or the end of the goal. A goal of which nothing was sent yet ends
-        here.
+        `CancelAnswered` follows, or the outcome of the goal. A goal of which nothing was sent yet
+        ends at once.
         """
         return self._client.cancel(goal, now)
 
     # Commands of a server
 
     def accept(self, goal: GoalKey, now: int) -> bool:
-        """Accept a goal; False: nobody waits for that any more, and it must not be begun."""
+        """Accept a goal; False: its client no longer waits, and it must not begin."""
         return self._server.accept(goal, now)
 
     def reject(
@@ -102,11 +102,11 @@ class Actions:
         text: str = "",
         failure: GoalFailure = GoalFailure.REJECTED,
     ) -> bool:
-        """Refuse a goal; the text is cut to 48 bytes. False: it was answered before, or is over."""
+        """Reject a goal; the text is cut to 48 bytes. False: it was answered, or has ended."""
         return self._server.reject(goal, failure, text, now)
 
     def publish_feedback(self, goal: GoalKey, value: object, now: int) -> bool:
-        """Tell how far a goal is; False: it does not run.
+        """Send feedback on a goal; False: it does not run.
 
         Raises:
             PayloadInvalidError: The feedback's type does not allow the value.
@@ -118,48 +118,49 @@ class Actions:
         """End a goal; False: it does not run.
 
         Args:
-            goal: Names it.
-            status: How it ended; UNKNOWN: whoever pursued it is gone.
-            value: The result; None: there is none.
+            goal: The goal.
+            status: How it ended; UNKNOWN: the component that executed it is gone.
+            value: The result; None: none.
             now: The instant.
 
         Raises:
-            PayloadInvalidError: The result's type does not allow the value. The goal is aborted,
+            PayloadInvalidError: The result's type does not allow the value. The goal is aborted
                 without a result.
-            PayloadTooLargeError: It fits no frame of this link; the same.
+            PayloadTooLargeError: It fits no frame of this link. The goal is aborted likewise.
         """
         return self._server.finish(goal, status, value, now)
 
     def answer_cancel(self, goal: GoalKey, now: int, *, accepted: bool, text: str = "") -> bool:
-        """Answer a `CancelRequested`; False: it was answered before, or the goal is over.
+        """Answer a `CancelRequested`; False: it was answered before, or the goal has ended.
 
-        Accepted, the goal goes on until `finish`: CANCELED, or whatever it has come to by then.
+        An accepted cancel lets the goal run until `finish`: CANCELED, or whatever outcome it has by
+        then.
         """
         return self._server.answer_cancel(goal, accepted, text, now)
 
     # For the engine
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
-        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        """Set the link's airtimes and the time in which every repetition of a frame arrives, ns."""
         self._outbox.use_link(times)
         self._client.settling_ns = self._server.settling_ns = settling_ns
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with the goals that a former life has left."""
+        """Restore the goals that the journal has."""
         self._client.recover(stored)
         self._server.recover(stored)
 
     def link_up(self, now: int) -> None:
-        """The link is up."""
+        """Ask for and repeat what is left from before the restart: the link is up."""
         self._client.link_up(now)
         self._server.link_up(now)
 
     def epoch_changed(self, now: int) -> None:
-        """This node has begun a new epoch."""
+        """Send the client's goals again as goals of an earlier epoch."""
         self._client.epoch_changed(now)
 
     def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
-        """Take a record that may be decoded; returns why it is dropped, or None."""
+        """Take a record that may be decoded; return why it is dropped, or None."""
         spec, source, now = stream.spec, heard.source, heard.now
         assert isinstance(spec, ActionSpec)
         message = decode_message(record.content, from_client=spec.server == self._address)
@@ -172,16 +173,16 @@ class Actions:
         return "not_subscriber"
 
     def stream_differs(self, server: int, stream_id: int, now: int) -> None:
-        """A node defines a stream in another way."""
+        """Fail the goals of an action that its server defines differently."""
         self._client.stream_differs(server, stream_id, now)
 
     def peer_restarted(self, peer: int, epoch: int, now: int) -> None:
-        """A node has begun a new epoch."""
+        """Adjust the goals with a node that has begun a new epoch."""
         self._server.client_restarted(peer, now)
         self._client.server_restarted(peer, now)
 
     def peer_forgotten(self, peer: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor which of its goals ran."""
+        """Forget the goals of a client; the goals sent to it continue."""
         self._server.client_forgotten(peer, now)
 
     # Below the methods above

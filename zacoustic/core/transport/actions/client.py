@@ -1,4 +1,4 @@
-"""The goals that this node has sent: repeated, asked after, cancelled, and ended once."""
+"""The goals that this node has sent: repeated, claimed, cancelled, and each ended once."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -40,7 +40,7 @@ from zacoustic.core.wire.goals import (
 from zacoustic.errors import JournalUnavailableError, QueueFullError
 
 _NEVER: Final = 1 << 62
-# Odd, so that 32 lives in a row begin with 32 different numbers; 11, 22, 1, 12, … are far apart.
+# Odd, so 32 successive epochs begin with 32 different numbers; 11, 22, 1, 12, … are far apart.
 _EPOCH_STRIDE: Final = 11
 
 
@@ -49,7 +49,7 @@ class GoalClient:
 
     Args:
         context: What the components of its engine share.
-        outbox: Takes what is to be said.
+        outbox: Queues the records.
     """
 
     def __init__(self, context: Context, outbox: GoalOutbox) -> None:
@@ -66,16 +66,16 @@ class GoalClient:
         self._goals: dict[GoalKey, ClientGoal] = {}
         self._numbers: dict[int, GoalNumbers] = {}
         self.settling_ns = 0
-        """Time within which a repetition of a frame arrives, ns."""
+        """Time in which every repetition of a frame arrives, ns."""
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with the goals that a former life has sent."""
+        """Restore the goals from before the restart and report them."""
         for goal in self._journal.recover(stored):
             self._goals[goal.key] = goal
             self._emit(GoalRecovered(goal=goal.key, tag=goal.tag))
 
     def link_up(self, now: int) -> None:
-        """The link is up: ask what became of the goals of a former life."""
+        """Ask for the outcomes of the goals from before the restart."""
         for goal in self._goals.values():
             if goal.stage is ClientStage.FOUND and goal.deadline_at == _NEVER:
                 goal.deadline_at = now + self._patience_ns(goal)
@@ -104,13 +104,13 @@ class GoalClient:
         numbers = self._numbers_for(stream, spec, now)
         index, number = numbers.take()
         key = GoalKey(self._address, self._handshake.epoch, stream.stream_id, number)
-        # Longer than `spec.timeout_s` the server does not remember the number.
+        # After that the server no longer remembers the number.
         deadline_at = now + seconds_to_ns(min(timeout_s, spec.timeout_s))
         goal = ClientGoal(key, spec.server, ClientStage.OFFERED, deadline_at, tag)
         goal.numbers, goal.index = numbers, index
         self._goals[key] = goal
         self._arm(goal)
-        # What is left to be said of the last goal of this number is of no use any more.
+        # Drop what still waits about the last goal with this number.
         self._outbox.withdraw(key, spec.server, GoalLane.ANSWER)
         count(self._stats.published, stream.stream_id)
         if self._handshake.differs(spec.server, stream.stream_id):
@@ -138,7 +138,7 @@ class GoalClient:
             self._emit(CancelAnswered(goal=key, accepted=True))
         elif not goal.cancel_wanted:
             goal.cancel_wanted = True
-            # Whatever of it is on its way: it shall not begin any more.
+            # Stop the GOAL: the goal must not begin any more.
             self._requests.stop_offer(goal, now)
             self._attempt_cancel(goal, now)
         return True
@@ -146,12 +146,12 @@ class GoalClient:
     # For the channel
 
     def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
-        """Take what a server says of a goal; returns why it is dropped, or None."""
+        """Take a server's record about a goal; return why it is dropped, or None."""
         epoch = message.epoch
         if epoch is None:
             server = self._handshake.peer(source)
             if not server.knows_us and not server.confirms_now:
-                # It may be said to a former life of this node.
+                # The record may be meant for an earlier boot epoch of this node.
                 self._handshake.heard_too_short(source, now)
                 return "unconfirmed"
             epoch = self._handshake.epoch
@@ -193,19 +193,19 @@ class GoalClient:
         return None
 
     def stream_differs(self, server: int, stream_id: int, now: int) -> None:
-        """Fail the goals of an action that its server defines in another way."""
+        """Fail the goals of an action that its server defines differently."""
         for goal in list(self._goals.values()):
             if (goal.server, goal.key.stream_id) == (server, stream_id):
                 self._mismatch(goal, now)
 
     def server_restarted(self, server: int, now: int) -> None:
-        """Ask what became of the goals that a node had accepted."""
+        """Ask for the outcome of each goal that a restarted node had accepted."""
         for goal in self._goals.values():
             if goal.server == server and goal.stage is ClientStage.RUNS:
                 self._claim(goal, now)
 
     def epoch_changed(self, now: int) -> None:
-        """This node has begun a new epoch: its goals are of a former one now."""
+        """Send the goals again as goals of an earlier epoch: this node has begun a new one."""
         self._numbers.clear()
         for goal in self._goals.values():
             if goal.stage is ClientStage.ENDED:
@@ -230,7 +230,7 @@ class GoalClient:
             self._timers.at((Due.GOAL, goal.key), goal.due_at, partial(self._is_due, goal))
 
     def _is_due(self, goal: ClientGoal, now: int) -> None:
-        """Ask after a goal of which nothing is heard, or give it up."""
+        """Ask for the outcome of a silent goal, or give it up."""
         if goal.deadline_at <= now:
             text = "nothing was heard of it for too long"
             if goal.stage is ClientStage.OFFERED:
@@ -244,10 +244,10 @@ class GoalClient:
         self._arm(goal)
 
     def _numbers_for(self, stream: Stream, spec: ActionSpec, now: int) -> GoalNumbers:
-        """Return the numbers of an action, of which the next one is free.
+        """Return the numbers of an action, with the next one free.
 
         Raises:
-            QueueFullError: As many goals as can be under way are, or have been just now.
+            QueueFullError: As many goals as allowed are under way, or ended too recently.
         """
         taken = [key.number for key in self._goals if key.stream_id == stream.stream_id]
         numbers = self._numbers.get(stream.stream_id)
@@ -280,12 +280,12 @@ class GoalClient:
         return seconds_to_ns(spec.result_timeout_s)
 
     def _prove(self, goal: ClientGoal, now: int) -> None:
-        """The server has shown that it has a goal."""
+        """Note that the server has a goal."""
         if goal.numbers is not None:
             goal.numbers.proved(goal.index, now + self.settling_ns)
 
     def _runs(self, goal: ClientGoal, now: int) -> None:
-        """The server has shown that it has accepted a goal."""
+        """Note that the server has accepted a goal."""
         self._prove(goal, now)
         self._requests.stop_offer(goal, now, answered=True)
         if goal.claim is not None:
@@ -311,7 +311,7 @@ class GoalClient:
         return None
 
     def _attempt_cancel(self, goal: ClientGoal, now: int) -> None:
-        """Cancel a goal by a number that no other cancel of it has had, in no life."""
+        """Cancel a goal under an attempt number that no cancel of it has used in any boot epoch."""
         goal.attempt += 1
         attempt = goal.attempt
 
@@ -325,7 +325,7 @@ class GoalClient:
             return
         self._journal.keep(goal, kept, now)
         if self._journal.failure:
-            # A vehicle that does not stop is worse than an application that is asked twice.
+            # A vehicle that does not stop is worse than an application that gets a cancel twice.
             kept(now)
 
     def _cancel_answered(self, goal: ClientGoal, accepted: bool, text: str, now: int) -> None:
@@ -410,9 +410,10 @@ class GoalClient:
         answered: bool = False,
         confirms: bool = False,
     ) -> None:
-        """End a goal: the application is told, then it is forgotten, then the server may, too.
+        """End a goal: emit its events, forget it, and only then let the server forget it.
 
-        So if this node dies meanwhile, its next life is told the end again; it is never lost.
+        If this node dies meanwhile, it learns the outcome again after the restart; it is never
+        lost.
         """
         goal.stage = ClientStage.ENDED
         self._arm(goal)

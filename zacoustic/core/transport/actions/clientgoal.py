@@ -13,7 +13,7 @@ class ClientStage(enum.Enum):
     OFFERED = "offered"
     """The server has not answered."""
     FOUND = "found"
-    """A former life sent it; its outcome is asked."""
+    """It was sent before a restart; its outcome is asked for."""
     RUNS = "runs"
     """The server has accepted it."""
     ENDED = "ended"
@@ -24,11 +24,11 @@ class ClientGoal:
     """A goal that this node has sent.
 
     Args:
-        key: Names it.
+        key: Identifies the goal.
         server: Address of its server.
-        stage: How far it is.
-        deadline_at: Instant at which it is given up, ns, unless something is heard of it.
-        tag: What the application gave with it.
+        stage: Its state.
+        deadline_at: Instant at which it is given up, ns, unless a record about it comes.
+        tag: The application's tag.
     """
 
     __slots__ = (
@@ -46,28 +46,28 @@ class ClientGoal:
         self.deadline_at = deadline_at
         self.tag = tag
         self.claim_at: int | None = None
-        """Instant at which its outcome is asked, ns; None: the question is under way, or not
+        """Instant at which to ask for its outcome, ns; None: the question is under way or not
         needed."""
         self.numbers: GoalNumbers | None = None
-        """Source of its number; None for a goal of a former life."""
+        """Source of its number; None: sent in an earlier boot epoch."""
         self.index = 0
-        """How many goals had begun there before it."""
+        """How many goals began before it in `numbers`."""
         self.offer: Repetition | None = None
-        """The GOAL."""
+        """The transmission of the GOAL."""
         self.claim: Repetition | None = None
-        """The CLAIM."""
+        """The transmission of the CLAIM."""
         self.cancel: Repetition | None = None
-        """The CANCEL."""
+        """The transmission of the CANCEL."""
         self.cancel_wanted = False
-        """The application waits for an answer to its cancel."""
+        """Whether the application waits for an answer to its cancel."""
         self.cancel_stands = False
-        """The server has agreed to end the goal."""
+        """Whether the server has agreed to end the goal."""
         self.attempt = -1
-        """The last attempt to cancel it, counted from 0; -1: there was none."""
+        """The last attempt to cancel it, counted from 0; -1: none."""
         self.attempts_journalled = 0
-        """How many attempts the journal allows."""
+        """How many attempts the journal covers."""
         self.repetitions: list[Repetition] = []
-        """All repetitions for it, ended ones included."""
+        """All repetitions for it, including ended ones."""
 
     @property
     def due_at(self) -> int | None:
@@ -78,6 +78,6 @@ class ClientGoal:
 
     @property
     def is_unsent(self) -> bool:
-        """The server cannot have it: it was never transmitted."""
+        """Whether it was never transmitted, so that the server cannot have it."""
         is_new = self.stage is ClientStage.OFFERED
         return is_new and all(each.tries == 0 for each in self.repetitions)

@@ -1,7 +1,7 @@
-"""The journal of a client of actions: the goals that it has sent, and its cancels.
+"""The client's journal: the goals that it has sent, and its cancels.
 
 Attempt 0 to cancel a goal needs no entry of its own: the goal was journalled before it was sent,
-and the next life begins at attempt 1. A later attempt is journalled before it is sent.
+and after a restart the attempts continue at 1. A later attempt is journalled before it is sent.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +20,7 @@ _NEVER: Final = 1 << 62
 
 
 class _Journalled(msgspec.Struct, frozen=True, array_like=True):
-    """A goal in the journal of its client."""
+    """A goal in its client's journal."""
 
     digest: bytes
     tag: bytes
@@ -34,7 +34,7 @@ class ClientJournal:
     Args:
         address: Address of the node.
         table: Its streams.
-        journal: Keeps them.
+        journal: Holds the goals.
     """
 
     def __init__(self, address: int, table: StreamTable, journal: JournalPort) -> None:
@@ -44,11 +44,11 @@ class ClientJournal:
 
     @property
     def failure(self) -> str:
-        """Why nothing can be journalled now; empty: it can."""
+        """The reason why the journal cannot be written; empty: it can."""
         return self._journal.failure
 
     def recover(self, stored: Mapping[str, bytes]) -> Iterator[ClientGoal]:
-        """Yield the goals of a former life; delete entries that cannot be read."""
+        """Yield the goals from before the restart; delete the entries of changed streams."""
         for name, value in stored.items():
             if not name.startswith(f"{_JOURNAL}/"):
                 continue

@@ -1,4 +1,4 @@
-"""The repeated requests of a client of an action: a goal, a question about it, a cancel."""
+"""The repeated requests of an action client: a goal, a claim about it, a cancel."""
 
 from typing import Final
 
@@ -17,7 +17,7 @@ class ClientRequests:
 
     Args:
         table: Its streams.
-        outbox: Takes the records.
+        outbox: Queues the records.
     """
 
     def __init__(self, table: StreamTable, outbox: GoalOutbox) -> None:
@@ -25,31 +25,31 @@ class ClientRequests:
         self._outbox = outbox
 
     def offer(self, goal: ClientGoal, payload: bytes, now: int) -> None:
-        """Send a goal, until the server shows that it has it."""
+        """Send a goal until the server shows that it has it."""
         codec = self._table.by_id(goal.key.stream_id).codec
         goal.offer = self._repeat(goal, Operation.GOAL, GoalLane.GOAL, now, payload, codec)
 
     def stop_offer(self, goal: ClientGoal, now: int, *, answered: bool = False) -> None:
-        """Do not send the goal any more."""
+        """Stop sending the goal."""
         if goal.offer is not None:
             self._outbox.stop(goal.offer, now, answered=answered)
             goal.offer = None
 
     def claim(self, goal: ClientGoal, now: int) -> None:
-        """Ask what became of a goal, until it is answered."""
+        """Ask for the outcome of a goal until the server answers."""
         goal.claim_at = None
         self._outbox.stop(goal.claim, now)
         goal.claim = self._repeat(goal, Operation.CLAIM, GoalLane.CLAIM, now)
 
     def insist(self, goal: ClientGoal, now: int) -> None:
-        """Ask at once what became of a goal: its end was sent, and not heard."""
+        """Ask at once for the outcome of a goal: the server sent it, but it did not arrive."""
         if goal.claim is None:
             self.claim(goal, now)
         else:
             self._outbox.again(goal.claim)
 
     def cancel(self, goal: ClientGoal, now: int) -> None:
-        """Ask the server to stop a goal, until it has answered this attempt."""
+        """Ask the server to stop a goal until it has answered this attempt."""
         operation, payload = encode_cancel(goal.attempt)
         goal.cancel = self._repeat(goal, operation, GoalLane.CANCEL, now, payload)
 

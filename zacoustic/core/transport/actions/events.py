@@ -1,4 +1,4 @@
-"""Events of actions for the application."""
+"""The events of actions."""
 
 from typing import Any
 
@@ -8,83 +8,83 @@ from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
 
 
 class GoalReceived(msgspec.Struct, frozen=True, kw_only=True):
-    """A client sends a goal to this node: answer at once by `Actions.accept` or `.reject`."""
+    """A client sends a goal to this node; answer at once with `Actions.accept` or `.reject`."""
 
     goal: GoalKey
-    """Names it."""
+    """The goal's key."""
     value: Any
     """The goal."""
     deadline_at: int
-    """Instant after which its client has given it up unless it was answered, ns."""
+    """Instant after which its client gives up an unanswered goal, ns."""
 
 
 class CancelRequested(msgspec.Struct, frozen=True, kw_only=True):
-    """The client of a goal that runs here wants it to end: answer by `Actions.answer_cancel`."""
+    """A client wants a goal to end that runs here; answer with `Actions.answer_cancel`."""
 
     goal: GoalKey
-    """Names it."""
+    """The goal's key."""
 
 
 class GoalRecovered(msgspec.Struct, frozen=True, kw_only=True):
-    """A former life of this node sent a goal and did not learn its end; the goal goes on."""
+    """A goal from before a restart whose outcome this node does not know; it continues."""
 
     goal: GoalKey
-    """Names it, as in the former life."""
+    """The goal's key, as before the restart."""
     tag: bytes
-    """What the application gave with it."""
+    """The application's tag."""
 
 
 class GoalAnswered(msgspec.Struct, frozen=True, kw_only=True):
-    """The server has accepted or refused a goal of this node; a refusal is its end."""
+    """The server has accepted or rejected a goal of this node; a rejection ends it."""
 
     goal: GoalKey
-    """Names it."""
+    """The goal's key."""
     accepted: bool
-    """It runs."""
+    """Whether it runs."""
     failure: GoalFailure | None = None
-    """Why it was refused."""
+    """The reason for the rejection."""
     text: str = ""
     """One line for people."""
 
 
 class FeedbackReceived(msgspec.Struct, frozen=True, kw_only=True):
-    """Progress of a goal of this node."""
+    """Feedback on a goal of this node."""
 
     goal: GoalKey
-    """Names it."""
+    """The goal's key."""
     value: Any
     """The feedback."""
 
 
 class CancelAnswered(msgspec.Struct, frozen=True, kw_only=True):
-    """The server will end a goal of this node, or will not; the result follows in either case."""
+    """The server agrees to end a goal of this node, or refuses; its result follows either way."""
 
     goal: GoalKey
-    """Names it."""
+    """The goal's key."""
     accepted: bool
-    """It will."""
+    """Whether the server agrees."""
     text: str = ""
-    """Why not, one line."""
+    """The reason for the refusal, one line."""
 
 
 class ResultReceived(msgspec.Struct, frozen=True, kw_only=True):
     """A goal of this node has ended."""
 
     goal: GoalKey
-    """Names it."""
+    """The goal's key."""
     status: GoalStatus
-    """How."""
+    """How it ended."""
     value: Any
-    """The result; None where the server gave none."""
+    """The result; None: the server gave none."""
 
 
 class GoalFailed(msgspec.Struct, frozen=True, kw_only=True):
-    """A goal of this node has no result and will get none."""
+    """A goal of this node has no result and will not get one."""
 
     goal: GoalKey
-    """Names it."""
+    """The goal's key."""
     failure: GoalFailure
-    """Why."""
+    """The reason."""
     text: str
     """One line for people."""
 
@@ -99,4 +99,4 @@ ActionEvent = (
     | ResultReceived
     | GoalFailed
 )
-"""Any of them."""
+"""Any event of actions."""

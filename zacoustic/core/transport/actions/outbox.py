@@ -1,4 +1,4 @@
-"""Queues records about goals: once, or repeated."""
+"""Queues records about goals, once or repeated."""
 
 import enum
 from collections.abc import Callable
@@ -27,44 +27,43 @@ from zacoustic.core.wire.goals import (
 
 
 class GoalLane(enum.IntEnum):
-    """The lanes of a stream; other numbers are those of topics and calls."""
+    """The lanes of an action's stream; topics and calls use other numbers."""
 
     GOAL = 11
     CANCEL = 12
     CLAIM = 13
     ANSWER = 14
-    """CONFIRM, ACCEPTED and REFUSED: of each goal the newest."""
+    """CONFIRM, ACCEPTED and REFUSED: for each goal the newest."""
     CANCEL_ANSWER = 15
     FEEDBACK = 16
     RESULT = 17
 
 
 _SHARED: Final = (GoalLane.GOAL, GoalLane.RESULT)
-"""Lanes that the goals between two nodes share, in their order; in other lanes each goal is
-alone."""
+"""Lanes that all goals between two nodes share, in order; the other lanes hold one goal each."""
 _HEADER_BYTES: Final = 2 + FORMER_BYTES
 _URGENT: Final = (GoalLane.CANCEL, GoalLane.CANCEL_ANSWER)
 
 
 class _Said(Waiting):
-    """A record that is sent once; whether it has an epoch is decided when the frame goes."""
+    """A record that is sent once; whether it carries an epoch is decided when the frame goes."""
 
     __slots__ = ("heading",)
     heading: Callable[[], bytes]
 
     def head_at(self, now: int) -> bytes:
-        """Return the head, as short as the other end understands it by now."""
+        """Return the shortest head that the other end understands by now."""
         return self.heading()
 
 
 class _Repeated(Waiting):
-    """A repeated record about a goal; as `_Said`."""
+    """A repeated record about a goal, otherwise like `_Said`."""
 
     __slots__ = ("heading",)
     heading: Callable[[], bytes]
 
     def head_at(self, now: int) -> bytes:
-        """Return the head, as short as the other end understands it by now."""
+        """Return the shortest head that the other end understands by now."""
         return self.heading()
 
 
@@ -73,8 +72,8 @@ class GoalOutbox:
 
     Args:
         address: Address of this node.
-        queue: Takes what is said once.
-        repeater: Takes what is repeated.
+        queue: Takes records that are sent once.
+        repeater: Takes repeated records.
         handshake: Knows the present epoch of each node.
     """
 
@@ -88,7 +87,7 @@ class GoalOutbox:
         self._linger_s = 0.0
 
     def use_link(self, times: LinkTimes) -> None:
-        """Take the airtimes of a link."""
+        """Set the link's airtimes."""
         self._linger_s = times.confirm_linger_s
 
     def say(
@@ -101,7 +100,7 @@ class GoalOutbox:
         now: int,
         payload: bytes = b"",
     ) -> None:
-        """Send a record once; it replaces what waits in its lane."""
+        """Send a record once, in place of the one that waits in its lane."""
         qos = Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=self._linger_s)
         if lane in _URGENT:
             qos = Qos(priority=Priority.REAL_TIME)
@@ -125,7 +124,7 @@ class GoalOutbox:
     def feed(
         self, goal: GoalKey, stream: Stream, peer: int, payload: bytes, interval_s: float, now: int
     ) -> None:
-        """Send feedback; it replaces what waits, and keeps its age."""
+        """Send feedback in place of the one that waits, whose queueing time it keeps."""
         qos = msgspec.structs.replace(
             stream.qos, depth=1, lifespan_s=None, min_interval_s=interval_s
         )
@@ -155,19 +154,19 @@ class GoalOutbox:
         until: int,
         is_reminded: bool = False,
     ) -> Repetition:
-        """Repeat a record until it is stopped, or until an instant, ns.
+        """Repeat a record until it is stopped, or until an instant.
 
         Args:
-            goal: What it is about.
+            goal: The goal.
             stream: The action's stream.
             peer: Address of the other end.
-            operation: What is said.
-            lane: Where it waits.
+            operation: The record's operation.
+            lane: The lane in which it waits.
             now: The instant.
-            payload: What follows.
-            codec: Codec at the end of the payload; None: there is none.
+            payload: The bytes after the head.
+            codec: Codec at the end of the payload; None: none.
             until: End, ns.
-            is_reminded: It is a result, and said twice; then a reminder of it is repeated.
+            is_reminded: It is a result that is sent twice; then a reminder of it is repeated.
         """
         qos = msgspec.structs.replace(
             stream.qos, depth=2 * GOAL_NUMBERS, lifespan_s=None, min_interval_s=0.0
@@ -182,7 +181,7 @@ class GoalOutbox:
                 head=_longest_head(goal, operation),
                 payload=payload,
                 delimits_itself=shows_end,
-                # Whoever hears what a client says knows who the server is.
+                # Whoever hears a client's record knows which node is the server.
                 for_one_node=goal.client != self._address,
                 queued_at=now,
             )
@@ -203,32 +202,32 @@ class GoalOutbox:
             self._repeater.stop(repetition, now, answered=answered)
 
     def again(self, repetition: Repetition) -> None:
-        """Repeat at once: the other end lacks the record."""
+        """Repeat a record at once: the other end lacks it."""
         self._repeater.again(repetition)
 
     def withdraw(self, goal: GoalKey, peer: int, *lanes: GoalLane) -> None:
-        """Take back the waiting records of a goal."""
+        """Remove the waiting records of a goal from the queue."""
         for lane in lanes:
             self._queue.drop_lane(_lane_key(goal, peer, lane))
 
     def check_size(self, stream: Stream, payload: bytes, *, status: bool = False) -> None:
-        """Refuse a payload that fits no frame, whichever epoch its goal is of.
+        """Refuse a payload that fits no frame, in whichever epoch its goal was sent.
 
         Raises:
-            PayloadTooLargeError: Says how large it is and how much fits.
+            PayloadTooLargeError: States its size and how much fits.
         """
         self._queue.check_size(stream.name, _HEADER_BYTES + status + len(payload))
 
     def fits(self, payload: bytes) -> bool:
-        """Tell whether the link has room for a record about a goal with this payload."""
+        """Return whether a record about a goal with this payload fits the link."""
         largest_bytes = self._queue.largest_bytes
         return largest_bytes is None or _HEADER_BYTES + len(payload) <= largest_bytes
 
     def needs_no_epoch(self, goal: GoalKey) -> bool:
-        """Tell whether the other end takes a record without an epoch for one about this goal.
+        """Return whether the other end relates a record without an epoch to this goal.
 
-        A client takes such a record only if the server has told it, in the same frame or before,
-        that it knows its epoch: otherwise the record might be meant for another life.
+        A client does so only if the server has told it, in the same frame or before, that it knows
+        the client's epoch: otherwise the record might be meant for another boot epoch.
         """
         if goal.client == self._address:
             return goal.epoch == self._handshake.epoch
@@ -241,7 +240,7 @@ class GoalOutbox:
         return encode_head(operation, goal.number, epoch)
 
     def _shortened(self, refusal: _Said) -> _Said:
-        """Cut the text of a refusal, to fit the link."""
+        """Cut the text of a refusal to fit the link."""
         assert self._queue.largest_bytes is not None
         room_bytes = self._queue.largest_bytes - (refusal.size_bytes - len(refusal.payload))
         said = decode_refusal(refusal.payload)
@@ -264,5 +263,5 @@ def _longest_head(goal: GoalKey, operation: Operation) -> bytes:
 def _lane_key(goal: GoalKey, peer: int, lane: GoalLane) -> LaneKey:
     if lane in _SHARED:
         return (goal.stream_id, lane, peer)
-    # Of two epochs never both: a client avoids the numbers that are taken by its former goals.
+    # Never in two epochs: a client avoids the numbers of its goals from earlier epochs.
     return (goal.stream_id, lane, peer, goal.number)

@@ -10,7 +10,7 @@ class ServedStage(enum.Enum):
     """State of a goal at its server."""
 
     TAKEN = "taken"
-    """It is being journalled; the application does not know it."""
+    """It is being journalled; the application does not know of it."""
     OFFERED = "offered"
     """The application has not answered."""
     RUNS = "runs"
@@ -22,28 +22,28 @@ class ServedStage(enum.Enum):
 
 
 class CancelStage(enum.Enum):
-    """The client's wish to end a goal that runs, or may still run."""
+    """State of the client's request to end a goal that runs, or may still run."""
 
     NONE = "none"
-    """Nothing."""
+    """There is no request."""
     WANTED = "wanted"
-    """The client wants its end; the application does not know it yet."""
+    """The client has asked; the application does not know yet."""
     ASKED = "asked"
-    """The application has not answered."""
+    """The application knows and has not answered."""
     ACCEPTED = "accepted"
-    """The application will end it."""
+    """The application will end the goal."""
     REFUSED = "refused"
-    """The application will not."""
+    """The application refuses."""
 
 
 class ServedGoal:
-    """A goal that this node was sent.
+    """A goal that this node has received.
 
     Args:
-        key: Names it.
-        stage: How far it is.
-        deadline_at: Instant after which its client does not wait for an answer any more, ns.
-        forget_at:Instant from which it may be forgotten, ns; None: it runs.
+        key: Identifies the goal.
+        stage: Its state.
+        deadline_at: Instant after which its client no longer waits for an answer, ns.
+        forget_at: Instant at which it is forgotten, ns; None: it runs.
     """
 
     __slots__ = (
@@ -63,13 +63,13 @@ class ServedGoal:
         self.is_journalled = False
         """The answer is journalled and may be sent."""
         self.is_confirmed = False
-        """The client has the result."""
+        """Whether the client has the result."""
         self.claimed_in: int | None = None
-        """Later epoch of the client in which it has asked for the goal, or None."""
+        """The later epoch in which the client has asked about the goal, or None."""
         self.repetition: Repetition | None = None
-        """The RESULT on its way."""
+        """The transmission of the RESULT."""
         self.cancel = CancelStage.NONE
         self.cancel_attempt = 0
-        """Which attempt of the client to cancel it `cancel` is about."""
+        """The client's attempt that `cancel` refers to."""
         self.cancel_text = ""
-        """Why not."""
+        """The reason why the application refuses."""

@@ -1,4 +1,4 @@
-"""The goals that this node serves: shown to the application once, their ends kept."""
+"""The goals that this node serves: each is given to the application once, and its end is kept."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -35,13 +35,13 @@ from zacoustic.errors import LocalError, PayloadInvalidError
 
 _JOURNAL: Final = "goal/taken"
 _WORTH_A_REMINDER_BYTES: Final = 8
-"""From this size on a reminder, and the question that sometimes follows, costs less than one more
-copy of a result."""
+"""From this size on, a reminder and the claim that sometimes follows cost less than one more copy
+of a result."""
 _NEVER: Final = 1 << 62
 
 
 class _Journalled(msgspec.Struct, frozen=True, array_like=True):
-    """A goal in the journal of its server."""
+    """A goal in its server's journal."""
 
     digest: bytes
     stage: str
@@ -53,7 +53,7 @@ class GoalServer:
 
     Args:
         context: What the components of its engine share.
-        outbox: Takes what is to be said.
+        outbox: Queues the records.
     """
 
     def __init__(self, context: Context, outbox: GoalOutbox) -> None:
@@ -68,10 +68,10 @@ class GoalServer:
         self._emit: Callable[[ActionEvent], None] = context.emit
         self._goals = TakenGoals()
         self.settling_ns = 0
-        """Time within which a repetition of a frame arrives, ns."""
+        """Time in which every repetition of a frame arrives, ns."""
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Continue the goals of a former life: those that ran then have an unknown end."""
+        """Restore the goals from before the restart; those that ran have an unknown outcome."""
         for name, value in stored.items():
             if not name.startswith(f"{_JOURNAL}/"):
                 continue
@@ -89,7 +89,7 @@ class GoalServer:
             self._goals.add(goal)
 
     def link_up(self, now: int) -> None:
-        """The link is up: the times of what a former life has left begin."""
+        """Start the timers of the goals from before the restart, and send their results."""
         for goal in self._goals.values():
             if goal.forget_at == _NEVER:
                 spec = self._spec(goal)
@@ -164,7 +164,7 @@ class GoalServer:
     # For the channel
 
     def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
-        """Take what a client says of a goal; returns why it is dropped, or None."""
+        """Take a client's record about a goal; return why it is dropped, or None."""
         present = self._handshake.peer(source).present_epoch
         epoch = present if message.epoch is None else message.epoch
         key = GoalKey(source, epoch, stream.stream_id, message.number)
@@ -216,7 +216,7 @@ class GoalServer:
     # Below the methods above
 
     def _forget_at(self, goal: ServedGoal, instant: int | None) -> None:
-        """Remember a goal until an instant, ns, or as long as it runs."""
+        """Remember a goal until an instant, ns; None: as long as it runs."""
         goal.forget_at = instant
         if instant is None:
             self._timers.cancel((Due.SERVED_GOAL, goal.key))
@@ -232,12 +232,12 @@ class GoalServer:
         return spec
 
     def _is_wanted(self, goal: ServedGoal) -> bool:
-        """Tell whether the client's present life knows, or may know, the goal."""
+        """Return whether the client's present boot epoch knows, or may know, the goal."""
         present = self._handshake.peer(goal.key.client).epoch
         return present is None or present in (goal.key.epoch, goal.claimed_in)
 
     def _take(self, key: GoalKey, stage: ServedStage, now: int) -> ServedGoal | None:
-        """Remember a new goal; None when there are too many."""
+        """Add a new goal; return None when there are too many."""
         for other in [*self._goals.of(key)]:
             if other.key.epoch == key.epoch and closes(key.number, other.key.number):
                 self._forget(other, now)
@@ -284,7 +284,7 @@ class GoalServer:
         self, key: GoalKey, goal: ServedGoal | None, attempt: int, now: int
     ) -> str | None:
         if goal is None:
-            # It overtook its goal, which shall not begin when it comes.
+            # The cancel overtook its goal: the goal must not begin when it comes.
             goal = self._take(key, ServedStage.TAKEN, now)
             if goal is None:
                 return "too_many_goals"
@@ -304,7 +304,7 @@ class GoalServer:
         return None
 
     def _attempt_cancel(self, goal: ServedGoal, attempt: int) -> None:
-        """Take another attempt to cancel; an answer that is awaited already is for that too."""
+        """Take a further attempt to cancel; an answer that is already awaited serves it too."""
         goal.cancel_attempt = attempt
         if goal.stage is ServedStage.OFFERED:
             goal.cancel = CancelStage.WANTED
@@ -327,14 +327,14 @@ class GoalServer:
             self._outbox.say(goal.key, stream, client, operation, lane, now, payload)
 
     def _say(self, goal: ServedGoal, operation: Operation, now: int) -> None:
-        """Send the state of a goal to the node that has asked."""
+        """Send the state of a goal to its client, if the client wants it."""
         if self._is_wanted(goal):
             payload = goal.answer if operation is Operation.REFUSED else b""
             stream, client = self._stream(goal), goal.key.client
             self._outbox.say(goal.key, stream, client, operation, GoalLane.ANSWER, now, payload)
 
     def _answer_again(self, goal: ServedGoal, now: int) -> None:
-        """Answer again: the client has not heard the state of a goal."""
+        """Answer again, since the client has not heard the state of a goal."""
         match goal.stage:
             case ServedStage.TAKEN:
                 pass
@@ -367,7 +367,7 @@ class GoalServer:
         goal.stage, goal.answer = ServedStage.ENDED, answer
         keeps_until = now + seconds_to_ns(self._spec(goal).result_timeout_s)
         self._forget_at(goal, max(goal.deadline_at, keeps_until) + self.settling_ns)
-        # The result says that the goal was accepted, and that it is over.
+        # The result also says that the goal was accepted and has ended.
         self._outbox.withdraw(
             goal.key, goal.key.client, GoalLane.ANSWER, GoalLane.CANCEL_ANSWER, GoalLane.FEEDBACK
         )
@@ -381,13 +381,13 @@ class GoalServer:
         self._keep(goal, kept, now)
 
     def _push(self, goal: ServedGoal, now: int) -> None:
-        """Repeat a result until it is confirmed, or nobody waits for it any more."""
+        """Repeat a result until it is confirmed or no longer wanted."""
         if goal.is_confirmed or not self._is_wanted(goal):
             return
         assert goal.forget_at is not None
         stream = self._stream(goal)
         if not self._outbox.fits(goal.answer):
-            # The link has become smaller since it was checked: how the goal has ended still fits.
+            # The link has shrunk since the size was checked: the status alone still fits.
             goal.answer = encode_result(GoalStatus(goal.answer[0]), None)
         has_result = goal.answer[:1] < UNKNOWN_RESULT
         operation, payload = shorten_result(goal.answer)
@@ -409,7 +409,7 @@ class GoalServer:
         goal.repetition = None
         if not goal.is_confirmed:
             goal.is_confirmed = True
-            # Its frame may come once more until its deadline, and it shall not run again.
+            # Its GOAL may come once more until its deadline, and must not run again.
             self._forget_at(goal, max(now, goal.deadline_at) + self.settling_ns)
 
     def _forget(self, goal: ServedGoal, now: int) -> None:

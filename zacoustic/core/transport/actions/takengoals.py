@@ -1,4 +1,4 @@
-"""The goals that a server remembers, by client; bounded, whoever sends them."""
+"""The goals that a server remembers, by client; their number is bounded, whoever sends them."""
 
 from collections.abc import Collection
 from typing import Final
@@ -7,9 +7,9 @@ from zacoustic.core.transport.actions.servedgoal import ServedGoal
 from zacoustic.core.wire.goals import GOAL_NUMBERS, GoalKey
 
 MOST_OF_ONE: Final = 2 * GOAL_NUMBERS
-"""Most goals of one client on one stream: those of two of its lives."""
+"""The most goals of one client on one stream, enough for two boot epochs."""
 MOST_GOALS: Final = 1024
-"""Most goals of all clients, including those whose addresses somebody has forged."""
+"""The most goals of all clients, including those under forged addresses."""
 
 
 class TakenGoals:
@@ -20,7 +20,7 @@ class TakenGoals:
         self._all: dict[GoalKey, ServedGoal] = {}
 
     def get(self, key: GoalKey) -> ServedGoal | None:
-        """Return a goal, if it is known."""
+        """Return a known goal, or None."""
         return self._all.get(key)
 
     def values(self) -> Collection[ServedGoal]:
@@ -28,21 +28,21 @@ class TakenGoals:
         return self._all.values()
 
     def of(self, key: GoalKey) -> Collection[ServedGoal]:
-        """Return the goals of the client of a goal on its stream, of all its lives."""
+        """Return the goals that a goal's client has sent on its stream, in all its boot epochs."""
         return self._by_client.get((key.client, key.stream_id), {}).values()
 
     def has_room(self, key: GoalKey) -> bool:
-        """Tell whether there is room for a new goal."""
+        """Return whether there is room for a new goal."""
         return len(self.of(key)) < MOST_OF_ONE and len(self._all) < MOST_GOALS
 
     def add(self, goal: ServedGoal) -> None:
-        """Remember a goal."""
+        """Add a goal."""
         key = goal.key
         self._all[key] = goal
         self._by_client.setdefault((key.client, key.stream_id), {})[key] = goal
 
     def remove(self, goal: ServedGoal) -> None:
-        """Forget a goal."""
+        """Remove a goal."""
         key = goal.key
         place = (key.client, key.stream_id)
         del self._all[key]

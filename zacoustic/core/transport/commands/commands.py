@@ -28,51 +28,50 @@ from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 
 NOBODY: Final = 0
-"""In place of an address: a command of the node's own network, or program."""
+"""The address of a command from the node's own network or program."""
 
 
 class StreamOverridden(msgspec.Struct, frozen=True, kw_only=True):
-    """A command has overridden how a topic of this node is sent, and the journal has it."""
+    """A command has overridden how a topic of this node is sent, and the override is journalled."""
 
     stream_id: int
     """The topic's stream."""
     on: bool
-    """Its samples go; otherwise they wait, expire and are superseded."""
+    """Whether its samples are sent; otherwise they wait, expire and are superseded."""
     min_interval_s: float
     """Minimum time between two transmitted samples of one key, s."""
     priority: Priority
-    """Zenoh's priority."""
+    """The Zenoh priority."""
     commanded_by: int
-    """Address of the commanding node; 0: commanded here."""
+    """Address of the commanding node; 0: a local command."""
     changed_at: int
     """Instant, ns."""
 
 
 class CommandHandled(msgspec.Struct, frozen=True, kw_only=True):
-    """A command of another node that changes something was executed, or any one refused."""
+    """A command from another node that changes something was executed, or any was refused."""
 
     commanded_by: int
     """Address of the commanding node."""
     kind: CommandKind | None
-    """What was wanted; None: it was refused."""
+    """The kind of command; None: it was refused."""
     stream_id: int | None
-    """The topic that it was about, or None."""
+    """The topic of the command, or None."""
     refusal: str
-    """Why it was refused, one line; empty: it was executed."""
+    """The reason for the refusal, one line; empty: it was executed."""
     handled_at: int
     """Instant, ns."""
 
 
 class Commands:
-    """What a node commands others to do, and does for them.
+    """The commands that a node gives and executes.
 
     Args:
-        node: What there is once in the node.
-        services: They carry commands; None: none cross on its wire.
+        node: The components that all links of the node share.
+        services: Carry the commands; None: the wire carries none.
         overrides: The overrides of topics.
-        silence: The gate in front of all transmissions.
-        executes: Addresses of the nodes whose commands it executes; None: those of the table's
-            list.
+        silence: The transmit silence of the node.
+        executes: Addresses of the nodes whose commands it executes; None: all nodes of the table.
     """
 
     def __init__(
@@ -98,7 +97,7 @@ class Commands:
         self._serial = 0
         node.peers.forgotten.connect(self._deduplication.peer_forgotten)
         stream = node.table.get(COMMANDS_STREAM_ID)
-        if stream is not None and stream.is_built_in:  # else the id is another service's
+        if stream is not None and stream.is_built_in:  # otherwise the id belongs to another service
             self._carrier.serve_here(COMMANDS_STREAM_ID, self._receive)
             self._carrier.take_ends(COMMANDS_STREAM_ID, self._given.ended)
 
@@ -107,18 +106,19 @@ class Commands:
     ) -> int:
         """Give a command to another node; return the call id of its answer.
 
-        The answer is a `ResponseReceived` of stream `COMMANDS_STREAM_ID`, to be read by
-        `CommandState.from_wire`, or a `CallFailed`: HANDLER when it is refused, with the reason.
+        The answer is a `ResponseReceived` of stream `COMMANDS_STREAM_ID`, which
+        `CommandState.from_wire` decodes, or a `CallFailed`: HANDLER with the reason when the node
+        refuses the command.
 
         Args:
-            node: Address of the node.
+            node: Address of the node, 1…254.
             command: The command.
             now: The instant.
             timeout_s: How long to try, s, at most 600; None: 600.
 
         Raises:
-            LocalError: No such node, this one itself, a longer time, or the table has no remote
-                commands.
+            LocalError: No such node, or this node itself; the time-out is too long; or the table
+                has no remote commands.
             QueueFullError: Too many commands to that node are under way.
         """
         if not 1 <= node <= 254:
@@ -143,10 +143,10 @@ class Commands:
         Args:
             command: The command.
             now: The instant.
-            then: Takes what holds, when it is written down.
+            then: Takes the resulting state, once it is journalled.
 
         Raises:
-            LocalError: It speaks of a topic that this node does not publish.
+            LocalError: It names a topic that this node does not publish.
         """
 
         def kept(at: int) -> None:
@@ -158,10 +158,10 @@ class Commands:
             self._unproved.settle(command.subject)
 
     def state(self, command: RemoteCommand, now: int) -> CommandState:
-        """Return the state of the objects of a command.
+        """Return the state of a command's objects.
 
         Raises:
-            LocalError: It speaks of a topic that this node does not publish.
+            LocalError: It names a topic that this node does not publish.
         """
         silence = self._silence.state(now)
         state = CommandState(
@@ -179,7 +179,7 @@ class Commands:
     # For the channel
 
     def _receive(self, request: RequestReceived, now: int) -> None:
-        """Take a command of another node."""
+        """Take a command from another node."""
         call, age_s = request.call, request.age_s or 0.0
         executes = self._table.nodes if self._executes is None else self._executes
         if call.client not in executes:
@@ -200,7 +200,7 @@ class Commands:
     def _execute_once(
         self, call: CallKey, serial: int, command: RemoteCommand, now: int, *, proved: bool
     ) -> None:
-        """Execute a command, unless it or a later one has been executed."""
+        """Execute a command unless it, or a later one, has been executed."""
         subject = command.subject
         freshness = self._deduplication.freshness(call.client, subject, call.epoch, serial)
         tried = self._unproved.freshness(call, subject, serial)
@@ -229,7 +229,7 @@ class Commands:
         is_told = tried is Freshness.SAME
         self._do(command, now, lambda at: None if is_told else self._tell(command, call.client, at))
         self._unproved.settle(subject)
-        # Behind what it did, so that both are there when this is.
+        # After its effect, so that the journal has the effect when it has this entry.
         self._deduplication.enter(call.client, subject, call.epoch, serial, kept)
 
     def _answer(self, call: CallKey, command: RemoteCommand, now: int) -> None:
@@ -242,7 +242,7 @@ class Commands:
         self._note(call.client, None, reason, now)
 
     def _note(self, by: int, command: RemoteCommand | None, refusal: str, now: int) -> None:
-        """Tell the application of a command that was executed or refused."""
+        """Emit the event of a command that was executed or refused."""
         self._emit(
             CommandHandled(
                 commanded_by=by,
@@ -269,7 +269,7 @@ class Commands:
     def _try(
         self, command: RemoteCommand, now: int, then: Callable[[int], None]
     ) -> Callable[[int], None]:
-        """Execute a command for a while; returns what restores the state before it."""
+        """Execute a command for a while; return what restores the state before it."""
         if command.stream_id is not None:
             self.overrides.change_for_now(command)
             then(now)
@@ -291,7 +291,7 @@ class Commands:
     def _do(self, command: RemoteCommand, now: int, then: Callable[[int], None]) -> None:
         match command.kind:
             case CommandKind.ASK:
-                self.state(command, now)  # raises here what it would raise later
+                self.state(command, now)  # raises now what it would raise later
                 then(now)
             case CommandKind.SILENCE:
                 self._silence.begin(now, duration_s=command.for_s, then=then)
@@ -303,7 +303,7 @@ class Commands:
                 assert_never(command.kind)
 
     def _tell(self, command: RemoteCommand, by: int, now: int) -> None:
-        """Report a changed topic to the application; `Silence` reports itself."""
+        """Emit the event of an overridden topic; `Silence` emits its own."""
         if command.kind not in (CommandKind.OVERRIDE, CommandKind.RESET):
             return
         assert command.stream_id is not None
@@ -321,10 +321,10 @@ class Commands:
 
 
 def _for_the_rest(command: RemoteCommand, age_s: float) -> RemoteCommand:
-    """Return a silence that ends on time, however long the command took.
+    """Return a silence that ends on time, however long the command took to arrive.
 
     Raises:
-        LocalError: That is over.
+        LocalError: Its time is over.
     """
     assert command.for_s is not None
     try:

@@ -1,9 +1,9 @@
 """The deduplication table of commands: each is executed once, and none after a later one.
 
-A node counts the commands of one boot epoch (*serial*). The table keeps, for each commanding node
-and each object of a command, the epoch and the serial of the last executed command, and the epochs
-before. A command is new if its serial is later in the same epoch, or if its epoch is none of those
-before: a node never returns to a former epoch, so a command from one came late.
+A node counts the commands of one boot epoch (*serial*). For each commanding node and each object of
+a command, the table keeps the epoch and the serial of the last executed command, and the epochs
+before. A command is new if its serial is later in the same epoch, or if its epoch is not among
+those before: a node never returns to an earlier epoch, so a command from one is late.
 """
 
 import enum
@@ -20,7 +20,7 @@ _FORMER_LIVES: Final = 8
 
 
 class Freshness(enum.Enum):
-    """A command compared with those before."""
+    """How a command compares with those before."""
 
     NEW = "new"
     """New: execute it."""
@@ -42,8 +42,8 @@ class DeduplicationTable:
     """The commands that this node has executed.
 
     Args:
-        stored: What the journal has kept.
-        journal: Keeps the rest.
+        stored: The content of the journal.
+        journal: Holds the table.
     """
 
     def __init__(self, stored: Mapping[str, bytes], journal: JournalPort) -> None:
@@ -56,13 +56,13 @@ class DeduplicationTable:
                 self._last[client, subject] = msgspec.msgpack.decode(value, type=_Last)
 
     def freshness(self, client: int, subject: int, epoch: int, serial: int) -> Freshness:
-        """Tell whether a command is new.
+        """Return whether a command is new.
 
         Args:
-            client: Who gives it.
-            subject: What it is about.
+            client: The commanding node.
+            subject: The object of the command.
             epoch: Boot epoch of that node.
-            serial: Number of the command.
+            serial: The command's serial.
         """
         last = self._last.get((client, subject))
         if last is None or (epoch != last.epoch and epoch not in last.former):
@@ -75,7 +75,7 @@ class DeduplicationTable:
         return Freshness.NEW if ahead < SERIALS // 2 else Freshness.OVERTAKEN
 
     def peer_forgotten(self, client: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor which of its commands were executed."""
+        """Forget a node and its commands."""
         for place in [place for place in self._last if place[0] == client]:
             del self._last[place]
             self._journal.write(_name(*place), None)
@@ -83,7 +83,7 @@ class DeduplicationTable:
     def enter(
         self, client: int, subject: int, epoch: int, serial: int, then: Callable[[int], None]
     ) -> None:
-        """Note an executed command; `then` is called when that is written down."""
+        """Add an executed command; call `then` once it is journalled."""
         last = self._last.get((client, subject))
         former: tuple[int, ...] = ()
         if last is not None:

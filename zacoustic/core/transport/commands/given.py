@@ -1,8 +1,8 @@
-"""The commands that a node gives: with the boot epoch of the other node, as soon as that is heard.
+"""The commands that a node gives, each with the other node's boot epoch once that is heard.
 
-A command that does not show that its sender has heard the node holds for ten minutes there
-(`zacoustic.core.transport.commands.unproved`). Where the answer tells that the epoch was unknown,
-or another one, the same command goes once more, with it and under the same serial.
+A command that does not prove that its sender has heard the node holds there for ten minutes
+(`zacoustic.core.transport.commands.unproved`). If the answer shows that the epoch was unknown or
+wrong, the sender sends the same command once more, with the epoch and under the same serial.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from zacoustic.core.transport.calls.calls import CallEvent, CallFailed, Response
 from zacoustic.errors import LocalError
 
 Give = Callable[[int, dict[str, Any], int, float | None], int]
-"""``(node, request, now, timeout_s)``: calls a node; returns the call id."""
+"""``(node, request, now, timeout_s)``: calls a node and returns the call id."""
 
 
 class _Given(msgspec.Struct, frozen=True):
@@ -27,20 +27,20 @@ class _Given(msgspec.Struct, frozen=True):
     command: RemoteCommand
     serial: int
     heard: int | None
-    """Boot epoch of the node, as it was said."""
+    """The node's boot epoch in the command."""
     given_at: int
     ends_at: int
-    """Until then its answer is awaited, ns."""
+    """Instant until which its answer is awaited, ns."""
     first_id: int | None
-    """The call of the same command without the right epoch; None: it goes for the first time."""
+    """The call that sent the same command without the right epoch; None: this is the first call."""
 
 
 class GivenCommands:
     """The commands of one node that are under way.
 
     Args:
-        give: Sends one.
-        handshake: Knows the boot epochs of others.
+        give: Sends a command.
+        handshake: Knows the boot epochs of other nodes.
     """
 
     def __init__(self, give: Give, handshake: Handshake) -> None:
@@ -51,13 +51,13 @@ class GivenCommands:
     def give(
         self, node: int, command: RemoteCommand, serial: int, now: int, *, timeout_s: float | None
     ) -> int:
-        """Give a command; returns the call id of its answer."""
+        """Give a command; return the call id of its answer."""
         ends_at = now + seconds_to_ns(COMMANDS_TIMEOUT_S if timeout_s is None else timeout_s)
         given = _Given(node, command, serial, self._epoch_of(node), now, ends_at, None)
         return self._send(given, now, timeout_s)
 
     def ended(self, event: CallEvent, now: int) -> CallEvent | None:
-        """A call has ended; returns what the application is told of it, if anything."""
+        """Return the event to emit for the end of a call, or None."""
         if not isinstance(event, ResponseReceived | CallFailed):
             return event
         given = self._under_way.pop(event.call_id, None)
@@ -77,13 +77,13 @@ class GivenCommands:
     def _send(self, given: _Given, now: int, timeout_s: float | None) -> int:
         request = given.command.to_wire(given.serial, given.heard)
         call_id = self._give(given.node, request, now, timeout_s)
-        others = self._under_way.items()  # a call that was given up has told no end
+        others = self._under_way.items()  # a cancelled call has reported no end
         self._under_way = {each: other for each, other in others if now <= other.ends_at}
         self._under_way[call_id] = given
         return call_id
 
     def _repeat(self, given: _Given, answer: ResponseReceived, now: int) -> bool:
-        """Give a command again if its node had another epoch; returns whether it goes."""
+        """Give a command again if its node had another epoch; return whether it was sent."""
         heard, command = self._epoch_of(given.node), given.command
         if heard in (None, given.heard) or now >= given.ends_at:
             return False
@@ -95,6 +95,6 @@ class GivenCommands:
                 given, command=command, heard=heard, first_id=answer.call_id
             )
             self._send(again, now, ns_to_seconds(given.ends_at - now))
-        except (ValueError, LocalError):  # its time is over, or too many are under way
+        except (ValueError, LocalError):  # too late, or too many calls under way
             return False
         return True

@@ -1,4 +1,4 @@
-"""Overrides of topics by remote commands; they survive a restart, and change no digest."""
+"""Overrides of topics by remote commands; they survive a restart and change no digest."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -16,14 +16,14 @@ _JOURNAL: Final = "tune"
 
 
 class Overrides:
-    """The topics of one node that were tuned.
+    """The overridden topics of one node.
 
     Args:
         address: Address of the node.
         table: Its streams.
-        override: Lays an override over the QoS of what waits.
-        stored: What the journal has kept.
-        journal: Keeps the rest.
+        override: Applies an override to the QoS of waiting samples.
+        stored: The content of the journal.
+        journal: Holds the overrides.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Overrides:
         self._journal = journal
         self._overrides: dict[int, Override] = {}
         self._kept: dict[int, Override] = {}
-        """Those of them that the journal has."""
+        """The overrides that the journal has."""
         for name, value in stored.items():
             head, _, stream_id = name.partition("/")
             if head == _JOURNAL:
@@ -52,15 +52,16 @@ class Overrides:
         return self._overrides.get(stream_id, NO_OVERRIDE)
 
     def effective(self, stream: Stream) -> tuple[bool, Qos]:
-        """Return whether the samples of a topic go, and its QoS with the override."""
+        """Return whether a topic's samples are sent, and its QoS with the override."""
         override = self.of(stream.stream_id)
         return override.on, override.over(stream.qos)
 
     def check(self, stream_id: int) -> Stream:
-        """Return a topic that can be tuned here.
+        """Return a topic that can be overridden here.
 
         Raises:
-            LocalError: It is none of this node's; in few words, since they may cross the channel.
+            LocalError: This node does not publish it; the text is short, since it may cross the
+                channel.
         """
         stream = self._table.get(stream_id)
         if stream is None:
@@ -72,7 +73,7 @@ class Overrides:
         return stream
 
     def change(self, command: RemoteCommand, then: Callable[[int], None]) -> None:
-        """Execute a TUNE or RESET; `then` is called when it is written down.
+        """Execute OVERRIDE or RESET; call `then` once it is journalled.
 
         Raises:
             LocalError: As `check`.
@@ -85,7 +86,7 @@ class Overrides:
         self._journal.write(name, value, then)
 
     def change_for_now(self, command: RemoteCommand) -> None:
-        """Execute a TUNE or RESET until `restore`.
+        """Execute OVERRIDE or RESET until `restore`.
 
         Raises:
             LocalError: As `check`.
@@ -93,7 +94,7 @@ class Overrides:
         self._apply(*self._commanded(command))
 
     def restore(self, stream_id: int) -> None:
-        """Let a topic be as the journal says."""
+        """Set a topic to the override in the journal."""
         self._apply(self._table.by_id(stream_id), self._kept.get(stream_id, NO_OVERRIDE))
 
     # Below the methods above
@@ -117,7 +118,7 @@ class Overrides:
             stream = self.check(stream_id)
             override = msgspec.msgpack.decode(value, type=Override)
         except (LocalError, msgspec.MsgspecError):
-            # The table is new now.
+            # The table has changed.
             self._journal.write(f"{_JOURNAL}/{stream_id}", None)
             return
         self._kept[stream_id] = override

@@ -1,10 +1,10 @@
-"""Commands whose sender has not shown that it has heard this node: they hold for ten minutes.
+"""Commands whose sender has not proved that it has heard this node: they hold for ten minutes.
 
-Anybody can say a command under the address of another node. Who gives one says with it which boot
-epoch of this node it has heard (`heard`): that is no frame of a former life, and of nobody who only
-guesses. A command without it is executed all the same, since whoever needs silence may just have
-been started; but what it has changed is undone after a while, and no command counts as overtaken by
-it for longer. Its sender gives it again with the epoch that it hears in the answer.
+Anybody can send a command under the address of another node. The sender adds the boot epoch of this
+node that it has heard (`heard`): this excludes frames for an earlier boot epoch, and senders that
+only guess. A command without it is executed all the same, since the node that needs silence may
+just have started. But its effect is undone after a while, and it overtakes other commands no longer
+than that. Its sender gives the command again with the epoch that it hears in the answer.
 """
 
 from collections.abc import Callable
@@ -30,14 +30,14 @@ class _Tried(msgspec.Struct, frozen=True):
     epoch: int
     serial: int
     undo: Callable[[int], None]
-    """Restores what was before the first of them; takes the instant."""
+    """Restores the state before the first of them; takes the instant."""
 
 
 class Unproved:
-    """What such commands have changed.
+    """The effects of unproved commands.
 
     Args:
-        timers: End it.
+        timers: End them.
     """
 
     def __init__(self, timers: Timers) -> None:
@@ -45,7 +45,7 @@ class Unproved:
         self._tried: dict[int, _Tried] = {}
 
     def freshness(self, call: CallKey, subject: int, serial: int) -> Freshness:
-        """Tell whether such a command is new among its kind."""
+        """Return whether an unproved command is new among the unproved ones."""
         tried = self._tried.get(subject)
         if tried is None or (tried.client, tried.epoch) != (call.client, call.epoch):
             return Freshness.NEW
@@ -57,7 +57,7 @@ class Unproved:
     def enter(
         self, call: CallKey, subject: int, serial: int, undo: Callable[[int], None], now: int
     ) -> None:
-        """Note a command that is executed, and how what was before it is restored."""
+        """Add an executed command, and what restores the state before it."""
         before = self._tried.get(subject)
         undo = undo if before is None else before.undo
         self._tried[subject] = _Tried(call.client, call.epoch, serial, undo)
@@ -65,7 +65,7 @@ class Unproved:
         self._timers.at((Due.UNPROVED, subject), until, partial(self._end, subject))
 
     def settle(self, subject: int) -> None:
-        """A command of somebody who is known to have given it: what was tried is over."""
+        """End the trial of an object: a proved command has replaced it."""
         self._tried.pop(subject, None)
         self._timers.cancel((Due.UNPROVED, subject))
 

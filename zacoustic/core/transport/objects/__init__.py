@@ -1,13 +1,13 @@
-"""Objects: payloads larger than a frame, to megabytes.
+"""Objects: payloads larger than a frame, up to megabytes.
 
 An object is cut into fragments and erasure coded (`code`): the sender sends the source fragments,
 asks what the receivers lack, and sends as many repair fragments as that takes, until every receiver
-has confirmed (`outgoing`, `incoming`). Both ends write down what they have (`stored`), so either
-may be killed at any instant. `objects` is what the engine sees; docs/wire.md, section "Objects", is
+has confirmed (`outgoing`, `incoming`). Both ends journal what they have (`stored`), so either may
+be killed at any instant. `objects` is what the engine sees; docs/wire.md, section "Objects", is
 normative.
 
-What it reaches between whole engines, in % of the bit rate of a modem that takes 0.951 s for a full
-frame of 64 bytes and is 1 s away, with 10 KiB (tests/benchmarks/bench_objects.py, 200 seeds):
+Throughput between whole engines, in % of the bit rate, for 10 KiB and a modem that is 1 s away and
+takes 0.951 s for a full frame of 64 bytes (tests/benchmarks/bench_objects.py, 200 seeds):
 
 ====================  ======  ======  ======  ======
 frames lost              0 %    20 %    30 %    50 %
@@ -17,11 +17,11 @@ exclusive                 92      72      62      43
 ====================  ======  ======  ======  ======
 
 ======================  ============================================================================
-`objects`, `admission`       the engine's view; what objects ask of the rest
+`objects`, `admission`  the engine's view; what objects ask of the other components
 `large`                 samples that are larger than a frame, for the topics
 `sending`               which object is next; `outgoing` one of them, `planning` its repair
 `receiving`             incoming objects; `incoming` one of them, `replies` when to send feedback,
-                        `endings` those that are over
+                        `endings` those that have ended
 `timing`                the durations, the listen windows
 `code`                  the erasure code
 `manifest`, `limits`    what an object is; how much memory objects may take

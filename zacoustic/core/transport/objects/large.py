@@ -1,10 +1,10 @@
-"""Samples that fit no frame: a reliable topic hands them over as objects, and takes them back.
+"""Samples that fit no frame: they cross as objects between reliable topics.
 
-The table is asked here, so that `zacoustic.core.transport.objects` knows no streams: who the
-receivers of an object are, whether this node subscribes to an arriving one, and whether both ends
-define its stream in the same way. So is the count of the key
-(`zacoustic.core.transport.reliable`), in which a large sample has its place between the small ones.
-An object that is complete before any of that is known waits for it.
+This module asks the table, so that `zacoustic.core.transport.objects` need not know streams: which
+nodes should receive an object, whether this node subscribes to an arriving one, and whether both
+ends define its stream in the same way. It also asks for the count of the key
+(`zacoustic.core.transport.reliable`), in which a large sample has its slot among the small ones. An
+object that is complete before all this is known waits for it.
 """
 
 from collections.abc import Callable, Mapping, Set
@@ -67,8 +67,8 @@ class LargeSamples:
         context: What the components of its engine share.
         limits: How much memory objects may take.
         subscriptions: Knows the subscribers of on-demand topics.
-        sending: Has the counts of this node's keys.
-        receiving: Has the others' samples, and takes new ones.
+        sending: Holds the counts of this node's keys.
+        receiving: Holds the counts of other nodes' keys, and delivers large samples.
     """
 
     def __init__(
@@ -109,14 +109,14 @@ class LargeSamples:
         self._slots.sender = self
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Restore the large samples of a former boot epoch, after its small ones."""
+        """Restore large samples from before the restart, after the small ones."""
         for source, manifest in self.objects.restore(stored, self._accept):
             slot = SequenceSlot(manifest.lineage, manifest.number)
             if self._table.get(manifest.stream_id) is not None:
                 self._receiving.recover_slot(manifest.stream_id, source, manifest.instance, slot)
 
     def link_up(self, now: int) -> None:
-        """The link is up: report samples of a former boot epoch that cannot be decoded any more."""
+        """Report samples that can no longer be decoded, and resume the others: the link is up."""
         for order in self._given_up:
             self._emit(given_up(order.stream_id, order.object_id, now))
         self._given_up.clear()
@@ -127,9 +127,10 @@ class LargeSamples:
                 self.subscribers_changed(stream, now)
 
     def subscribers_changed(self, stream: Stream, now: int) -> None:
-        """The subscribers of an on-demand topic have changed: those that left get no object of it.
+        """Stop sending a topic's objects to nodes that have unsubscribed.
 
-        One that was for nobody else is given up. Who has come gets those that are made from now on.
+        An object with no other receivers is given up. New subscribers get the objects that are made
+        from now on.
         """
         self._now = now
         subscribers = self._subscriptions.subscribers(stream)
@@ -137,7 +138,7 @@ class LargeSamples:
             self.objects.keep_only(stream.stream_id, subscribers, NOBODY, now)
 
     def unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
-        """This node does not want an on-demand topic of these nodes any more."""
+        """Drop a topic's incoming objects from nodes where this node has unsubscribed."""
         self._now = now
         self.objects.drop_unwanted(stream_id, sources)
 
@@ -145,7 +146,7 @@ class LargeSamples:
         """Refuse a payload that is too large for an object.
 
         Raises:
-            PayloadTooLargeError: Says how large it is and how large it may be.
+            PayloadTooLargeError: States its size and the largest allowed size.
         """
         assert isinstance(stream.spec, TopicSpec)
         self.objects.check_size(stream.name, payload_bytes, stream.spec.max_bytes)
@@ -160,12 +161,12 @@ class LargeSamples:
         encoding: str | None,
         expires_at: int | None,
     ) -> int:
-        """Send a sample as an object; returns its delivery id, which `DeliveryEnded` will name.
+        """Send a sample as an object; return its delivery id, which `DeliveryEnded` will name.
 
         Raises:
-            LocalError: Nobody is listed who could receive it.
+            LocalError: No node is listed that could receive it.
             PayloadTooLargeError: It is too large for an object on this link.
-            QueueFullError: Too many objects are on their way.
+            QueueFullError: Too many objects are under way.
         """
         self._now = now
         slot = self._slots.next_slot(stream, instance)
@@ -177,20 +178,20 @@ class LargeSamples:
         return delivery_id
 
     def at(self, now: int) -> "LargeSamples":
-        """Note the instant, for questions to the table and for events."""
+        """Record the instant, for questions to the table and for events."""
         self._now = now
         return self
 
     def cancel(self, delivery_id: int, now: int) -> bool:
-        """Give up a sample, large or small; False when it is not on its way."""
+        """Cancel a sample, large or small; return False when it is not under way."""
         self._now = now
         withdrawn = self.objects.withdraw(delivery_id, ObjectState.CANCELLED, "cancelled here", now)
         return withdrawn or self._slots.cancel(delivery_id, now)
 
-    # For the places: `zacoustic.core.transport.reliable.sending.slots.Large`
+    # For the sequence slots: `zacoustic.core.transport.reliable.sending.slots.Large`
 
     def enlarge(self, sample: Outgoing, stream_id: int, slot: SequenceSlot, now: int) -> str:
-        """Send a sample that was published as a small one; returns why not, or nothing."""
+        """Send as an object a sample that was published as a small one; return why not, or ''."""
         self._now = now
         stream = self._table.by_id(stream_id)
         waiting = sample.waiting
@@ -211,45 +212,45 @@ class LargeSamples:
         return ""
 
     def handed_on(self, delivery_id: int, address: int, now: int) -> None:
-        """A receiver has acknowledged a sample."""
+        """Note that a receiver has acknowledged a sample."""
         self._now = now
         self.objects.handed_on(delivery_id, address)
 
     def withdraw(self, delivery_id: int, outcome: DeliveryOutcome, now: int) -> None:
-        """A sample is over."""
+        """Stop sending a sample: it has ended."""
         self._now = now
         state = ObjectState(outcome.value)
         self.objects.withdraw(delivery_id, state, "", now)
 
-    # For own objects: `zacoustic.core.transport.objects.sending.sending.Owner`
+    # For outgoing objects: `zacoustic.core.transport.objects.sending.sending.Owner`
 
     def stored(self, sending: Sending, now: int) -> None:
-        """An object is in the journal."""
+        """Report that an object is journalled."""
         if self._slots.stored(sending.object_id):
             self._emit(DeliveryStored(delivery_id=sending.object_id, stream_id=sending.stream_id))
 
     def is_turn(self, object_id: int, address: int) -> bool:
-        """Tell whether nothing before an object will come for a receiver."""
+        """Return whether a receiver has everything before an object that it will ever get."""
         return self._slots.is_turn(object_id, address)
 
     def passed(self, object_id: int, address: int, now: int) -> None:
-        """A receiver has handed an object on."""
+        """Note that a receiver has delivered an object."""
         self._slots.passed(object_id, address, now)
 
     def refused(self, object_id: int, address: int, now: int) -> None:
-        """A receiver does not want an object."""
+        """Note that a receiver refuses an object."""
         self._slots.refused(object_id, address, now)
 
-    # For objects that arrive: `zacoustic.core.transport.objects.admission.AdmissionControl`
+    # For incoming objects: `zacoustic.core.transport.objects.admission.AdmissionControl`
 
     def fragment(self, heard: Heard, fragment: Fragment) -> str | None:
-        """Take a fragment; returns why it is dropped, or None."""
+        """Take a fragment; return why it is dropped, or None."""
         self._now = heard.now
         heard.streams.append(self.objects.stream_coming(heard.source, fragment.transfer))
         return self.objects.fragment(heard.source, fragment, heard.frame, heard.now)
 
     def feedback(self, heard: Heard, feedback: Feedback) -> str | None:
-        """Take a feedback; returns why it is dropped, or None."""
+        """Take a feedback; return why it is dropped, or None."""
         self._now = heard.now
         heard.streams.append(NO_STREAM)
         if not heard.is_unicast:
@@ -257,7 +258,7 @@ class LargeSamples:
         return self.objects.feedback(heard.source, feedback, heard.now)
 
     def admit(self, source: int, stream_id: int) -> Admission:
-        """Return the table's facts about an object; stream 0: not yet known."""
+        """Return what the table says about an object; stream 0: not yet known."""
         if not stream_id:
             taken = [each for each in self._table if self._may_take(each, source)]
             is_wanted = any(self._is_wanted(each, source) for each in taken)
@@ -281,7 +282,7 @@ class LargeSamples:
         return self._among(others, admission)
 
     def claim(self, source: int, manifest: Manifest, *, is_turn: bool) -> Claim:
-        """Tell whether it is the turn of an object that is complete."""
+        """Return whether a complete object may be delivered now."""
         return self._receiving.claim(
             self._table.by_id(manifest.stream_id),
             source,
@@ -292,18 +293,18 @@ class LargeSamples:
         )
 
     def unwanted(self, source: int, stream_id: int, *, is_alone: bool) -> None:
-        """An object is on its way that is not wanted, maybe for this node alone."""
+        """Note that an unwanted object is under way, perhaps for this node alone."""
         if self._is_open(source, stream_id):
             stream = self._table.by_id(stream_id)
             self._subscriptions.sample_received(source, stream, self._now, is_alone=is_alone)
 
     def expect(self, source: int, manifest: Manifest) -> None:
-        """An object is on its way."""
+        """Note that an object is under way."""
         slot = SequenceSlot(manifest.lineage, manifest.number)
         self._receiving.expect(source, manifest.stream_id, manifest.instance, slot)
 
     def deliver(self, arrived: ObjectReceived) -> None:
-        """Hand a complete object on."""
+        """Deliver a complete object."""
         manifest = arrived.manifest
         stream = self._table.by_id(manifest.stream_id)
         slot = SequenceSlot(manifest.lineage, manifest.number)
@@ -323,7 +324,7 @@ class LargeSamples:
         except (PayloadError, UnknownStreamError):
             self._stats.drop("payload")
             sample = None
-        if arrived.again:  # its place is taken already
+        if arrived.again:  # its slot is passed already
             self._receiving.hand_on_left(sample, self._now)
             return
         key = (arrived.source, stream.stream_id, manifest.instance)
@@ -332,12 +333,12 @@ class LargeSamples:
     # Below the methods above
 
     def _is_open(self, source: int, stream_id: int) -> bool:
-        """Tell whether both ends are known to define a stream in the same way."""
+        """Return whether both ends are known to define a stream in the same way."""
         epoch = self._handshake.peer(source).epoch
         return self._handshake.verdict(source, epoch, stream_id, self._now) is None
 
     def _may_take(self, stream: Stream, source: int) -> bool:
-        """Tell whether a large sample of a stream may be for this node."""
+        """Return whether a large sample of a stream may be for this node."""
         is_reliable = stream.qos.reliability is Reliability.RELIABLE
         is_ours = stream.may_publish(source) and stream.may_subscribe(self._address)
         return isinstance(stream.spec, TopicSpec) and is_reliable and is_ours
@@ -346,7 +347,7 @@ class LargeSamples:
         return not stream.is_on_demand or source in self._subscriptions.wanted(stream.stream_id)
 
     def _among(self, receivers: list[int], admission: Admission) -> Admission:
-        """Say the how many-th receiver this node is."""
+        """Add this node's rank among the receivers to an admission."""
         if self._address not in receivers:
             return admission
         rank = receivers.index(self._address)
@@ -399,7 +400,7 @@ class LargeSamples:
         )
 
     def _accept(self, order: StoredObject) -> bool:
-        """Resume an own object of a former boot epoch, if its stream is unchanged."""
+        """Resume an outgoing object from before the restart if its stream is unchanged."""
         stream = self._table.get(order.stream_id)
         slot = SequenceSlot(order.lineage, order.number)
         if (

@@ -7,26 +7,26 @@ import msgspec
 from zacoustic.core.wire.objects import MOST_TRANSFERS
 
 LARGEST_BYTES: Final = 1 << 20
-"""Default largest payload of an object, bytes."""
+"""Default of the largest payload of an object, bytes."""
 MOST_BYTES: Final = (1 << 28) - 1
-"""Largest payload of a manifest, bytes."""
+"""The largest payload that a manifest can state, bytes."""
 
 
 class ObjectLimits(msgspec.Struct, frozen=True, kw_only=True):
     """How much memory objects may take."""
 
     largest_bytes: int = LARGEST_BYTES
-    """Largest payload that is sent or taken, bytes."""
+    """The largest payload that is sent or received, bytes."""
     most_outgoing: int = 16
-    """Most objects that are sent or wait, 1…64."""
+    """The most objects that may be sent or wait at once, 1…64."""
     incoming_bytes: int = 4 << 20
-    """Most bytes that all objects take that arrive at a time, at least `largest_bytes`."""
+    """The most bytes that all incoming objects may take at once, at least `largest_bytes`."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
 
         Raises:
-            ValueError: Names field, value and the allowed values.
+            ValueError: States field, value and the allowed values.
         """
         ranges = {
             "largest_bytes": (1, MOST_BYTES),

@@ -10,9 +10,9 @@ receivers have it with the first fragment.
     instance (…)  encoding (…)  length, LEB128 (1…4)  digest (8)
 
 The flags say how many instance bytes follow, and by 0x80 that an encoding does. Lineage and number
-are its place in the count of the key (`zacoustic.core.transport.reliable`): it is delivered in that
-order, and they distinguish it from the same payload published before. The digest is the first eight
-bytes of the SHA-256 of everything before it and of the payload.
+are its position in the count of the key (`zacoustic.core.transport.reliable`): they set the order
+of delivery, and distinguish the object from an earlier one with the same payload. The digest is the
+first eight bytes of the SHA-256 of everything before it and of the payload.
 """
 
 import hashlib
@@ -32,28 +32,28 @@ _LENGTH_BITS: Final = 7
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True):
-    """What an object is."""
+    """The description of an object."""
 
     stream_id: int
-    """Its topic."""
+    """The topic's stream."""
     instance: Instance
-    """Which of the topic's keys."""
+    """The key within the topic."""
     encoding: str | None
-    """Zenoh encoding, where it is not the stream's."""
+    """The Zenoh encoding, where it is not the stream's."""
     lineage: int
-    """Boot epoch of the key's count."""
+    """The boot epoch of the key's count."""
     number: int
-    """Its number in that count, modulo 2^24."""
+    """The number in that count, modulo 2^24."""
     payload_bytes: int
-    """Length of the payload."""
+    """Length of the payload, bytes."""
     digest: bytes
-    """Eight bytes of the SHA-256 of all this and the payload."""
+    """Eight bytes of the SHA-256 of everything before it and the payload."""
     size_bytes: int
-    """Bytes of the manifest itself."""
+    """Length of the manifest, bytes."""
 
     @property
     def coded_bytes(self) -> int:
-        """Bytes that are cut into fragments."""
+        """Length of the data that is cut into fragments, bytes."""
         return self.size_bytes + self.payload_bytes
 
 
@@ -66,7 +66,7 @@ def encode_object(
     lineage: int,
     number: int,
 ) -> tuple[Manifest, bytes]:
-    """Return the manifest of a payload, and both in a row, to cut into fragments."""
+    """Return the manifest of a payload, and both encoded in a row, to be cut into fragments."""
     number %= _NUMBERS
     head = bytes((stream_id, len(instance) | (_HAS_ENCODING if encoding is not None else 0)))
     head += (lineage * _NUMBERS + number).to_bytes(_PLACE_BYTES, "big") + bytes(instance)
@@ -88,7 +88,7 @@ def encode_object(
 
 
 def decode_manifest(coded: bytes) -> Manifest | None:
-    """Read a manifest from the beginning of an object; None: more is needed, or it is none."""
+    """Decode the manifest at the start of an object; None: incomplete or invalid."""
     begin = 2 + _PLACE_BYTES
     if len(coded) < begin:
         return None
@@ -122,7 +122,7 @@ def decode_manifest(coded: bytes) -> Manifest | None:
 
 
 def open_object(manifest: Manifest, coded: bytes) -> bytes | None:
-    """Return the payload, or None when it is not the one that was published."""
+    """Return the payload, or None if it is not the published one."""
     head = coded[: manifest.size_bytes - DIGEST_BYTES]
     payload = coded[manifest.size_bytes : manifest.coded_bytes]
     if decode_manifest(coded) != manifest or _digest(head, payload) != manifest.digest:

@@ -1,15 +1,15 @@
 """`Objects`: payloads larger than a frame, in both directions, as the engine sees them.
 
-What the engine does with it::
+The engine uses it as follows::
 
-    publish, cancel, cancel_incoming                      commands
-    due_at ─► offer ─► take_feedback, take_fragment       what goes into the next frame
-    hold_until                                            until then nothing else should start
-    fragment, feedback                                    what arrived
-    restore                                               once, with entries of former boot epochs
+ publish, withdraw, cancel_incoming                    commands
+ due_at ─► offer ─► take_feedback, take_fragment       what goes into the next frame
+ hold_until                                            until then nothing else should start
+ fragment, feedback                                    what has arrived
+ restore                                               once, with entries of earlier boot epochs
 
-A fragment has a frame of its own; a feedback rides on what goes to its destination. The pauses of
-the listen windows are those of medium access, which is told when a transfer is exclusive.
+A fragment has a frame of its own; a feedback joins a frame to its destination. Medium access
+provides the pauses of the listen windows, and learns when a transfer is exclusive.
 """
 
 from collections.abc import Callable, Mapping, Set
@@ -105,8 +105,8 @@ class Objects:
         """Derive the durations from the link.
 
         Args:
-            capabilities: What it can do.
-            room_bytes: The records of a frame.
+            capabilities: What the link can do.
+            room_bytes: Room for records in a frame, bytes.
             pause_ns: Length of a listen window, ns.
             now: The instant.
         """
@@ -118,14 +118,14 @@ class Objects:
     def restore(
         self, stored: Mapping[str, bytes], accept: Callable[[StoredObject], bool]
     ) -> list[tuple[int, Manifest]]:
-        """Restore the entries of former boot epochs, before anything else.
+        """Restore the entries of earlier boot epochs, before anything else.
 
         Args:
-            stored: What they have kept.
-            accept: Returns whether to resume an own object; if not, it is forgotten.
+            stored: The content of the journal.
+            accept: Returns whether to resume an outgoing object; if not, it is forgotten.
 
         Returns:
-            What was handed on: source and manifest.
+            Source and manifest of each object that was delivered.
         """
         handed_on: list[tuple[int, Manifest]] = []
         for source, transfer, end in stored_ends(stored):
@@ -143,7 +143,7 @@ class Objects:
         return handed_on
 
     def link_up(self, now: int) -> None:
-        """The link is up: deliver what a former boot epoch was about to deliver."""
+        """Deliver what an earlier boot epoch was about to deliver: the link is up."""
         self._incoming.link_up(now)
 
     # Commands
@@ -170,25 +170,25 @@ class Objects:
         """Send a payload as an object.
 
         Args:
-            object_id: The id that its progress will name; the smaller of two goes first.
+            object_id: The id in its progress events; of two objects the smaller id goes first.
             stream_id: Its topic.
             payload: The encoded payload.
             now: The instant.
-            instance: Which of the topic's keys.
-            encoding: Zenoh encoding, where it is not the stream's.
-            lineage: Where it stands in the count of its key.
+            instance: The key within the topic.
+            encoding: The Zenoh encoding, where it is not the stream's.
+            lineage: Its lineage in the count of its key.
             number: Its number there.
-            receivers: Who is to have it, at least one.
-            stream_digest: Of its topic: a later boot epoch resumes only if it is the same.
-            keep: It survives a restart.
+            receivers: Addresses of the receivers, at least one.
+            stream_digest: The stream's digest: a later boot epoch resumes only if it is the same.
+            keep: Whether the object survives a restart.
             priority: Which of several objects goes first.
-            exclusive: Send without listen windows.
-            lifespan_s: Withdraw it after so long, s, in a later boot epoch.
-            expires_at: Withdraw it at this instant, ns, in this boot epoch; None: never.
+            exclusive: Whether it is sent without listen windows.
+            lifespan_s: Time after which it is withdrawn in a later boot epoch, s.
+            expires_at: Instant at which it is withdrawn in this boot epoch, ns; None: never.
 
         Raises:
-            PayloadTooLargeError: More than an index can name on this link.
-            QueueFullError: Too many objects are on their way.
+            PayloadTooLargeError: It has more fragments than an index can name on this link.
+            QueueFullError: Too many objects are under way.
         """
         if self._fragment_bytes < 1:
             raise PayloadTooLargeError("a frame of this link has no room for a fragment")
@@ -213,12 +213,12 @@ class Objects:
         """Refuse a payload that is larger than an object may be.
 
         Args:
-            name: Of the topic.
-            payload_bytes: Its size.
-            most_bytes: Largest of this topic; None: the node's limit.
+            name: The topic's name.
+            payload_bytes: Its size, bytes.
+            most_bytes: The largest payload of this topic; None: the node's limit.
 
         Raises:
-            PayloadTooLargeError: Says how large it is and how large it may be.
+            PayloadTooLargeError: States its size and the largest allowed size.
         """
         most_bytes = self._limits.largest_bytes if most_bytes is None else most_bytes
         if payload_bytes > most_bytes:
@@ -228,19 +228,19 @@ class Objects:
             )
 
     def withdraw(self, object_id: int, state: ObjectState, detail: str, now: int) -> bool:
-        """Withdraw an own object; False when it is not under way."""
+        """Withdraw an outgoing object; return False when it is not under way."""
         return self._outgoing.withdraw(object_id, state, detail, now)
 
     def handed_on(self, object_id: int, address: int) -> None:
-        """A receiver has acknowledged in another way that it has handed an own object on."""
+        """Note that an ACK of the topic shows that a receiver has delivered an outgoing object."""
         self._outgoing.handed_on(object_id, address)
 
     def keep_only(self, stream_id: int, receivers: Set[int], detail: str, now: int) -> None:
-        """Of the receivers of a stream's own objects, go on with those; `detail`: if none is."""
+        """Keep only these receivers of a stream's objects; `detail` is for those left without."""
         self._outgoing.keep_only(stream_id, receivers, detail, now)
 
     def cancel_incoming(self, source: int, transfer: int) -> bool:
-        """Refuse the rest of an object of another node; False when it is not under way."""
+        """Refuse the rest of an incoming object; return False when it is not under way."""
         return self._incoming.cancel(source, transfer)
 
     def stream_coming(self, source: int, transfer: int) -> int:
@@ -248,22 +248,22 @@ class Objects:
         return self._incoming.stream_of(source, transfer)
 
     def drop_unwanted(self, stream_id: int, sources: Set[int]) -> None:
-        """Keep nothing of a stream of these sources: this node has unsubscribed."""
+        """Drop a stream's incoming objects from these sources: this node has unsubscribed."""
         self._incoming.drop_unwanted(stream_id, sources)
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Nothing is to be kept of a node."""
+        """Forget a node."""
         self._incoming.peer_forgotten(address, now)
         self._outgoing.peer_forgotten(address, now)
 
     def look_again(self, source: int) -> None:
-        """A sample of a source was handed on: what waits for its turn may have it now."""
+        """Check the complete objects of a source again after it delivered a sample."""
         self._incoming.look_again(source)
 
     # Frames of this node
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame with an object's record is to go, or None."""
+        """Return the instant at which a frame with an object's record is due, ns, or None."""
         if self._timing is None:
             return None
         answer_at, fragment_at = self._incoming.due_at(now), self._fragment_due_at(now)
@@ -272,7 +272,7 @@ class Objects:
         return min(answer_at, fragment_at)
 
     def owes_answer(self, now: int) -> bool:
-        """Tell whether to send feedback about an object, or whether it is still on the air."""
+        """Return whether feedback about an object is due or still in transmission."""
         return self._incoming.owes_answer(now)
 
     def offer(self, now: int) -> Offer | None:
@@ -300,11 +300,11 @@ class Objects:
         )
 
     def has_fragment(self, now: int) -> bool:
-        """Whether a fragment is due."""
+        """Return whether a fragment is due."""
         return self._timing is not None and self._sending(now) is not None
 
     def take_feedback(self, destination: int, room_bytes: int, now: int) -> Taken | None:
-        """Take an answer that is due and goes to this destination, if it fits."""
+        """Take a due answer for this destination, if it fits."""
         if room_bytes < FEEDBACK_BYTES:
             return None
         taken = self._incoming.take(destination, now)
@@ -323,7 +323,7 @@ class Objects:
         """Take the fragment of `offer`, if it fits.
 
         Args:
-            room_bytes: What the frame has for it.
+            room_bytes: Room for it in the frame, bytes.
             now: The instant.
             frames_before_pause: Full frames before the next listen window, this one included.
         """
@@ -348,20 +348,20 @@ class Objects:
         )
 
     def hold(self, stream_id: int, until: int) -> None:
-        """Let no fragment of a stream go before an instant, ns: its airtime is used up."""
+        """Hold the fragments of a stream until an instant, ns: its airtime is used up."""
         self._outgoing.held[stream_id] = until
 
     def override(self, stream_id: int, priority: Priority, *, on: bool) -> None:
-        """Let the objects of a stream go with this priority, or wait."""
+        """Set the priority of a stream's objects, or stop them."""
         self._outgoing.override(stream_id, priority, on=on)
 
     def hold_until(self, now: int) -> int:
-        """Return the instant until which an answer is awaited, which other frames would destroy."""
+        """Return until when an answer is awaited that a frame would destroy, ns."""
         return self._outgoing.listens_until(now)
 
     @property
     def quiet_until(self) -> int:
-        """Until then fragments of another node are expected: a frame of ours would cost one."""
+        """Instant until which fragments come; a frame of this node would cost one, ns."""
         return self._incoming.quiet_until
 
     # Inputs
@@ -369,19 +369,19 @@ class Objects:
     def fragment(
         self, source: int, fragment: Fragment, received: ReceivedFrame, now: int
     ) -> str | None:
-        """Take a fragment; returns why it is dropped, or None."""
+        """Take a fragment; return why it is dropped, or None."""
         if self._timing is None:
             return "link_down"
         return self._incoming.fragment(source, fragment, received, self._timing, now)
 
     def feedback(self, source: int, feedback: Feedback, now: int) -> str | None:
-        """Take a feedback; returns why it is dropped, or None."""
+        """Take a feedback; return why it is dropped, or None."""
         return None if self._outgoing.answered(source, feedback, now) else "object_answer"
 
     # Getters
 
     def pending(self, stream_id: int) -> int:
-        """Count the own objects of a stream that are not yet delivered."""
+        """Return how many outgoing objects of a stream are not yet delivered."""
         return self._outgoing.pending(stream_id)
 
     @property
@@ -391,12 +391,12 @@ class Objects:
 
     @property
     def is_idle(self) -> bool:
-        """There is nothing to send."""
+        """Whether there is nothing to send."""
         return not len(self._outgoing)
 
     @property
     def is_exclusive(self) -> bool:
-        """The object that is being sent has the channel alone."""
+        """Whether the object that is being sent has the channel to itself."""
         return self._outgoing.is_exclusive
 
     # Below the methods above

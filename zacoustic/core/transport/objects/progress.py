@@ -1,4 +1,4 @@
-"""Events of objects for the application."""
+"""The progress events of objects."""
 
 import enum
 
@@ -8,44 +8,44 @@ from zacoustic.core.base.linktypes import ONE_LINK
 
 
 class ObjectState(enum.Enum):
-    """How far an object is."""
+    """The state of an object."""
 
     UNDER_WAY = "under_way"
-    """Fragments are on their way."""
+    """Its fragments are being sent."""
     DELIVERED = "delivered"
-    """Every receiver has it; at a receiver: it is complete and was handed over."""
+    """Every receiver has it; at a receiver: it is complete and was delivered."""
     REFUSED = "refused"
-    """A receiver does not want it; the others have it."""
+    """A receiver refuses it; the others have it."""
     CANCELLED = "cancelled"
-    """Cancelled here or at the other end."""
+    """It was cancelled at either end."""
     EXPIRED = "expired"
-    """Too old before every receiver had it."""
+    """Its lifespan ended before every receiver had it."""
     SUPERSEDED = "superseded"
-    """A newer sample of its key pushed it out."""
+    """A newer sample of its key replaced it."""
 
 
 class ObjectProgress(msgspec.Struct, frozen=True, kw_only=True):
-    """How far an object is; the last one of each object has another state than UNDER_WAY."""
+    """The progress of an object; each state but UNDER_WAY is the last one of its object."""
 
     stream_id: int
     """Its topic; 0: not yet known."""
     peer: int
-    """The node that it comes from; of an own object where it goes, or `BROADCAST`."""
+    """The source; for an outgoing object the destination, or `BROADCAST`."""
     transfer: int
-    """Number that the source gave it, 0…63."""
+    """The source's number for it, 0…63."""
     object_id: int | None = None
-    """Of an own object: what its publication returned."""
+    """For an outgoing object: what its publication returned."""
     state: ObjectState
-    """How far."""
+    """The state."""
     done_bytes: int
-    """Bytes that have arrived, as far as known here."""
+    """Bytes that are known to have arrived."""
     sent_bytes: int | None = None
-    """Of an own object: bytes that were on the air at least once; repair is not counted."""
+    """For an outgoing object: bytes that were transmitted at least once, without repair."""
     total_bytes: int | None
     """Bytes of the payload; None: not yet known."""
     missing: tuple[int, ...] = ()
-    """Of an own object that has ended: addresses of the receivers that do not have it."""
+    """For an outgoing object that has ended: addresses of the receivers that do not have it."""
     detail: str = ""
-    """Why, in a few words."""
+    """The reason, in a few words."""
     link: str = ONE_LINK
-    """Name of the link that it goes by, or comes by."""
+    """Name of the link that carries it."""

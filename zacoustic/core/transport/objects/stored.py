@@ -1,17 +1,17 @@
 """The journal entries of objects, so that either end may crash at any instant.
 
 ==============================  ====================================================================
-``object/out/7``                an outgoing object, with all that is needed to resume
-``object/out/7/sent``           the fragment from which on nothing has been sent
+``object/out/7``                an outgoing object, with all that is needed to resume it
+``object/out/7/sent``           the fragment from which on none has been sent
 ``object/in/2/7/0``             fragments that arrived, in groups in the order of arrival
 ``object/done/2/7``             an object that was delivered: its digest and the fragments with it
 ==============================  ====================================================================
 
-The second is written ahead of the transmission, in steps of a fortieth of the object, and the
-groups of the third have a fortieth of it: so at most so much is sent again. The fourth is committed
-before the object is delivered and confirmed: it is delivered once in any case. All of the third
-stay until it has been delivered: a boot epoch that finds both delivers it, *again*, since the one
-before may have died right behind that.
+The second entry is written ahead of the transmission, in steps of a fortieth of the object, and
+each group of the third has a fortieth of it: so at most a fortieth is sent again after a crash. The
+fourth entry is committed before the object is delivered and confirmed, so the object is delivered
+once in any case. The third entries stay until it has been delivered: a boot epoch that finds both
+delivers it and flags it `again`, since the node may have died right after the first delivery.
 """
 
 from collections.abc import Iterator, Mapping
@@ -40,14 +40,14 @@ class StoredObject(msgspec.Struct, frozen=True, array_like=True):
     exclusive: bool
     lifespan_s: float | None
     lineage: int
-    """Where it stands in the count of its key."""
+    """Its lineage in the count of its key."""
     number: int
     stream_digest: bytes
-    """Of the stream, as it was."""
+    """The stream's digest when it was published."""
 
 
 class StoredProgress(msgspec.Struct, frozen=True, array_like=True):
-    """From which fragment on nothing has been sent."""
+    """The fragment from which on none has been sent."""
 
     next_source: int
     next_seed: int
@@ -59,7 +59,7 @@ class StoredEnd(msgspec.Struct, frozen=True, array_like=True):
     digest: bytes
     head: tuple[bytes, ...]
     stream_digest: bytes = b""
-    """Of the stream, as it was, where its fragments are kept until it is delivered."""
+    """The stream's digest at the end, while the fragments are kept for delivery."""
 
 
 def out_key(transfer: int) -> str:
@@ -68,7 +68,7 @@ def out_key(transfer: int) -> str:
 
 
 def sent_key(transfer: int) -> str:
-    """Return the key of how far it was sent."""
+    """Return the key of an outgoing object's progress."""
     return f"{_OUT}{transfer}{_SENT}"
 
 

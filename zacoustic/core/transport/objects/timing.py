@@ -18,19 +18,19 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
     frame_ns: int
     """Airtime of a full frame."""
     gap_ns: int
-    """What the device needs after a frame."""
+    """The device's pause after a frame."""
     feedback_ns: int
-    """Airtime of a frame with a feedback."""
+    """Airtime of a frame with one feedback."""
     propagation_ns: int
     """Assumed propagation delay, one way."""
     pause_ns: int
     """Length of a listen window."""
     senses_carrier: bool = True
-    """Two that start at once hear of each other, unless they do within a propagation delay."""
+    """Whether two nodes that start at once hear each other, except within a propagation delay."""
 
     @classmethod
     def of(cls, capabilities: LinkCapabilities, envelope_bytes: int, pause_ns: int) -> "Timing":
-        """Derive the durations from a link and from what the envelope adds to a frame."""
+        """Derive the durations from a link, given the bytes that the envelope adds to a frame."""
         feedback_bytes = min(capabilities.mtu_bytes, FEEDBACK_BYTES + envelope_bytes)
         return cls(
             frame_ns=capabilities.airtime_ns(capabilities.mtu_bytes),
@@ -43,25 +43,25 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def slot_ns(self) -> int:
-        """From the start of a full frame to the start of the next, ≥ 1."""
+        """Time from the start of a full frame to the start of the next, ns, ≥ 1."""
         return max(1, self.frame_ns + self.gap_ns)
 
     @property
     def feedback_slot_ns(self) -> int:
-        """From the start of a feedback to the start of what may follow it, ≥ 1."""
+        """Time from the start of a feedback to the start of the frame after it, ns, ≥ 1."""
         return max(1, self.feedback_ns + self.gap_ns)
 
     @property
     def exchange_ns(self) -> int:
-        """From the end of a fragment that calls for an answer to the end of that answer."""
+        """Time from the end of a fragment that requests an answer to the end of the answer, ns."""
         return 2 * self.propagation_ns + self.feedback_slot_ns
 
     @property
     def run_frames(self) -> int:
-        """Full frames between two listen windows."""
+        """Number of full frames between two listen windows."""
         return max(1, (RUN_LIMIT_NS + self.gap_ns) // self.slot_ns)
 
     @property
     def period_ns(self) -> int:
-        """From the end of a listen window to the end of the next."""
+        """Time from the end of a listen window to the end of the next, ns."""
         return self.run_frames * self.slot_ns + self.pause_ns

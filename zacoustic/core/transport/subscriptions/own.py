@@ -1,4 +1,4 @@
-"""What this node wants of the publishers of on-demand topics, and who of them knows it."""
+"""This node's subscriptions at the publishers of on-demand topics, and who knows them."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,7 @@ from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of
 SUBSCRIBE_LANE = 0
 ANSWER_LANE = 1
 SUBSCRIBE_QOS = Qos(priority=Priority.INTERACTIVE_HIGH)
-"""Somebody waits for what a letter asks for."""
+"""A person may be waiting for the samples that a subscribe message asks for."""
 VERSIONS = 256
 
 
@@ -26,23 +26,23 @@ class _Message:
 
     def __init__(self) -> None:
         self.bits = 0
-        """What is wanted."""
+        """The streams that this node wants, one bit each."""
         self.version = 0
-        """The version under `repetition`."""
+        """The version that `repetition` sends."""
         self.said_version: int | None = None
-        """The last version that the node may have heard of; None: of none."""
+        """The last version that the node may have heard; None: none."""
         self.repetition: Repetition | None = None
-        """Says it, until it is answered."""
+        """Sends the message until the node answers."""
         self.known_version: int | None = None
         """The last version that the node has answered in its present boot epoch."""
         self.known_bits = 0
         self.known_at = 0
         self.heard: int | None = None
-        """Boot epoch of the node, as the last message has it."""
+        """The node's boot epoch in the last message."""
 
     @property
     def is_known(self) -> bool:
-        """The node has answered the last message, and that is the present state."""
+        """Whether the node has answered the last message, and that is the present state."""
         return self.known_version is not None and (self.known_version, self.known_bits) == (
             self.said_version,
             self.bits,
@@ -50,16 +50,16 @@ class _Message:
 
     @property
     def next_version(self) -> int:
-        """The version for a new message."""
+        """The version of the next message."""
         return 1 if self.said_version is None else (self.said_version + 1) % VERSIONS
 
 
 class Own:
-    """What one node wants.
+    """The subscriptions of one node at others.
 
     Args:
-        repeater: Repeats letters.
-        handshake: Knows the boot epochs of others.
+        repeater: Repeats subscribe messages.
+        handshake: Knows the boot epochs of other nodes.
     """
 
     def __init__(self, repeater: Repeater, handshake: Handshake) -> None:
@@ -73,21 +73,21 @@ class Own:
         return self._wanted.get(stream_id, frozenset())
 
     def want(self, stream_id: int, sources: Iterable[int], now: int) -> None:
-        """Want a topic of these publishers, and of no others."""
+        """Subscribe to a topic at these publishers, and at no others."""
         before, after = self.wanted(stream_id), frozenset(sources)
         self._wanted[stream_id] = after
         for source in sorted(before ^ after):
             self._write(source, page_of(stream_id), now)
 
     def answered(self, source: int, answer: Subscribe, now: int) -> str | None:
-        """Take an answer; returns why it is dropped, or None."""
+        """Take an answer; return why it is dropped, or None."""
         message = self._messages.get((source, answer.page))
         if message is None or message.repetition is None or not message.repetition.tries:
-            return "unexpected_ack"  # an answer to an unsent message is of a former boot epoch
+            return "unexpected_ack"  # nothing was sent in this boot epoch
         if (answer.version, answer.streams) != (message.version, message.bits):
             return "unexpected_ack"
         if not self._handshake.is_present(answer.heard):
-            return "unexpected_ack"  # of somebody who has not heard this life
+            return "unexpected_ack"  # from a node that has not heard this boot epoch
         if not answer.is_kept:
             self._prove(source, message, now)
             return None
@@ -97,7 +97,7 @@ class Own:
         return None
 
     def sample_received(self, source: int, stream_id: int, now: int, *, is_alone: bool) -> None:
-        """A sample came from `source`, maybe for this node alone: unsubscribe if needed."""
+        """Tell `source` again, if needed, that this node does not subscribe to its sample."""
         if source in self.wanted(stream_id):
             return
         key = (source, page_of(stream_id))
@@ -105,11 +105,11 @@ class Own:
         if message.repetition is not None or (message.said_version is not None and not is_alone):
             return
         if message.is_known and now < message.known_at + self._handshake.settling_ns:
-            return  # it was sent before the node knew
+            return  # the sample was sent before the node knew
         self._say(key, message, message.next_version, now)
 
     def publisher_restarted(self, source: int, now: int) -> None:
-        """A node has begun a new epoch, and may have forgotten the messages."""
+        """Send the subscriptions again to a node whose new epoch may have forgotten them."""
         for key, message in self._messages.items():
             if key[0] == source:
                 message.known_version = None
@@ -118,7 +118,7 @@ class Own:
                     self._say(key, message, message.said_version, now)
 
     def peer_forgotten(self, source: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor what it was told."""
+        """Forget a node and the messages to it."""
         for place in [place for place in self._messages if place[0] == source]:
             message = self._messages.pop(place)
             if message.repetition is not None:
@@ -127,17 +127,17 @@ class Own:
     # Below the methods above
 
     def _prove(self, source: int, message: _Message, now: int) -> None:
-        """Say the same with the boot epoch of the node, which does not keep it without."""
+        """Repeat the message with the node's boot epoch: without it the node drops it later."""
         assert message.repetition is not None
         if message.heard == self._handshake.heard_epoch(source):
-            self._handshake.ask(source, now)  # that is not its epoch
+            self._handshake.ask(source, now)  # the node has another epoch
             return
         page = next(page for (node, page), each in self._messages.items() if each is message)
         self._stop(message, message.repetition, now, answered=True)
         self._say((source, page), message, message.version, now)
 
     def _write(self, source: int, page: int, now: int) -> None:
-        """Set the message to a node to the present state."""
+        """Bring the message to a node up to date."""
         bits = bits_of(
             stream_id
             for stream_id, sources in self._wanted.items()

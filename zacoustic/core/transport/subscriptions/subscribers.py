@@ -1,4 +1,4 @@
-"""What others want of this node: the letters that came, and the audience of each topic."""
+"""Other nodes' subscriptions at this node: their messages, and the subscribers of each topic."""
 
 from collections.abc import Callable, Mapping, Set
 from functools import partial
@@ -15,38 +15,38 @@ from zacoustic.core.wire.subscriptions import Subscribe, page_of, streams_of
 
 _KEY: Final = "demand"
 """Keys in the journal are ``demand/PEER/PAGE``; the value is epoch (2), version (1), streams (1)
-and the digest of the table by which it was read (4)."""
+and the digest of the table with which the message was read (4)."""
 _KEPT_BYTES: Final = 8
 UNPROVED_NS: Final = 600 * NS_PER_S
-"""For so long a subscription holds that anybody may have forged."""
+"""How long a subscription holds that anybody may have forged, ns."""
 
 
 class _Held:
-    """The letter of one node about one page."""
+    """The message of one node about one page."""
 
     __slots__ = ("epoch", "is_journalled", "read_at", "streams", "version")
 
     def __init__(self, epoch: int, version: int, streams: int, read_at: int | None) -> None:
         self.epoch = epoch
         self.is_journalled = read_at is None
-        """The journal has it."""
+        """Whether the journal has it."""
         self.version = version
         self.streams = streams
         self.read_at = read_at
-        """Instant at which it came first, ns; None: in a former boot epoch."""
+        """Instant of its first arrival, ns; None: in an earlier boot epoch."""
 
     def is_same(self, epoch: int, message: Subscribe) -> bool:
-        """Tell whether it is this letter."""
+        """Return whether this is that message."""
         known = (self.epoch, self.version, self.streams)
         return known == (epoch, message.version, message.streams)
 
 
 class Subscribers:
-    """Who wants what of one node.
+    """The subscribers of one node's topics.
 
     Args:
         context: What the components of its engine share.
-        answer: Sends the answer to a letter: ``(address, letter, now)``.
+        answer: Sends the answer to a message: ``(address, message, now)``.
     """
 
     def __init__(self, context: Context, answer: Callable[[int, Subscribe, int], None]) -> None:
@@ -55,29 +55,30 @@ class Subscribers:
         self._handshake = context.handshake
         self._journal = context.journal
         self.changed = Signal[Stream, Set[int], int]()
-        """``(topic, newcomers, now)``: the audience of a topic has changed."""
+        """``(topic, newcomers, now)``: the subscribers of a topic have changed."""
         self._answer = answer
         self._held: dict[tuple[int, int], _Held] = {}
         self._unproved: dict[tuple[int, int], _Held] = {}
-        """Letters of nodes that have not shown to have heard this one; none is in `_held`."""
+        """Messages from nodes that have not shown that they have heard this one; none is in
+        `_held`."""
         self._timers = context.timers
         self._subscribers: dict[int, set[int]] = {}
 
     def of(self, stream: Stream) -> Set[int]:
-        """Return the nodes that have subscribed to an on-demand topic; it changes as they do."""
+        """Return the nodes that have subscribed to an on-demand topic, as a live set."""
         return self._subscribers.setdefault(stream.stream_id, set())
 
     def receive(self, source: int, message: Subscribe, readable: Set[int], now: int) -> str | None:
-        """Take a letter.
+        """Take a subscribe message.
 
         Args:
-            source: Who wants.
-            message: What it wants.
+            source: The node that subscribes.
+            message: Its subscriptions.
             readable: The streams that both ends are known to define in the same way.
             now: The instant.
 
         Returns:
-            Why it is dropped, or None.
+            The reason why it is dropped, or None.
         """
         life = self._handshake.peer(source).epoch
         if life is None:
@@ -85,7 +86,7 @@ class Subscribers:
         if not self._table.lists(source):
             return "not_subscriber"
         if not self._is_of_use(source, message.page):
-            self._answer(source, message, now)  # nothing is kept of it, but its writer can stop
+            self._answer(source, message, now)  # keep nothing of it, but let its sender stop
             return None
         held = self._held.get((source, message.page))
         is_known = held is not None and held.is_same(life, message)
@@ -101,12 +102,12 @@ class Subscribers:
             self._keep(source, held, message)
         elif held.is_journalled:
             self._answer(source, message, now)
-        # Also of one that came before: its streams may be readable only now.
+        # Also for a known message: its streams may have become readable only now.
         self._settle(source, message, readable, now)
         return None
 
     def peer_forgotten(self, source: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor what it has subscribed to."""
+        """Forget a node and its subscriptions."""
         for place in [place for place in self._unproved if place[0] == source]:
             self._forget_unproved(*place)
         for place in [place for place in self._held if place[0] == source]:
@@ -118,7 +119,7 @@ class Subscribers:
                 self.changed(self._table.by_id(stream_id), set(), now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Restore the entries of a former boot epoch."""
+        """Restore the messages from earlier boot epochs."""
         for key, kept in stored.items():
             name, _, rest = key.partition("/")
             if name != _KEY or len(kept) != _KEPT_BYTES or kept[4:] != self._table.digest:
@@ -138,7 +139,7 @@ class Subscribers:
     # Below the methods above
 
     def _keep(self, source: int, held: _Held, message: Subscribe) -> None:
-        """Write a letter down, and answer it then."""
+        """Journal a message, then answer it."""
 
         def kept(at: int) -> None:
             held.is_journalled = True
@@ -151,7 +152,7 @@ class Subscribers:
     def _receive_unproved(
         self, source: int, life: int, message: Subscribe, readable: Set[int], now: int
     ) -> str | None:
-        """Take a letter that may be forged: it adds for a while, and takes nothing away."""
+        """Take a message that may be forged: it adds subscriptions for a while and removes none."""
         place = (source, message.page)
         before = self._unproved.get(place)
         if before is not None and self._is_older(before, life, message.version, now):
@@ -169,7 +170,7 @@ class Subscribers:
         self._timers.cancel((Due.SUBSCRIBER, source, page))
 
     def _end_unproved(self, source: int, page: int, now: int) -> None:
-        """Nobody has proved a letter: what it has added is taken away."""
+        """End the subscriptions that an unproved message has added."""
         letter = self._unproved.pop((source, page))
         held = self._held.get((source, page))
         kept = set() if held is None else set(streams_of(page, held.streams))
@@ -191,15 +192,15 @@ class Subscribers:
             self.changed(self._table.by_id(stream_id), set(), now)
 
     def _is_older(self, held: _Held, life: int, version: int, now: int) -> bool:
-        """Tell whether a message was sent before the held one."""
+        """Return whether a message was sent before the held one."""
         if held.epoch != life or held.read_at is None:
             return False
         if now >= held.read_at + self._handshake.settling_ns:
-            return False  # it would have arrived by now
+            return False  # an earlier message would have arrived by now
         return (version - held.version) % VERSIONS > VERSIONS // 2
 
     def _is_of_use(self, source: int, page: int) -> bool:
-        """Tell whether a node may subscribe to anything of a page here."""
+        """Return whether a node may subscribe here to any stream of a page."""
         return any(
             page_of(stream.stream_id) == page and self._is_possible(source, stream.stream_id)
             for stream in self._table
@@ -216,7 +217,7 @@ class Subscribers:
         )
 
     def _settle(self, source: int, message: Subscribe, readable: Set[int], now: int) -> None:
-        """Set the subscribers by a message."""
+        """Set the subscribers to those of a message."""
         wanted = set(streams_of(message.page, message.streams)) & readable
         for stream in self._table:
             stream_id = stream.stream_id

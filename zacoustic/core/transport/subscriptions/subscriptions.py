@@ -1,4 +1,4 @@
-"""On-demand topics of one node: what it wants of others, and what others want of it."""
+"""The on-demand topics of one node: its own subscriptions, and those of others at it."""
 
 from collections.abc import Callable, Collection, Mapping, Set
 from typing import Final
@@ -27,16 +27,16 @@ from zacoustic.core.wire.subscriptions import (
 from zacoustic.errors import LocalError
 
 NOBODY: Final = "nobody subscribes"
-"""Why a reliable sample of an on-demand topic has ended."""
+"""The reason for the end of a reliable sample without subscribers."""
 
 
 class SubscribersChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """Others subscribe to an on-demand topic of this node than before."""
+    """The subscribers of an on-demand topic of this node have changed."""
 
     stream_id: int
     """The topic's stream."""
     subscribers: tuple[int, ...]
-    """Addresses of those who do; none: its samples are not sent."""
+    """Addresses of the present subscribers; empty: the topic's samples are not sent."""
     changed_at: int
     """Instant of the change, ns."""
 
@@ -46,7 +46,7 @@ class Subscriptions:
 
     Args:
         context: What the components of its engine share.
-        repeater: Repeats letters.
+        repeater: Repeats subscribe messages.
     """
 
     def __init__(self, context: Context, repeater: Repeater) -> None:
@@ -58,10 +58,10 @@ class Subscriptions:
         self._own = Own(repeater, context.handshake)
         self._subscribers = Subscribers(context, self._answer)
         self.changed = self._subscribers.changed
-        """``(topic, newcomers, now)``: others subscribe to a topic than before."""
+        """``(topic, newcomers, now)``: the subscribers of a topic have changed."""
         self.changed.connect(self._tell)
         self.unsubscribed = Signal[int, Set[int], int]()
-        """``(stream_id, sources, now)``: this node wants a topic of these nodes no longer."""
+        """``(stream_id, sources, now)``: this node has unsubscribed from a topic of these nodes."""
         context.reception.on(Subscribe, self.receive)
         context.peers.restarted.connect(self.peer_restarted)
         context.peers.forgotten.connect(self.peer_forgotten)
@@ -71,17 +71,17 @@ class Subscriptions:
     def want(self, stream_id: int, now: int, sources: Collection[int] | None = None) -> None:
         """Subscribe to an on-demand topic at some of its publishers, and at no others.
 
-        Nothing happens for a topic that always crosses.
+        A topic that is not on demand is unaffected.
 
         Args:
             stream_id: The topic.
             now: The instant.
-            sources: Addresses of the publishers; others than those of the topic, and this node,
-                are left out. None: all of them. Empty: unsubscribe.
+            sources: Addresses of the publishers; this node and nodes that do not publish the topic
+                are ignored. None: all publishers. Empty: unsubscribe.
 
         Raises:
             UnknownStreamError: No such topic.
-            LocalError: This node may not listen to it.
+            LocalError: This node may not subscribe to it.
         """
         stream, spec = self._table.topic(stream_id)
         if not stream.may_subscribe(self._address):
@@ -112,7 +112,7 @@ class Subscriptions:
     def subscribers(self, stream: Stream) -> Set[int] | None:
         """Return the nodes that have subscribed to an on-demand topic; None for any other.
 
-        The set changes as they do.
+        The set changes with the subscriptions.
         """
         return self._subscribers.of(stream) if stream.is_on_demand else None
 
@@ -140,7 +140,7 @@ class Subscriptions:
     # For the channel
 
     def receive(self, heard: Heard, message: Subscribe) -> str | None:
-        """Take a subscribe message, or an answer; returns why it is dropped, or None."""
+        """Take a subscribe message or an answer; return why it is dropped, or None."""
         heard.streams.append(NO_STREAM)
         if not heard.is_unicast:
             return "not_for_us"
@@ -158,29 +158,29 @@ class Subscriptions:
         return self._subscribers.receive(heard.source, message, readable, heard.now)
 
     def sample_received(self, source: int, stream: Stream, now: int, *, is_alone: bool) -> None:
-        """A sample came from `source`, for this node alone or for others too."""
+        """Check whether a sample from `source` belongs to a subscription of this node."""
         if stream.is_on_demand and source in self.publishers(stream):
             self._own.sample_received(source, stream.stream_id, now, is_alone=is_alone)
 
     def peer_forgotten(self, source: int, now: int) -> None:
-        """Nothing is to be kept of a node."""
+        """Forget a node."""
         self._own.peer_forgotten(source, now)
         self._subscribers.peer_forgotten(source, now)
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
-        """A node has begun a new epoch."""
+        """Send the subscriptions again to a node that has begun a new epoch."""
         self._own.publisher_restarted(source, now)
 
     # The journal
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Restore the entries of a former boot epoch."""
+        """Restore other nodes' subscriptions from the journal."""
         self._subscribers.recover(stored)
 
     # Below the methods above
 
     def _named(self, message: Subscribe) -> list[int]:
-        """Return the streams by which a letter is judged: those it names, or all of its page."""
+        """Return the streams that decide on a message: those it names, or all of its page."""
         return list(streams_of(message.page, message.streams)) or [
             stream.stream_id
             for stream in self._table

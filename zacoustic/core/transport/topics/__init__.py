@@ -1,1 +1,1 @@
-"""Samples that go once: best effort, alone or in dense blocks, and their deadlines."""
+"""Topics: best-effort samples, alone or in dense blocks, and deadlines."""

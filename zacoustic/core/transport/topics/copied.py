@@ -1,14 +1,15 @@
-"""Urgent best-effort samples go several times while another node is in a run.
+"""Urgent best-effort samples are sent several times while another node is in a run.
 
 A best-effort sample is neither acknowledged nor repeated, and most of those for a node that sends
-an object would collide with its run. A sample of priority `real_time` goes eight times, four copies
-in each of two pauses (`zacoustic.core.schedule.access.listening`), if a run is heard when its first
-frame is composed, or somebody listens for an answer after one: at 40 % loss one of a thousand is
-lost. SYNC numbers it, so that it is delivered once. Any other sample goes once, without a number;
-so it is lost if a run begins just then, of which nothing is heard yet.
+an object would collide with its run. A sample of priority `real_time` is sent eight times, four
+copies in each of two pauses (`zacoustic.core.schedule.access.listening`), if a run is heard when
+its first frame is composed, or if a node listens for an answer after one. At 40 % loss, one sample
+in a thousand is then lost. SYNC numbers the copies, so that the sample is delivered once. Any other
+sample is sent once, without a number; so it is lost if a run that is not heard yet begins just
+then.
 
-A newer sample of its key ends the copies of one that was sent; so does half a minute: a subscriber
-that restarts knows no numbers, and would take an old one for new.
+Copies end when a newer sample of the key is published, and half a minute after the publication: a
+subscriber that restarts knows no numbers and would take an old sample for new.
 """
 
 from collections import deque
@@ -30,16 +31,16 @@ from zacoustic.core.wire.frame import SYNC_BYTES, Sync
 _COPIES_IN_ROW: Final = 4
 _ROWS: Final = 2
 _MOST_IN_THE_DARK: Final = 6
-"""So many copies more go where a run is heard and its pauses are not known."""
+"""How many extra copies are sent while a run is heard whose pauses are not known."""
 _MOST_KEYS: Final = 1024
-"""Of so many keys the numbers are known that came last."""
+"""For how many keys, the latest ones, the received numbers are remembered."""
 _MOST_NUMBERS: Final = 8
 COPIED_NS: Final = 30 * NS_PER_S
-"""So long after its publication a sample that was sent goes again, at most, ns."""
+"""How long after its publication copies of a sample are sent at most, ns."""
 
 
 class _Copied:
-    """A sample and its copies left to send."""
+    """A sample and its remaining copies."""
 
     __slots__ = (
         "copies_left", "due_at", "ends_at", "in_the_dark", "is_on_air", "key", "qos", "record",
@@ -56,15 +57,11 @@ class _Copied:
         self.was_sent = False
         self.is_on_air = False
         self.due_at: int | None = None
-        """When it goes again, ns; None: it waits in the queue, or is on the air."""
+        """Instant of the next copy, ns; None: the copy waits in the queue or is in transmission."""
 
 
 class CopiedSamples:
-    """The copied samples of one node, and the received copies of others.
-
-    Args:
-        context: What the components of its engine share.
-    """
+    """The copied samples of one node, and the copies that it receives."""
 
     def __init__(self, context: Context) -> None:
         self._timers = context.timers
@@ -75,20 +72,20 @@ class CopiedSamples:
         self._next_number = 0
         self._copied: dict[int, _Copied] = {}
         self._waiting: list[tuple[LaneKey, Waiting, Qos]] = []
-        """Samples that are to go once, as far as is known; some have gone."""
+        """Samples to be sent once unless a run begins; some have been sent."""
         self._came: dict[tuple[int, ...], deque[Sync]] = {}
 
     # What this node publishes
 
     def use_link(self, times: LinkTimes) -> None:
-        """Take the airtimes of a link; what went on the one before goes no more."""
+        """Set the airtimes of a link, and drop the copies for the link before."""
         self._times = times
         self._copied.clear()
         self._waiting.clear()
         self._changed()
 
     def publish(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> None:
-        """Queue a best-effort sample, so that it goes as often as it has to."""
+        """Queue a best-effort sample, with as many copies as it needs."""
         for each in [each for each in self._copied.values() if each.key == key and each.was_sent]:
             self._end(each)
         if qos.priority is Priority.REAL_TIME and not self._copy(key, record, qos, now):
@@ -96,24 +93,24 @@ class CopiedSamples:
         self._queue.push(key, record, qos)
 
     def begin_frame(self, now: int) -> None:
-        """A frame is about to be composed.
+        """Prepare for a frame that is about to be composed.
 
-        A run may have begun while a sample waited: then that goes several times as well.
+        If a run began while a sample waited, that sample is copied as well.
         """
         self._waiting = [each for each in self._still_waiting() if not self._copy(*each, now)]
 
     def peer_forgotten(self, source: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor which copies of it came."""
+        """Forget a node and the copies that came from it."""
         for key in [key for key in self._came if key[0] == source]:
             del self._came[key]
 
     def drop_stream(self, stream_id: int) -> None:
-        """Send nothing more of a stream: it has no subscribers, or new ones."""
+        """Drop the copies of a stream: it has no subscribers, or new ones."""
         for each in [each for each in self._copied.values() if each.key[0] == stream_id]:
             self._end(each)
 
     def sweep(self, now: int) -> None:
-        """Drop copies that are too old or have left the queue: whenever the node is awake."""
+        """Drop copies that are too old or have left the queue; called while the node is awake."""
         for each in list(self._copied.values()):
             expires_at = each.record.expires_at
             is_over = each.was_sent and each.ends_at <= now
@@ -125,7 +122,7 @@ class CopiedSamples:
     # What others publish
 
     def is_repeated(self, source: int, stream_id: int, instance: Instance, sync: Sync) -> bool:
-        """Take the number of a sample that goes several times; True when it came before."""
+        """Record the number of a copied sample; return whether it came before."""
         key = (source, stream_id, *instance)
         numbers = self._came.pop(key, None) or deque(maxlen=_MOST_NUMBERS)
         self._came[key] = numbers
@@ -142,12 +139,12 @@ class CopiedSamples:
         self._timers.changed((Due.COPY,), self._due_at, self._go_on)
 
     def _due_at(self) -> int | None:
-        """Return the earliest instant at which something goes again, ns, or None."""
+        """Return the earliest instant of a further copy, ns, or None."""
         due = (each.due_at for each in self._copied.values() if each.due_at is not None)
         return min(due, default=None)
 
     def _go_on(self, now: int) -> None:
-        """Queue what is due."""
+        """Queue the copies that are due."""
         for each in self._copied.values():
             if each.due_at is not None and each.due_at <= now:
                 each.due_at = None
@@ -158,7 +155,7 @@ class CopiedSamples:
         return [each for each in self._waiting if self._queue.holds(each[0], each[1])]
 
     def _copy(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> bool:
-        """Let a sample that has not gone yet go as often as it has to; False: once."""
+        """Copy a sample that has not been sent yet; False: it is sent once."""
         copies = self._copies(record, now)
         if copies == 1:
             return False
@@ -174,7 +171,7 @@ class CopiedSamples:
         return True
 
     def _copies(self, record: Waiting, now: int) -> int:
-        """How often a sample of priority `real_time` goes."""
+        """Return how often a sample of priority `real_time` is sent."""
         if self._times is None:
             return 1
         listening, largest_bytes = self._times.listening, self._queue.largest_bytes
@@ -190,7 +187,7 @@ class CopiedSamples:
         each.is_on_air = True
 
     def _reported(self, each: _Copied, report: TransmitReport, now: int) -> None:
-        """A sample has been sent: it goes again, now or in another pause."""
+        """Plan the next copy of a sample after a transmission, at once or in another pause."""
         each.is_on_air = False
         self._changed()
         if id(each.record) not in self._copied or self._times is None:
@@ -227,5 +224,5 @@ class CopiedSamples:
 
 
 def _in_row(record: Waiting, times: LinkTimes, more_ns: int) -> int:
-    """How many copies go in a row, those of so much more time included."""
+    """Return how many copies go in a row, those that fill `more_ns` included."""
     return _COPIES_IN_ROW + -(-more_ns // times.copy_ns(record.size_bytes))

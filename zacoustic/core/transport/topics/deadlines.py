@@ -1,14 +1,14 @@
-"""Deadlines: a topic promises a sample of each key at least so often; a miss is reported.
+"""Deadlines: a topic promises samples of each key at least so often; a miss is reported.
 
-The words are those of ROS 2 and DDS. The publisher of a topic with `deadline_s` promises a sample
+The terms are those of ROS 2 and DDS. The publisher of a topic with `deadline_s` promises a sample
 of each key at least every `deadline_s`. An application that depends on it must know when the
-promise is broken: at sea a value that has stopped looks like one that does not change.
+promise is broken: at sea, a value that has stopped looks like one that does not change.
 
-Both ends watch, each for itself. The publishing node watches the publications of its application, a
-receiving one the deliveries, so that every delay (loss, silence, a queue) counts. The first sample
-of a key in a boot epoch starts the watch, each further one starts a new period, and a deleted key
-is not awaited any more. A missed period is reported once, and then the next one begins. No timer is
-armed for topics without a deadline, nor before the first sample.
+Each end watches for itself. The publishing node watches its application's publications and a
+receiving node watches its deliveries, so that every delay (loss, silence, a queue) counts. The
+first sample of a key in a boot epoch starts the watch, each further one starts a new period, and a
+deleted key is no longer awaited. A missed period is reported once, and then the next one begins.
+Topics without a deadline need no timer, nor does a key before its first sample.
 
 The deadline also bounds repetitions and requests:
 `zacoustic.core.transport.reliable.sending.pacing`.
@@ -33,31 +33,31 @@ _Key = tuple[int, int, Instance]
 
 
 class DeadlineSide(enum.Enum):
-    """The side that missed a deadline; the words are those of DDS."""
+    """The side that missed a deadline, in DDS terms."""
 
     OFFERED = "offered"
-    """This node, which has promised samples: nothing was published in time."""
+    """This node promised samples and published none in time."""
     REQUESTED = "requested"
-    """This node, the receiver: nothing has come in time."""
+    """This node received no sample in time."""
 
 
 class DeadlineMissed(msgspec.Struct, frozen=True, kw_only=True):
-    """Of a topic with `deadline_s` no sample came in time; once for each period without one."""
+    """A topic with `deadline_s` had no sample in time; once for each period without one."""
 
     stream_id: int
     """The topic's stream."""
     source: int
     """Address of the publisher; this node's, where `side` is OFFERED."""
     instance: Instance
-    """Which of the topic's keys."""
+    """The key within the topic."""
     key: str
     """The key."""
     side: DeadlineSide
-    """Who has missed it."""
+    """The side that missed it."""
     missed: int
-    """How many periods were missed in all, of this key and node, in this boot epoch."""
+    """How many periods this key of this node has missed in this boot epoch."""
     is_first: bool
-    """There was a sample in the period before."""
+    """Whether the period before had a sample."""
     last_at: int
     """Instant of the last sample, ns."""
     missed_at: int
@@ -76,11 +76,11 @@ class Awaited(msgspec.Struct, kw_only=True):
     last_at: int
     """Instant of the last sample, ns."""
     due_at: int | None
-    """Instant at which the next period is missed, ns; None: nothing is awaited any longer."""
+    """Instant at which the next period is missed, ns; None: no longer awaited."""
     is_late: bool = False
-    """A period was missed since the last sample."""
+    """Whether a period was missed since the last sample."""
     missed: int = 0
-    """How many were, in all."""
+    """How many periods were missed in all."""
 
 
 class Deadlines:
@@ -88,7 +88,7 @@ class Deadlines:
 
     Args:
         context: What the components of its engine share.
-        subscriptions: Knows which on-demand topics this node still wants.
+        subscriptions: Knows which on-demand topics this node wants.
     """
 
     def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
@@ -102,24 +102,24 @@ class Deadlines:
         self._awaited: dict[_Key, Awaited] = {}
 
     def published(self, stream_id: int, instance: Instance, now: int, *, deleted: bool) -> None:
-        """The application has published a sample."""
+        """Restart the period of a key after its publication by the application."""
         self._note((self._address, stream_id, instance), now, deleted=deleted)
 
     def hand_on(self, sample: SampleReceived, now: int) -> None:
-        """Hand a sample of another node to the application."""
+        """Give a sample of another node to the application."""
         count(self._stats.received, sample.stream_id)
         key = (sample.source, sample.stream_id, sample.instance)
         self._note(key, now, deleted=sample.deleted)
         self._emit(sample)
 
     def peer_forgotten(self, source: int, now: int) -> None:
-        """Nothing of a node is awaited before it is heard again."""
+        """Stop awaiting samples of a node until it is heard again."""
         for key in [key for key in self._awaited if key[0] == source]:
             self._timers.cancel((Due.DEADLINE, key))
             del self._awaited[key]
 
     def awaited(self) -> list[Awaited]:
-        """Return the awaited samples of this node and of others; read only."""
+        """Return the awaited samples of this node and of others; treat them as read-only."""
         return list(self._awaited.values())
 
     # Below the methods above
@@ -151,13 +151,13 @@ class Deadlines:
         self._timers.cancel((Due.DEADLINE, key))
 
     def _miss(self, key: _Key, awaited: Awaited, due_at: int, now: int) -> None:
-        """Tell of what has not come in time."""
+        """Report a missed deadline."""
         stream = self._table.by_id(awaited.stream_id)
         deadline_ns = stream.qos.deadline_ns
         if deadline_ns is None or not self._is_wanted(stream, awaited.source):
             self._forget(key, awaited)
             return
-        # More than one only when nobody has called for so long: a computer that slept.
+        # More than one only if nobody called the engine for so long: the computer slept.
         periods = 1 + (now - due_at) // deadline_ns
         missed_at = due_at + (periods - 1) * deadline_ns
         is_first, awaited.is_late = not awaited.is_late, True
@@ -180,7 +180,7 @@ class Deadlines:
         )
 
     def _is_wanted(self, stream: Stream, source: int) -> bool:
-        """Tell whether samples may be expected: what this node has unsubscribed from may end."""
+        """Return whether samples are expected: a topic may stop if this node unsubscribed."""
         if source == self._address or not stream.is_on_demand:
             return True
         return source in self._subscriptions.wanted(stream.stream_id)

@@ -1,24 +1,25 @@
-"""Dense streams on the channel: which samples share a dense block, and who has acknowledged what.
+"""Dense blocks on the channel: which samples share one, and which blocks are acknowledged.
 
-`zacoustic.core.values.dense` makes a block of samples, and knows what it may refer to; here are the
-listeners:
+`zacoustic.core.values.dense` makes blocks of samples and knows which blocks they may refer to. This
+module tracks the listeners:
 
-- A block refers to one that all its listeners hold: the one node of a unicast frame, in a broadcast
-  all listed subscribers of its streams. Without such a block it is independent. So every received
-  block can be decoded, whatever was lost, and nothing is ever asked for again.
-- A link may hand a frame over late, within the settling time behind the longest delay. So few
-  blocks that count (`zacoustic.core.values.dense.stream.references`) are sent in that time that
-  none is mistaken for another one; further ones are independent.
+- A block refers to one that all its listeners hold: the one node of a unicast frame, or, in a
+  broadcast, all listed subscribers of its streams. Without such a block it is independent. So every
+  received block can be decoded, whatever was lost, and no block is ever requested again.
+- A link may hand over a frame late, within the settling time after the longest delay. In that time
+  the node sends at most as many counted blocks (`zacoustic.core.values.dense.stream.references`) as
+  can be told apart; further blocks are independent.
 - A node acknowledges the newest block that it holds of a source in frames that go there anyway, in
   three bytes (`DenseAck`), and never makes a frame for that.
-- `Savings` counts what blocks save against records, and what their acknowledgements cost. While the
-  balance is negative, records go: a dense stream costs no more airtime than a packed one.
-- A peer that begins a new boot epoch, or asks who we are, holds nothing. A new epoch of this node
-  starts again as well.
-- A dense block needs the whole table, since one that cannot be read to its end cannot be read at
-  all. A peer that is known to have another table gets records; streams that agree still cross.
+- `Savings` counts what blocks save compared with records, and what their acknowledgements cost.
+  While the balance is negative, the node sends records: a dense stream costs no more airtime than a
+  packed one.
+- A peer that begins a new boot epoch, or asks who this node is, holds nothing. A new epoch of this
+  node starts again as well.
+- A dense block needs the whole table, since a node that cannot read it to the end cannot read it at
+  all. A peer that is known to have another table gets records; the streams that agree still cross.
 
-Deletes of a dense stream, and samples with their own encoding, are records like any other.
+Deletes of a dense stream, and samples with an encoding of their own, are records.
 """
 
 import copy
@@ -41,33 +42,28 @@ from zacoustic.core.values.dense.stream.references import REACH
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.frame import DenseAck
 
-# An acknowledgement is three bytes; it may save about as many in each block that follows. So where
-# the blocks themselves are that small, several share one.
+# An acknowledgement is three bytes and may save about as many in each later block. Where blocks are
+# that small, one acknowledgement answers several.
 _WORTH_AN_ACK_BYTES: Final = 6
-# A block that comes again though it was acknowledged says that this was lost; it is said again now
-# and then.
+# A block that is repeated although it was acknowledged means that the acknowledgement was lost; it
+# is sent again now and then.
 _REPEATED_BYTES: Final = 1
 
 
 class _Heard:
-    """One source, as this node hears it."""
+    """What this node has heard from one source."""
 
     def __init__(self, codec: DenseCodec) -> None:
         self.listener = Listener(codec)
         self.said_mark: int | None = None
-        """What was acknowledged last."""
+        """The mark that was acknowledged last."""
         self.unsaid_bytes = 0
-        """Size of the blocks since then. A steady stream is one block again and again, and stays
-        so until its source learns that it is held here: each of them counts."""
+        """Bytes of the blocks since then. A steady stream is the same block again and again until
+        its source learns that it is held here, so each repetition counts."""
 
 
 class DenseStreams:
-    """The dense blocks of one node, its own and those that it hears.
-
-    Args:
-        context: What the components of its engine share.
-        subscriptions: Knows the subscribers of on-demand topics.
-    """
+    """The dense blocks that one node sends and receives."""
 
     def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
         self._address = context.address
@@ -75,7 +71,7 @@ class DenseStreams:
         self._handshake = context.handshake
         self._subscriptions = subscriptions
         self.savings = Savings()
-        """What the blocks of this node have saved."""
+        """What this node's blocks have saved."""
         self._speaker: Speaker | None = None
         self._counted_at: deque[int] = deque(maxlen=REACH)
         self._heard: dict[int, _Heard] = {}
@@ -88,7 +84,7 @@ class DenseStreams:
     # Blocks of this node
 
     def admits(self, item: Waiting, destination: int) -> bool:
-        """Tell whether a payload that waits can be part of a dense block to `destination`."""
+        """Return whether a waiting payload can be part of a dense block to `destination`."""
         return item.dense_value is not None and not any(
             self._handshake.knows_difference(address)
             for address in self._receivers([item], destination)
@@ -97,7 +93,7 @@ class DenseStreams:
     def encode(
         self, items: Sequence[Waiting], destination: int, room_bytes: int, now: int
     ) -> Encoded | None:
-        """Write a block of all these payloads; None where they do not fit."""
+        """Encode a block of all these payloads; return None if they do not fit."""
         if self._speaker is None:
             codec = self._codec_of(self._address)
             assert codec is not None  # a node with samples of dense streams publishes some
@@ -109,7 +105,7 @@ class DenseStreams:
         return encoded if encoded is not None and encoded.taken == len(items) else None
 
     def sent(self, encoded: Encoded, now: int) -> None:
-        """Note that a block is sent; until then it is a draft."""
+        """Record that a block is sent; until then it is a draft."""
         assert self._speaker is not None
         if not encoded.is_apart:
             self._counted_at.append(now)
@@ -127,10 +123,10 @@ class DenseStreams:
     # What this node hears
 
     def concerns_us(self, source: int, destination: int) -> bool:
-        """Tell whether the blocks of a source to `destination` refer to blocks held here.
+        """Return whether this node can decode the blocks from a source to `destination`.
 
-        A node that subscribes to nothing of what may be in them is not waited for, and would take
-        one reference for another.
+        A source does not wait for acknowledgements from a node that subscribes to none of the
+        streams in its blocks; such a node would take one reference for another.
         """
         streams = self._streams_of(source)
         return (
@@ -145,7 +141,7 @@ class DenseStreams:
         )
 
     def receive(self, source: int, block: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
-        """Read the block of a source that holds the same table; returns stream ids and values.
+        """Decode the block of a source that has the same table; return stream ids and values.
 
         Raises:
             PayloadError: It is damaged, or refers to a block that is not held here.
@@ -156,15 +152,16 @@ class DenseStreams:
             if codec is None:
                 raise PayloadError("a source without dense streams")
             heard = self._heard[source] = _Heard(codec)
-        # Whoever has acknowledged nothing is not waited for: nothing refers to what it holds.
+        # A source does not wait for a node that has acknowledged nothing: no block refers to its
+        # own.
         decoded = heard.listener.decode(block, alone=heard.said_mark is None)
         is_unsaid = heard.listener.mark != heard.said_mark
         heard.unsaid_bytes += len(block) if is_unsaid else _REPEATED_BYTES
-        # What comes twice is read once, and an application may change what it is given.
+        # Copy: a repeated block is decoded only once, and an application may change its values.
         return copy.deepcopy(decoded.samples)
 
     def acks(self, destination: int, room_bytes: int) -> bytes:
-        """Take the acknowledgements for the receivers of a frame that fit in it."""
+        """Take the acknowledgements for the receivers of a frame, as many as fit."""
         taken = b""
         for source in sorted(self._heard) if destination == BROADCAST else [destination]:
             heard = self._heard.get(source)
@@ -182,21 +179,21 @@ class DenseStreams:
     # What changes
 
     def peer_restarted(self, address: int, epoch: int, now: int) -> None:
-        """A peer begins a new boot epoch: it holds nothing of ours, and we nothing of its."""
+        """Forget the blocks of a peer that begins a new boot epoch; it has forgotten ours too."""
         self._heard.pop(address, None)
         self.peer_asked(address, now)
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Nothing is to be kept of a node."""
+        """Forget a node."""
         self.peer_restarted(address, 0, now)
 
     def peer_asked(self, address: int, now: int) -> None:
-        """A peer does not know us any more."""
+        """Forget which blocks a peer holds that no longer knows this node."""
         if self._speaker is not None:
             self._speaker.forget(address)
 
     def epoch_changed(self, now: int) -> None:
-        """This node begins a new epoch: all blocks, sent and received, were in the old one."""
+        """Forget all blocks, sent and received: this node begins a new epoch."""
         self._speaker = None
         self._heard.clear()
 
@@ -204,7 +201,7 @@ class DenseStreams:
 
     @property
     def _latest_ns(self) -> int:
-        """How long after the start of its transmission a block arrives at the latest, ns."""
+        """The longest time from the start of a block's transmission to its arrival, ns."""
         settling_ns = self._handshake.settling_ns
         return settling_ns + settling_ns // SETTLING_UNITS
 
@@ -227,7 +224,7 @@ class DenseStreams:
 
     def _sample(self, item: Waiting, now: int) -> DenseSample:
         assert item.dense_value is not None
-        # In full precision: rounded before, an attitude would be off by more than half a step.
+        # At full precision: an attitude rounded first would be off by more than half a step.
         value = dict(item.dense_value)
         if item.stamped:
             value[AGE_FIELD] = encode_age(now - item.queued_at)

@@ -1,4 +1,4 @@
-"""`Publication`: a sample as an application gives it to the engine, and the same encoded."""
+"""`Publication`: a sample from the application to the engine, and its encoded form."""
 
 from typing import Any
 
@@ -13,54 +13,54 @@ from zacoustic.core.wire.frame import Control
 
 
 class Publication(msgspec.Struct, frozen=True):
-    """What `Engine.publish` is given."""
+    """The argument of `Engine.publish`."""
 
     stream_id: int
     """The topic's stream."""
     value: object
-    """As the stream's type says; bytes for an opaque stream; ignored for a delete."""
+    """The value in the stream's type; bytes for an opaque stream; ignored for a delete."""
     instance: Instance = ()
     """One value number for each wildcard of the topic's name."""
     encoding: str | None = None
-    """Zenoh encoding, where it is not the stream's."""
+    """The Zenoh encoding, where it is not the stream's."""
     delete: bool = False
     """Delete the key instead."""
     queued_at: int | None = None
-    """Instant at which the sample was made, ns, where it is before that of the call."""
+    """Instant at which the sample was made, ns, if that was before the call."""
 
     def made_at(self, now: int) -> int:
         """Return the instant at which the sample was made."""
         return now if self.queued_at is None else min(self.queued_at, now)
 
     def expires_at(self, stream: Stream, now: int) -> int | None:
-        """Return the instant after which it is worthless; None: never."""
+        """Return the instant from which it is worthless, ns; None: never."""
         lifespan_s = stream.qos.lifespan_s
         return None if lifespan_s is None else self.made_at(now) + seconds_to_ns(lifespan_s)
 
 
 class EncodedSample(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample in the bytes of its record."""
+    """A sample encoded for its record."""
 
     instance: Instance
-    """As published."""
+    """Value numbers of the wildcards, as published."""
     prefix: bytes
     """Controls before it: DELETE, or ENCODING."""
     payload: bytes
-    """The value."""
+    """The encoded value."""
     dense_value: dict[str, Any] | None
-    """The value for a dense block; None: the stream has none, or this sample does not go there."""
+    """The value for a dense block; None: this sample does not go into one."""
     stamped: bool
-    """Its age goes with it."""
+    """Whether its record carries its age."""
     encoding: str | None
     """Its encoding, where it is not the stream's."""
     made_at: int
-    """When it was made."""
+    """Instant at which it was made, ns."""
     expires_at: int | None
-    """When it is worthless; None: never."""
+    """Instant from which it is worthless, ns; None: never."""
 
     @property
     def record_bytes(self) -> int:
-        """Length of its record: of a best-effort sample."""
+        """Length of its best-effort record, bytes."""
         return len(self.prefix) + 1 + len(self.instance) + self.stamped + len(self.payload)
 
 

@@ -1,7 +1,7 @@
-"""Topics: a sample is queued, crosses, and becomes an event.
+"""Topics: a sample is queued, crosses the channel and becomes an event.
 
-A best-effort sample crosses once or not at all; a reliable one goes to
-`zacoustic.core.transport.reliable`. `zacoustic.core.wire.content` has the parts of a record.
+A best-effort sample crosses once or not at all. `zacoustic.core.transport.reliable` takes the
+reliable ones. `zacoustic.core.wire.content` has the parts of a record.
 """
 
 from collections.abc import Mapping, Set
@@ -46,7 +46,7 @@ class Topics:
         context: What the components of its engine share.
         limits: How much memory samples may take that fit no frame.
         subscriptions: Knows the subscribers of on-demand topics.
-        deadlines: Hands the samples on.
+        deadlines: Delivers samples to the application.
     """
 
     def __init__(
@@ -65,38 +65,38 @@ class Topics:
         self.dense = DenseStreams(context, subscriptions)
         """Dense blocks."""
         self.sending = ReliableSending(context, subscriptions)
-        """Reliable samples on their way out."""
+        """Reliable samples that this node sends."""
         self.receiving = ReliableReceiving(context, deadlines.hand_on)
-        """Reliable samples on their way in."""
+        """Reliable samples that this node receives."""
         self.large = LargeSamples(context, limits, subscriptions, self.sending, self.receiving)
-        """What fits no frame."""
+        """Samples that fit no frame."""
         self.copied = CopiedSamples(context)
-        """Best-effort samples, which may go several times."""
+        """Best-effort samples, some of which are sent several times."""
         context.reception.on_records(TopicSpec, self.receive, self.receive_ack)
         context.reception.on(DenseBlock, self.receive_block)
         subscriptions.changed.connect(self.subscribers_changed)
 
-    # The life of the engine
+    # Life cycle of the engine
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with the samples that a former life has left."""
+        """Restore the samples that the journal has."""
         self.sending.recover(stored)
         self.receiving.recover(stored)
         self.large.recover(stored)
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
-        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        """Set the link's airtimes and the time in which every repetition of a frame arrives, ns."""
         self.copied.use_link(times)
         self.sending.use_link(settling_ns)
 
     def link_up(self, now: int) -> None:
-        """The link is up: go on with what was begun."""
+        """Resume unfinished deliveries: the link is up."""
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
 
     def awake(self, now: int) -> None:
-        """The node is awake, and timers may be due: do what has no instant of its own."""
+        """Do, while the node is awake, the work that has no timer of its own."""
         self.large.at(now)
         self.copied.sweep(now)
 
@@ -171,7 +171,7 @@ class Topics:
         )
 
     def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
-        """Take a record that may be decoded; returns why it is dropped, or None."""
+        """Take a record that may be decoded; return why it is dropped, or None."""
         source, received, now = heard.source, heard.frame, heard.now
         if not stream.may_publish(source):
             return "not_publisher"
@@ -228,7 +228,7 @@ class Topics:
         return None
 
     def receive_block(self, heard: Heard, block: DenseBlock) -> str | None:
-        """Take the samples of a dense block; returns why it is dropped, or None."""
+        """Take the samples of a dense block; return why it is dropped, or None."""
         reason = heard.dense_refusal()
         if reason is not None:
             return reason
@@ -250,7 +250,7 @@ class Topics:
         return None
 
     def receive_ack(self, heard: Heard, stream: Stream, record: Record) -> str | None:
-        """Take an ACK; returns why it is dropped, or None."""
+        """Take an ACK; return why it is dropped, or None."""
         if record.prefixes.acknowledged not in (0, self._address):
             return None  # for another node
         wild = len(stream.keys.wildcards)
@@ -262,7 +262,7 @@ class Topics:
         return self.sending.acknowledged(heard.source, stream, instance, ack, sync, heard.now)
 
     def subscribers_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
-        """Others subscribe to an on-demand topic than before: what waits is for those."""
+        """Readdress the waiting samples of an on-demand topic to its present subscribers."""
         subscribers = self._subscriptions.subscribers(stream)
         if stream.qos.reliability is Reliability.RELIABLE:
             self.sending.subscribers_changed(stream, newcomers, now)
@@ -276,7 +276,7 @@ class Topics:
                 count(self._stats.unsubscribed, stream.stream_id)
 
     def _receive_dense(self, heard: Heard, stream_id: int, value: dict[str, Any]) -> None:
-        """Hand on a sample of a dense block."""
+        """Deliver a sample of a dense block."""
         stream = self._table.by_id(stream_id)
         code: int | None = value.pop(AGE_FIELD, None)
         sample = SampleReceived(

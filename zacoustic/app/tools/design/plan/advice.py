@@ -5,7 +5,6 @@ interval of what takes most, all of that together, longer intervals of everythin
 """
 
 import contextlib
-import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Final
@@ -20,7 +19,9 @@ from zacoustic.app.tools.design.plan.verdict import (
     verdict_of,
     walk,
 )
+from zacoustic.app.tools.design.plan.walk import Found
 from zacoustic.core.base.qos import Priority, Reliability
+from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.streams.specs import StreamSpec, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError
@@ -28,9 +29,8 @@ from zacoustic.errors import ConfigError
 _TRIED_PERIODS: Final = 20.0
 _LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
 """How long a change is tried: so many periods of the rarest, within these, s."""
-_MOST_TRIED_PAIRS: Final = 50_000
-_LEAST_TRIED: Final = 2
-"""Each walk prepares the way from each node to each other one, so with many nodes few are tried."""
+_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 20_000, 80_000
+"""So many frames arrive in all that is tried, once something fits, and before: some seconds."""
 _SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
 _MOST_STREAMS: Final = 2
 _MOST_CHANGES: Final = 4
@@ -58,30 +58,32 @@ def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) ->
         seed: Of the model.
     """
     found: list[Change] = []
-    left = max(_LEAST_TRIED, _MOST_TRIED_PAIRS // len(fleet.tables) ** 2)
+    arrivals = 0
     for attempts in _ladders(fleet, streams):
-        for what, changed in itertools.islice(attempts, left):
-            left -= 1
-            change = _fit(what, changed, seed)
-            if change is not None:
-                found.append(change)
+        for what, changed in attempts:
+            if arrivals >= (_ENOUGH_ARRIVALS if found else _MOST_ARRIVALS):
+                return tuple(found)
+            result = _try(changed, seed)
+            arrivals += result.arrivals
+            verdict = verdict_of(changed, streams_of(changed, result), result)
+            if verdict.fits:
+                found.append(Change(what=what, demand=verdict.demand))
                 break
         if len(found) >= _MOST_CHANGES:
             break
     return tuple(found)
 
 
-def _fit(what: str, fleet: Fleet, seed: int) -> Change | None:
+def _try(fleet: Fleet, seed: int) -> Found:
     rarest_s = max(offer.every_s for offer in fleet.offers)
     tried_s = min(max(_LEAST_TRIED_S, _TRIED_PERIODS * rarest_s), _MOST_TRIED_S)
-    result = walk(fleet, tried_s, seed, MOST_TRIED_ARRIVALS)
-    verdict = verdict_of(fleet, streams_of(fleet, result), result)
-    return Change(what=what, demand=verdict.demand) if verdict.fits else None
+    return walk(fleet, tried_s, seed, MOST_TRIED_ARRIVALS)
 
 
 def _ladders(fleet: Fleet, streams: Sequence[StreamFound]) -> Iterator[Iterator[tuple[str, Fleet]]]:
     """Yield series of changes; each is only tried if those before it are not enough."""
     heavy = [each.stream for each in streams[:_MOST_STREAMS]]
+    yield _tagged(fleet)
     for each in streams:
         if each.refused and isinstance(each.stream.spec, TopicSpec):
             yield _in_parts(fleet, each.stream)
@@ -104,6 +106,16 @@ def _recoded(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
         except ConfigError:  # a reliable topic cannot be dense
             continue
         yield f'{stream.name}: codec: "{codec}"', changed
+
+
+def _tagged(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:
+    """Let nobody confirm to everybody."""
+    if all(each.agreement is AgreementMethod.CONFIRM for each in fleet.rules.values()):
+        rules = {
+            address: msgspec.structs.replace(each, agreement=AgreementMethod.TAG)
+            for address, each in fleet.rules.items()
+        }
+        yield f'agreement: "{AgreementMethod.TAG.value}"', _with(fleet, rules=rules)
 
 
 def _lingering(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:

@@ -96,7 +96,7 @@ class Call:
         if speaker.waits(key):
             return
         item = Item(self._offer.stream.stream_id, target, size_bytes, self._walk.now)
-        item.for_one_node, item.wait_ns = True, wait_ns
+        item.for_one_node, item.wait_ns, item.voice = True, wait_ns, source
         codec = self._offer.stream.codec if what == "request" else self._offer.stream.response_codec
         item.open_ended = what != "confirm" and not codec.delimits_itself
         item.heard = lambda node, _: heard() if node == target else None

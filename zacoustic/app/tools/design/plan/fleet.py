@@ -4,7 +4,7 @@ The file is a scenario with traffic, which has all of that; or a config, whose n
 into a channel: in a row, at a distance, with a loss.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +16,7 @@ from zacoustic.app.tools.design.plan.offers import (
     offers_of_recording,
     offers_of_traffic,
 )
+from zacoustic.app.tools.design.plan.sampling import members_of, spoken
 from zacoustic.app.tools.design.telemetry.recording import read_recordings
 from zacoustic.app.tools.fleetfile import read_fleet
 from zacoustic.app.tools.fleets import configs_of, tables_of
@@ -23,7 +24,7 @@ from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import NodeSpec, Scenario, scenario_from_mapping
 from zacoustic.config import Config, read_config
-from zacoustic.config.json5 import read_json5
+from zacoustic.config.json5 import read_json5, read_zenoh_config
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError
@@ -48,7 +49,7 @@ class Fleet(msgspec.Struct, kw_only=True):
     scenario: Scenario
     """The channel."""
     tables: dict[int, StreamTable]
-    """The streams of each node."""
+    """The streams of each node that is walked."""
     rules: dict[int, TransmitRules]
     """The config's rules of transmission."""
     offers: list[Offer]
@@ -57,6 +58,14 @@ class Fleet(msgspec.Struct, kw_only=True):
     """Notes on it."""
     refused: dict[int, Refused] = {}
     """What a recording has that its types refuse, by stream id."""
+    members: dict[int, tuple[int, ...]] = {}
+    """The nodes that each of them stands for, itself among them; empty: each for itself."""
+
+    @property
+    def nodes(self) -> list[int]:
+        """Addresses of all nodes."""
+        stood_for = (each for group in self.members.values() for each in group)
+        return sorted({*self.tables, *stood_for})
 
 
 class AssumedChannel(msgspec.Struct, frozen=True, kw_only=True):
@@ -109,7 +118,7 @@ def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> 
 def _of_scenario(path: Path, mapping: object) -> Fleet:
     scenario = scenario_from_mapping(mapping, source=str(path))
     configs = configs_of(scenario, path)
-    tables = tables_of(scenario, configs, path)
+    tables = tables_of(scenario, configs, str(path))
     return Fleet(
         scenario=scenario,
         tables=tables,
@@ -122,11 +131,12 @@ def _of_scenario(path: Path, mapping: object) -> Fleet:
 def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
     first = read_fleet(path)
     addresses = sorted(first.nodes) or _two_of(first.address)
-    configs = {address: read_config(path, address=address) for address in addresses}
+    members = members_of(first.table, first.rules, _settings_of(path, addresses))
+    configs = {address: read_config(path, address=address) for address in members}
     scenario = Scenario(
         nodes=tuple(
             NodeSpec(address=address, position=(0.0 if not index else channel.range_m, 0.0, 10.0))
-            for index, address in enumerate(addresses)
+            for index, address in enumerate(members)
         ),
         profile=profile_named(channel.profile).name,
         loss=LossSpec(frame=channel.loss),
@@ -139,9 +149,21 @@ def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
         scenario=scenario,
         tables=tables,
         rules=_rules(tables, configs),
-        offers=offers,
+        offers=spoken(offers, members),
         notes=notes,
+        members=members,
     )
+
+
+def _settings_of(path: Path, addresses: Sequence[int]) -> dict[int, Hashable]:
+    """Return what a config, which has been read before, says of each node but address and name."""
+    _, section = read_zenoh_config(path)
+    nodes = section.get("nodes") if isinstance(section, Mapping) else None
+    settings: dict[int, Hashable] = dict.fromkeys(addresses)
+    for entry in nodes or ():
+        told = {key: value for key, value in entry.items() if key not in ("address", "name")}
+        settings[entry["address"]] = repr(sorted(told.items()))
+    return settings
 
 
 def _two_of(address: int) -> list[int]:

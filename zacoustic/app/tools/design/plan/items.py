@@ -16,6 +16,7 @@ from zacoustic.core.values.dense import DenseSample
 
 _BEFORE_ALL: Final = -(1 << 62)
 NO_STREAM: Final = 0
+NO_VOICE: Final = 0
 
 
 class Item:
@@ -31,7 +32,7 @@ class Item:
     __slots__ = (
         "alone", "begins", "dense", "destination", "ends", "expires_at", "for_one_node", "heard",
         "is_control", "lost", "open_ended", "queued_at", "rides", "size_bytes", "stream_id",
-        "wait_ns",
+        "voice", "wait_ns",
     )  # fmt: skip
 
     def __init__(self, stream_id: int, destination: int, size_bytes: int, queued_at: int) -> None:
@@ -39,6 +40,9 @@ class Item:
         self.destination = destination
         self.size_bytes = size_bytes
         self.queued_at = queued_at
+        self.voice = NO_VOICE
+        """Whose sample it is: the node that transmits it, or one for which that stands. `NO_VOICE`:
+        each of those transmits one of its own."""
         self.wait_ns = 0
         """How long it waits for others, ns."""
         self.rides = False
@@ -61,6 +65,11 @@ class Item:
         """Called with the node that has received it, and when."""
         self.lost: Callable[[int, int], None] | None = None
         """Called with the node that has lost it, and when."""
+
+    @property
+    def is_confirm(self) -> bool:
+        """It is a CONFIRM."""
+        return self.stream_id == NO_STREAM and self.destination != BROADCAST
 
     def bytes_in(self, destination: int) -> int:
         """Return its size in a frame: in a broadcast one a control names its node."""

@@ -68,6 +68,8 @@ class Offer:
         burst: int = 1,
     ) -> None:
         self.node = node
+        self.voice = node
+        """Whose samples these are: that node, or one for which it stands."""
         self.stream = stream
         self.instance = instance
         self.every_s = every_s
@@ -133,12 +135,19 @@ class Offer:
             self.node, stream, self.instance, every_s=every_s, is_steady=self.is_steady,
             jitter_s=self.jitter_s, burst=self.burst,
         )  # fmt: skip
+        other.voice = self.voice
         other.first_s, other.until_s = self.first_s, self.until_s
         other.answer_bytes = self.answer_bytes
         other._spec = self._spec
         other._sayings = self._sayings
         if self._instants is not None and every_s == self.every_s:
             other._instants, other._span_s = self._instants, self._span_s
+        return other
+
+    def spoken_by(self, node: int) -> "Offer":
+        """Return the same, transmitted by a node that stands for the one whose it is."""
+        other = self.altered(self.stream, self.every_s)
+        other.node = node
         return other
 
 

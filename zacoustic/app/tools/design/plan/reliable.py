@@ -118,7 +118,13 @@ class ReliableLane:
         self._walk.speaker(self._offer.node).take_back(self._key(number))
 
     def _key(self, number: int) -> tuple[object, ...]:
-        return ("reliable", self._offer.stream.stream_id, self._offer.instance, number)
+        return (
+            "reliable",
+            self._offer.stream.stream_id,
+            self._offer.instance,
+            self._offer.voice,
+            number,
+        )
 
     def _timing(self, node: int) -> Pacer:
         return self._walk.timing(self._offer.node, node)
@@ -139,6 +145,7 @@ class ReliableLane:
         size_bytes = head_bytes_of(self._offer) + NUMBER_BYTES + sample.payload_bytes
         size_bytes += 0 if in_sync else SYNC_BYTES
         item = Item(stream.stream_id, self._destination, size_bytes, now)
+        item.voice = self._offer.voice
         item.open_ended = not stream.codec.delimits_itself
         item.wait_ns = self._qos.linger_ns if not sample.tries else 0
         item.begins = lambda at: self._begins(sample, at, in_sync=in_sync)
@@ -299,7 +306,7 @@ class ReliableLane:
         item.begins = lambda _: told.update(reception.got)
         source = self._offer.node
         item.heard = lambda by, now: self._answered(node, told, now) if by == source else None
-        key = ("ack", source, self._offer.stream.stream_id, self._offer.instance)
+        key = ("ack", self._offer.voice, self._offer.stream.stream_id, self._offer.instance)
         self._walk.speaker(node).push(key, item, _ACK_QOS, depth=1)
         self._walk.serve(node)
         oldest = self._expected - _WINDOW

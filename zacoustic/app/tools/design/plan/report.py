@@ -9,6 +9,7 @@ import msgspec
 from zacoustic.app.tools.design.plan.advice import Change, changes_that_fit
 from zacoustic.app.tools.design.plan.agreement import AgreementPlan, agreement_of
 from zacoustic.app.tools.design.plan.fleet import AssumedChannel, Fleet, fleet_of
+from zacoustic.app.tools.design.plan.sampling import note_on
 from zacoustic.app.tools.design.plan.verdict import (
     MOST_ARRIVALS,
     StreamFound,
@@ -153,11 +154,11 @@ def plan(
         fits=verdict.fits,
         transmit_w=power_w,
         streams=tuple(_stream_plan(each, airtime_s, hours) for each in streams),
-        nodes=tuple(_node_plan(each, found, until_s, power_w) for each in sorted(fleet.tables)),
+        nodes=tuple(_node_plan(each, found, until_s, power_w) for each in fleet.nodes),
         misfits=verdict.misfits,
         agreement=agreement_of(fleet, seed),
         changes=() if verdict.fits else changes_that_fit(fleet, streams, seed),
-        notes=(*fleet.notes, *_left_out(fleet)),
+        notes=(*note_on(fleet.members), *fleet.notes, *_left_out(fleet)),
     )
 
 

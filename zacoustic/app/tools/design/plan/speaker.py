@@ -11,7 +11,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.design.plan.items import NO_STREAM, Item, Lane
+from zacoustic.app.tools.design.plan.items import NO_STREAM, NO_VOICE, Item, Lane
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.peers.agreementpolicy import POLICIES, Hearers, Opening
@@ -56,14 +56,9 @@ class Said(msgspec.Struct, kw_only=True):
     """Marks of dense blocks that it acknowledges, by their sources."""
 
     @property
-    def agreement_bytes(self) -> int:
-        """What of it is HELLO, TAG or CONFIRM."""
-        opening_bytes = HELLO_BYTES if self.hello else TAG_BYTES * self.introduced
-        return opening_bytes + sum(
-            each.size_bytes
-            for each in self.items
-            if each.stream_id == NO_STREAM and each.destination != BROADCAST
-        )
+    def opening_bytes(self) -> int:
+        """What of it is HELLO or TAG."""
+        return HELLO_BYTES if self.hello else TAG_BYTES * self.introduced
 
 
 class _Known:
@@ -85,6 +80,7 @@ class Speaker:
         capabilities: What its modem can do.
         rules: The config's rules of transmission.
         rng: For pauses.
+        stands_for: How many nodes it is; their caps are its.
     """
 
     def __init__(
@@ -95,6 +91,7 @@ class Speaker:
         capabilities: LinkCapabilities,
         rules: TransmitRules,
         rng: random.Random,
+        stands_for: int = 1,
     ) -> None:
         self.address = address
         self.table = table
@@ -105,9 +102,9 @@ class Speaker:
         self.carriers = 0
         self.dropped = 0
         """What was pushed out, or became too old, before it went."""
-        self._caps = AirtimeCaps(rules.max_airtime)
+        self._caps = AirtimeCaps(_cap_of(rules.max_airtime, stands_for))
         for stream in table:
-            self._caps.limit(stream.stream_id, stream.qos.max_airtime)
+            self._caps.limit(stream.stream_id, _cap_of(stream.qos.max_airtime, stands_for))
         self._hearers = tuple(hearers)
         self._listed = bool(table.nodes)
         self._rng = rng
@@ -190,7 +187,7 @@ class Speaker:
         )  # fmt: skip
 
     def _fill(self, first: Lane, lanes: list[Lane], now: int) -> Said:
-        destination = first.items[0].destination
+        destination, voice = first.items[0].destination, first.items[0].voice
         if first.items[0].alone:
             item = first.items.popleft()
             return Said(destination=destination, size_bytes=item.size_bytes, items=[item])
@@ -212,12 +209,13 @@ class Speaker:
         for lane in [first, *(each for each in lanes if each is not first)]:
             while lane.items and lane.next_at <= now:
                 item = lane.items[0]
-                if not _concerns(item, destination):
+                if not _concerns(item, destination) or NO_VOICE != item.voice != voice != NO_VOICE:
                     break
                 block, fits = self._fits(item, taken, samples, destination, room_bytes, introduced)
                 if not fits:
                     break
                 taken.append(lane.items.popleft())
+                voice = voice or item.voice
                 if item.dense is not None:
                     samples.append(item.dense)
                     encoded = block or encoded
@@ -397,6 +395,10 @@ class Speaker:
                 self.dropped += lane.expire(now)
             if lane.items:
                 yield lane
+
+
+def _cap_of(share: float | None, nodes: int) -> float | None:
+    return None if share is None else min(1.0, share * nodes)
 
 
 def _concerns(item: Item, destination: int) -> bool:

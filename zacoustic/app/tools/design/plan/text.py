@@ -1,6 +1,6 @@
 """The report of `zacoustic.app.tools.design.plan` for people."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from zacoustic.app.tools.columns import align
 from zacoustic.app.tools.design.plan.agreement import AgreementPlan
@@ -12,6 +12,8 @@ _STREAMS = (
     "worst", "bound",
 )  # fmt: skip
 _NODES = ("node", "transmits", "energy/day")
+_MOST_NODES = 12
+_MOST_RANGES = 3
 
 
 def as_text(report: PlanReport) -> str:
@@ -23,7 +25,7 @@ def _lines(report: PlanReport) -> Iterator[str]:
     rows = [_stream_cells(each) for each in report.streams]
     yield align(_STREAMS, rows, right=[name for name in _STREAMS if name != "stream"])
     yield ""
-    yield align(_NODES, [_node_cells(each) for each in report.nodes], right=_NODES)
+    yield align(_NODES, _node_rows(report.nodes), right=_NODES)
     yield ""
     yield (
         f"{report.file}: {report.utilisation:.1%} of the time there is sound, "
@@ -73,8 +75,38 @@ def _stream_cells(row: StreamPlan) -> tuple[str, ...]:
     )
 
 
-def _node_cells(row: NodePlan) -> tuple[str, ...]:
-    return (str(row.address), f"{row.utilisation:.1%}", f"{row.energy_wh_per_day:.1f} Wh")
+def _node_rows(nodes: Sequence[NodePlan]) -> list[tuple[str, ...]]:
+    """Return a row for each node; of many those with equal figures share one, the largest first."""
+    if len(nodes) <= _MOST_NODES:
+        return [_node_cells(str(each.address), [each]) for each in nodes]
+    equal: dict[str, list[NodePlan]] = {}
+    for each in sorted(nodes, key=lambda node: -node.utilisation):
+        equal.setdefault(f"{each.utilisation:.1%}", []).append(each)
+    rows = [
+        _node_cells(_ranges(sorted(each.address for each in group)), group)
+        for group in equal.values()
+    ]
+    if len(rows) <= _MOST_NODES:
+        return rows
+    others = sum(map(len, list(equal.values())[_MOST_NODES:]))
+    return [*rows[:_MOST_NODES], (f"{others} others", "less", "")]
+
+
+def _node_cells(name: str, group: Sequence[NodePlan]) -> tuple[str, ...]:
+    energy_wh = sum(each.energy_wh_per_day for each in group) / len(group)
+    return (name, f"{group[0].utilisation:.1%}", f"{energy_wh:.1f} Wh")
+
+
+def _ranges(addresses: list[int]) -> str:
+    """Return a sorted list of addresses as ranges; of many the first ones and their number."""
+    runs: list[list[int]] = []
+    for each in addresses:
+        if runs and runs[-1][-1] == each - 1:
+            runs[-1][1:] = [each]
+        else:
+            runs.append([each])
+    told = ", ".join("–".join(map(str, run)) for run in runs[:_MOST_RANGES])
+    return told if len(runs) <= _MOST_RANGES else f"{told}, … ({len(addresses)})"
 
 
 def _seconds(duration_s: float | None) -> str:

@@ -135,7 +135,7 @@ class Transfer:
             lane.offer.stream.stream_id, lane.receivers[0] if len(lane.receivers) == 1 else 255,
             self._layout.fragment_bytes + FRAGMENT_HEADER_BYTES, lane.walk.now,
         )  # fmt: skip
-        item.alone = True
+        item.alone, item.voice = True, lane.offer.voice
 
         def heard(node: int, at: int) -> None:
             if node in self._got:
@@ -155,7 +155,7 @@ class Transfer:
             lane.walk.later(at + patience_ns, lambda: self._unanswered(ask))
 
         item.heard, item.ends = heard, ends
-        key = ("fragment", lane.offer.stream.stream_id, lane.offer.instance)
+        key = ("fragment", lane.offer.stream.stream_id, lane.offer.instance, lane.offer.voice)
         lane.walk.speaker(lane.offer.node).push(key, item, lane.offer.stream.qos, depth=1)
         lane.walk.serve(lane.offer.node)
 
@@ -170,7 +170,7 @@ class Transfer:
 
     def _reply(self, node: int, ask: int, copies: int) -> None:
         lane = self._lane
-        key = ("feedback", lane.offer.node, lane.offer.stream.stream_id)
+        key = ("feedback", lane.offer.voice, lane.offer.stream.stream_id)
         speaker = lane.walk.speaker(node)
         if ask != self._asks or speaker.waits(key):
             return

@@ -15,9 +15,9 @@ LEAST_WENT: Final = 0.95
 """Share of the samples that must be transmitted."""
 ALOHA_LIMIT: Final = 0.18
 """What unslotted ALOHA carries at most: 1/(2e) of the time."""
-MOST_ARRIVALS: Final = 100_000
-"""Of a plan whose length nobody has named: some five seconds."""
-MOST_TRIED_ARRIVALS: Final = 30_000
+MOST_ARRIVALS: Final = 30_000
+"""Of a plan whose length nobody has named: some two seconds."""
+MOST_TRIED_ARRIVALS: Final = 12_000
 """Of what is tried beside it."""
 _HALF, _WORST = 0.5, 0.99
 _TOO_LARGE: Final = f"larger than a frame ({IN_PARTS})"
@@ -88,7 +88,9 @@ def walk(fleet: Fleet, until_s: float, seed: int, most_arrivals: int | None = No
         most_arrivals: Stop some seconds after so many frames have arrived, each
             counted at each node: with many nodes a walk takes long.
     """
-    started = Walk(fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed)
+    started = Walk(
+        fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed, fleet.members
+    )  # fmt: skip
     return started.run(until_s, most_arrivals)
 
 
@@ -142,7 +144,11 @@ def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found) -> Verdic
             f"all of it is {demand:.0%} of the time; without a schedule (aloha) at most "
             f"{ALOHA_LIMIT:.0%} gets through"
         )
-    if misfits and streams and demand:
+    if others_s > until_s:
+        misfits.insert(0, f"agreement on tables alone takes {others_s / until_s:.0%} of the time")
+    elif demand > 1 and not misfits:
+        misfits.append(f"all of it is {demand:.0%} of the time")
+    if others_s <= until_s and misfits and streams and demand:
         first = streams[0]
         misfits.insert(
             0, f"{first.stream.name} alone takes {first.demand_s / until_s:.0%} of the time"

@@ -18,7 +18,7 @@ from typing import Final
 
 from zacoustic.app.tools.design.plan.calls import Call
 from zacoustic.app.tools.design.plan.clockwork import head_bytes_of
-from zacoustic.app.tools.design.plan.items import NO_STREAM, Item
+from zacoustic.app.tools.design.plan.items import NO_STREAM, NO_VOICE, Item
 from zacoustic.app.tools.design.plan.offers import Offer, Saying
 from zacoustic.app.tools.design.plan.reliable import ReliableLane
 from zacoustic.app.tools.design.plan.speaker import Said, Speaker
@@ -66,9 +66,9 @@ class Found:
         """How long, s."""
         self.arrivals = 0
         """Frames at receivers, each frame at each."""
-        self.frames = 0
-        self.transmitted_bytes = 0
-        self.agreement_bytes = 0
+        self.frames = 0.0
+        self.transmitted_bytes = 0.0
+        self.agreement_bytes = 0.0
         """HELLO, TAG and CONFIRM."""
         self.latencies_s: dict[int, list[float]] = {}
         """Time to each arrival by stream, s."""
@@ -93,6 +93,7 @@ class Walk(Driver[Said]):
         rules: The config's rules of transmission, by node.
         offers: The offered traffic.
         seed: Of everything that is drawn.
+        members: The nodes that each node stands for, itself among them; none: each for itself.
     """
 
     def __init__(
@@ -102,6 +103,7 @@ class Walk(Driver[Said]):
         rules: Mapping[int, TransmitRules],
         offers: Sequence[Offer],
         seed: int,
+        members: Mapping[int, tuple[int, ...]],
     ) -> None:
         medium = self._medium = Medium(scenario)
         super().__init__(medium, Agenda())
@@ -113,14 +115,19 @@ class Walk(Driver[Said]):
         self._transmissions = 0
         self._calls = 0
         self._last_said: dict[int, int] = {}
-        modem = Modem()
+        self._members = {each: members.get(each, (each,)) for each in tables}
+        silent = {each for group in members.values() for each in group} - set(members)
+        nodes = len(tables) + len(silent)
+        self._confirms = (nodes - 1) / max(1, len(tables) - 1)
+        """Confirmations of a node for each one that is walked."""
+        modem, farthest_s = Modem(), scenario.farthest_s
         for address in tables:
             others = tuple(each for each in medium.addresses if each != address)
-            listed = [each for each in tables[address].nodes if each != address]
-            capabilities = modem.capabilities(medium.profile(address), scenario.farthest_s)
+            listed = [each for each in tables[address].nodes if each not in {address, *silent}]
+            capabilities = modem.capabilities(medium.profile(address), farthest_s)
             self._speakers[address] = Speaker(
                 address, tables[address], listed or others, capabilities,
-                rules[address], self._rng,
+                rules[address], self._rng, len(self._members[address]),
             )  # fmt: skip
         self._tables = tables
         self._calls = 0
@@ -257,7 +264,7 @@ class Walk(Driver[Said]):
             head_bytes_of(offer) + saying.payload_bytes, now,
         )  # fmt: skip
         item.open_ended = not stream.codec.delimits_itself
-        item.wait_ns = stream.qos.linger_ns
+        item.voice, item.wait_ns = offer.voice, stream.qos.linger_ns
         if stream.qos.lifespan_s is not None:
             item.expires_at = now + seconds_to_ns(stream.qos.lifespan_s)
         if saying.dense_value is not None:
@@ -269,7 +276,7 @@ class Walk(Driver[Said]):
         item.begins = lambda _: self.went(offer)
         item.heard = lambda node, _: self.delivered(offer, now) if node in receivers else None
         speaker = self._speakers[offer.node]
-        speaker.push(("sample", stream.stream_id, offer.instance), item, stream.qos)
+        speaker.push(("sample", stream.stream_id, offer.instance, offer.voice), item, stream.qos)
         self.serve(offer.node)
 
     def _beat(self, address: int, rules: TransmitRules) -> None:
@@ -324,19 +331,27 @@ class Walk(Driver[Said]):
         )
 
     def _book(self, address: int, said: Said, airtime_s: float) -> None:
-        found = self.found
-        found.frames += 1
-        found.transmitted_bytes += said.size_bytes
-        found.agreement_bytes += said.agreement_bytes
-        found.airtime_s[address] = found.airtime_s.get(address, 0.0) + airtime_s
+        """Count a frame: a sample for the node whose it is, all else for each that this one is."""
+        found, members = self.found, self._members[address]
         if said.destination == BROADCAST:
             self._last_said[address] = self.now
-        items_bytes = sum(each.size_bytes for each in said.items)
-        shares = [(each.stream_id, each.size_bytes) for each in said.items] or [(NO_STREAM, 1)]
-        for stream_id, size_bytes in shares:
-            share_s = airtime_s * size_bytes / max(1, items_bytes)
-            before_s = found.stream_airtime_s.get(stream_id, 0.0)
-            found.stream_airtime_s[stream_id] = before_s + share_s
+        items = said.items or [Item(NO_STREAM, BROADCAST, 1, self.now)]
+        items_bytes = max(1, sum(each.size_bytes for each in items))
+        frames = 0.0
+        for item in items:
+            voices = members if item.voice == NO_VOICE else (item.voice,)
+            times = self._confirms if item.is_confirm and item.voice == NO_VOICE else 1.0
+            share = item.size_bytes / items_bytes * times
+            frames += share * len(voices)
+            for voice in voices:
+                found.airtime_s[voice] = found.airtime_s.get(voice, 0.0) + airtime_s * share
+            before_s = found.stream_airtime_s.get(item.stream_id, 0.0)
+            found.stream_airtime_s[item.stream_id] = before_s + airtime_s * share * len(voices)
+            if item.is_confirm:
+                found.agreement_bytes += item.size_bytes * times * len(voices)
+        found.frames += frames
+        found.transmitted_bytes += said.size_bytes * frames
+        found.agreement_bytes += said.opening_bytes * frames
 
     def _sounded(
         self, address: int, transmission: Transmission, emission: Emission, said: Said

@@ -1,1 +1,1 @@
-"""The erasure code of objects: any sufficient number of fragments gives the block."""
+"""The erasure code of objects: enough fragments of a block, whichever they are, restore it."""

@@ -1,19 +1,19 @@
-"""The erasure code of objects: any K fragments of a block, of whichever kind, give it back.
+"""The erasure code of objects: any K fragments of a block, of whichever kind, restore it.
 
-An object is cut into *source fragments* of one size; up to 255 of them are a *block*. A *repair
-fragment* is a random linear combination of the source fragments of one block in GF(256). Whoever
-has as many fragments of a block as it has source fragments can solve for those that it lacks, with
-probability 0.996, and with one fragment more always in practice: on average 0.004 fragments are
-lost to the code (a dense random code: Σ 256^-i). So a receiver need not say *which* fragments it
-lacks, only how many, and one repair fragment helps every receiver of a broadcast, whatever each
-of them has missed.
+An object is cut into *source fragments* of one size; up to 255 of them form a *block*. A *repair
+fragment* is a random linear combination of the source fragments of one block in GF(256). A receiver
+with as many fragments of a block as it has source fragments can solve for the missing ones with
+probability 0.996, and with one fragment more practically always: on average the code costs 0.004
+fragments (a dense random code: Σ 256^-i). So a receiver need not say *which* fragments it lacks,
+only how many, and one repair fragment helps every receiver of a broadcast, whatever each has
+missed.
 
 Nothing here may ever change, since both ends must agree for ever. The coefficients of a repair
-fragment come from SHAKE-128, which any language has: docs/wire.md says it in one line, and the
+fragment come from SHAKE-128, which any language has: docs/wire.md defines it in one line, and the
 golden vectors hold it.
 
-Why an own code. Measured with fragments of 60 bytes, 10 KiB (171) and 1 MiB (17477), half of them
-lost, one busy core of a desktop, Python 3.11:
+Why not a library? Measured with fragments of 60 bytes, 10 KiB (171) and 1 MiB (17477), half of them
+lost, on one busy core of a desktop with Python 3.11:
 
 ===================  ==============  =================  =============  ==========================
                      too many (mean  one repair         decode, half   beside
@@ -30,13 +30,12 @@ zfec 1.6             0               not measured       not measured   compiled;
 reedsolo 1.7         0               not measured       not measured   255 in all, likewise
 ===================  ==============  =================  =============  ==========================
 
-`raptorq` is as good on the channel and faster where it runs. It is not taken because its wire is
-not
-stable: 1.8.0 and 2.0.0 give the same repair fragment other numbers (seen; upstream calls it a
-breaking change), so two vehicles with two versions would never finish an object. Its
-Python binding also offers its own default parameters only, and wheels for the 64-bit ARM boards of
-most vehicles were not to be had. Speed does not decide: a fragment takes a second on the channel
-and less than a millisecond here.
+`raptorq` is as good on the channel and faster where it runs. It is not used because its wire format
+is not stable: 1.8.0 and 2.0.0 number the same repair fragment differently (observed; upstream calls
+it a breaking change), so two vehicles with two versions would never finish an object. Its Python
+binding offers only its own default parameters, and no wheels were available for the 64-bit ARM
+boards of most vehicles. Speed does not decide: a fragment takes a second on the channel and less
+than a millisecond here.
 """
 
 import hashlib
@@ -47,21 +46,22 @@ import msgspec
 from zacoustic.core.transport.objects.code.galois import combine, inverse, products
 
 BLOCK_FRAGMENTS: Final = 255
-"""Most source fragments of a block: what it lacks is one byte of a feedback."""
+"""The most source fragments of a block, so that a block's missing count is one byte of a
+feedback."""
 MOST_FRAGMENTS: Final = 32_000
-"""Most source fragments of an object; the other indices are left for at least 256 repair
-fragments of each block."""
+"""The most source fragments of an object; the other indices leave at least 256 repair fragments for
+each block."""
 LAST_INDEX: Final = 0xFFFE
-"""Last index of a fragment; 0xFFFF withdraws an object."""
+"""The last index of a fragment; 0xFFFF withdraws an object."""
 
 
 class Layout(msgspec.Struct, frozen=True):
-    """How an object is cut: blocks as equal as possible, the larger ones first."""
+    """How an object is cut: into blocks as equal as possible, the larger ones first."""
 
     fragments: int
-    """Source fragments, 1…`MOST_FRAGMENTS`."""
+    """Number of source fragments, 1…`MOST_FRAGMENTS`."""
     fragment_bytes: int
-    """Bytes of each fragment, ≥ 1; the last one is filled up with zeros."""
+    """Bytes of each fragment, ≥ 1; the last one is padded with zeros."""
 
     @property
     def blocks(self) -> int:
@@ -69,7 +69,7 @@ class Layout(msgspec.Struct, frozen=True):
         return -(-self.fragments // BLOCK_FRAGMENTS)
 
     def first(self, block: int) -> int:
-        """Return the index of the first source fragment of a block; of the end for `blocks`."""
+        """Return the index of a block's first source fragment; for `blocks`, the end."""
         size, larger = divmod(self.fragments, self.blocks)
         return block * size + min(block, larger)
 
@@ -91,7 +91,7 @@ class Layout(msgspec.Struct, frozen=True):
         return index // (size + 1) if beyond < 0 else larger + beyond // size
 
     def repair(self, block: int, seed: int) -> int:
-        """Return the index of a repair fragment; after the last seed they start again."""
+        """Return the index of a repair fragment; after the last seed they repeat."""
         return self.fragments + seed % self.seeds * self.blocks + block
 
     def seed(self, index: int) -> int:
@@ -105,7 +105,7 @@ def coefficients(block: int, seed: int, size: int) -> bytes:
 
 
 class Fragments:
-    """All fragments of an object that is there as a whole.
+    """The fragments of a complete object.
 
     Args:
         coded_bytes: Manifest and payload.
@@ -121,7 +121,7 @@ class Fragments:
         return Fragments(self._coded_bytes, fragment_bytes)
 
     def fragment(self, index: int) -> bytes:
-        """Make the fragment of that index, source or repair."""
+        """Return the fragment with an index, source or repair."""
         layout = self.layout
         if index < layout.fragments:
             return self._source(index)
@@ -141,8 +141,8 @@ class Block:
     """The fragments of one block that have arrived so far.
 
     Args:
-        number: Which block of the object.
-        size: Source fragments that it has.
+        number: The block's number in the object.
+        size: Number of its source fragments.
         fragment_bytes: Bytes of each fragment.
     """
 
@@ -156,16 +156,16 @@ class Block:
 
     @property
     def lacking(self) -> int:
-        """How many fragments more are needed; 0: `content` is there."""
+        """How many more fragments are needed; 0: `content` is available."""
         return self._size - len(self._sources) - len(self._repairs)
 
     @property
     def is_empty(self) -> bool:
-        """No fragment has arrived."""
+        """Whether no fragment has arrived."""
         return not self._sources and not self._repairs
 
     def add_source(self, position: int, fragment: bytes) -> bool:
-        """Take a source fragment; False when it was there, or is not needed any more."""
+        """Add a source fragment; return False if it is known or not needed."""
         if position in self._sources or not self.lacking:
             return False
         self._sources[position] = fragment
@@ -173,7 +173,7 @@ class Block:
         return True
 
     def add_repair(self, seed: int, fragment: bytes) -> bool:
-        """Take a repair fragment; False when it was there, or is not needed any more."""
+        """Add a repair fragment; return False if it is known or not needed."""
         if seed in self._repairs or seed in self._dependent or not self.lacking:
             return False
         self._repairs[seed] = fragment
@@ -181,14 +181,14 @@ class Block:
         return True
 
     def content(self) -> bytes:
-        """Return the source fragments in a row; only when nothing is lacking."""
+        """Return the source fragments in a row; allowed only when none is lacking."""
         return b"".join(self._sources[position] for position in range(self._size))
 
     def _solve_if_complete(self) -> None:
-        """Replace the repair fragments by the source fragments that are missing.
+        """Replace the repair fragments with the missing source fragments.
 
-        Each repair fragment is an equation. What is known is subtracted; the rest, coefficients
-        of the missing fragments beside the sum, is brought to the unit matrix.
+        Each repair fragment is an equation. Known fragments are subtracted from it; the rest, the
+        coefficients of the missing fragments beside the sum, is reduced to the unit matrix.
         """
         if self.lacking or not self._repairs:
             return

@@ -38,7 +38,7 @@ def products(factor: int) -> bytes:
 
 
 def inverse(value: int) -> int:
-    """Return what gives 1 when multiplied by a value that is not 0."""
+    """Return the multiplicative inverse of a value that is not 0."""
     return _EXPONENTS[-_LOGARITHMS[value] % 255]
 
 

@@ -1,7 +1,7 @@
-"""Objects of others that have ended at this node: delivered, refused, or not subscribed to.
+"""Incoming objects that have ended at this node: delivered, refused, or not subscribed to.
 
-They are remembered while their numbers may be used again: later fragments are not taken for a new
-object, and are answered in the same way.
+They are remembered while their numbers may be reused: so a late fragment is not taken for a new
+object, and gets the same answer.
 """
 
 from typing import Final
@@ -25,21 +25,22 @@ _MOST_FORMER: Final = 4 * MOST_TRANSFERS
 
 
 class Refusal(msgspec.Struct, frozen=True):
-    """An object that is not wanted."""
+    """An object that this node refuses."""
 
     reason: Reason
     head: dict[int, bytes]
-    """Fragments with its manifest."""
+    """The fragments with its manifest."""
     unwanted_of: int = 0
-    """Its stream, if this node has not subscribed to that: it is silent, and may yet do so."""
+    """Its stream, if this node has not subscribed to it: the node is silent, but may subscribe
+    yet."""
 
 
 class Endings:
-    """What has ended at one node.
+    """The incoming objects that have ended at one node.
 
     Args:
-        admission: Knows the admitted objects.
-        journal: Keeps delivered objects.
+        admission: Decides which objects are admitted.
+        journal: Holds the delivered objects.
     """
 
     def __init__(self, admission: AdmissionControl, journal: JournalPort) -> None:
@@ -50,11 +51,11 @@ class Endings:
         self._refused: dict[TransferKey, Refusal] = {}
 
     def restore(self, key: TransferKey, end: StoredEnd) -> None:
-        """Restore the end of an object that a former boot epoch delivered."""
+        """Restore the end of an object that an earlier boot epoch delivered."""
         self._ended[key] = end
 
     def handed_on(self, key: TransferKey, end: StoredEnd) -> bool:
-        """An object has ended; returns whether the same was handed on before."""
+        """Add a delivered object; return whether the same one was delivered before."""
         self._ended[key] = end
         former = self._former.pop(key, None)
         while len(self._ended) > _MOST_FORMER:
@@ -66,13 +67,13 @@ class Endings:
         return former is not None and former.digest == end.digest
 
     def refuse(self, key: TransferKey, refusal: Refusal) -> None:
-        """An object is not taken."""
+        """Add a refused object."""
         self._refused[key] = refusal
         while len(self._refused) > _MOST_FORMER:
             del self._refused[next(iter(self._refused))]
 
     def forget(self, source: int) -> None:
-        """Forget what has ended of a source."""
+        """Forget the ended objects of a source."""
         for key in [key for key in self._ended if key[0] == source]:
             del self._ended[key]
             self._journal.write(done_key(*key), None)
@@ -81,23 +82,23 @@ class Endings:
                 del known[key]
 
     def end(self, key: TransferKey) -> StoredEnd | None:
-        """Return how the last object from a source with a number was handed on, or None."""
+        """Return the end of the last delivered object with a source's number, or None."""
         return self._ended.get(key)
 
     def __contains__(self, key: TransferKey) -> bool:
-        """Tell whether the last object from a source with a number was handed on."""
+        """Return whether the last object with a source's number was delivered."""
         return key in self._ended
 
     def refusal(self, key: TransferKey) -> Refusal | None:
-        """Return why the last object from a source with a number is not taken, or None."""
+        """Return why the last object with a source's number was refused, or None."""
         return self._refused.get(key)
 
     def is_of_ended(self, key: TransferKey, fragment: Fragment) -> bool:
-        """Tell whether a fragment is of an object that has ended; else that is forgotten."""
+        """Return whether a fragment belongs to an ended object; forget that one if not."""
         return self._is_of_handed_on(key, fragment) or self._is_of_refused(key, fragment)
 
     def feedback(self, key: TransferKey) -> Complete | Refused | None:
-        """Return the feedback for an object that has ended, or None."""
+        """Return the feedback about an object that has ended, or None."""
         transfer = key[1]
         end = self._ended.get(key)
         if end is not None:

@@ -1,9 +1,9 @@
 """The receiver's side of one transfer: fragments become blocks, and blocks the object.
 
-Until the manifest is there, fragments are kept as they come, a bounded number of them. Then each
-goes to its block, which is solved as soon as it has enough. The object is opened when all blocks
-are, and only if its digest is right. If it is not, everything is dropped, and the feedback shows
-the sender that all is missing.
+Until the manifest is complete, a bounded number of fragments are kept as they come. Then each goes
+to its block, which is solved as soon as it has enough. The object is opened when all blocks are
+solved, and only if its digest is right. Otherwise everything is dropped, and the feedback tells the
+sender that all of it is missing.
 """
 
 from typing import Final
@@ -18,21 +18,21 @@ from zacoustic.core.transport.objects.manifest import Manifest, decode_manifest,
 from zacoustic.core.wire.objects import MOST_BLOCKS, Feedback, Headless, Lacks
 
 _MOST_EARLY: Final = 2 * BLOCK_FRAGMENTS
-"""Most fragments that are kept without a manifest."""
+"""The most fragments that are kept without a manifest."""
 _MOST_IN_HEAD: Final = 128
-"""A manifest is spread over fewer fragments than that, even where they have four bytes each."""
+"""A manifest spans fewer fragments than this, even if each has four bytes."""
 _ENOUGH_TO_JUDGE: Final = 8
 _LOSS_UNKNOWN: Final = 0.3
-"""Assumed loss if the very first fragment has not arrived."""
+"""The assumed loss if the first fragment has not arrived."""
 
 
 class IncomingObject:
-    """One object that arrives.
+    """One object that is being received.
 
     Args:
-        transfer: Its number at the source.
+        transfer: The source's number for it.
         fragment_bytes: Bytes of each fragment.
-        largest_bytes: Largest payload that is taken.
+        largest_bytes: The largest payload that is accepted, bytes.
     """
 
     def __init__(self, transfer: int, fragment_bytes: int, largest_bytes: int) -> None:
@@ -40,7 +40,7 @@ class IncomingObject:
         self.fragment_bytes = fragment_bytes
         self.manifest: Manifest | None = None
         self.is_too_large = False
-        """Its manifest exceeds a limit."""
+        """Whether its manifest exceeds a limit."""
         self._largest_bytes = largest_bytes
         self._early: dict[int, bytes] = {}
         self._head: dict[int, bytes] = {}
@@ -50,44 +50,44 @@ class IncomingObject:
         self._sources_begun = 0
 
     def add(self, index: int, data: bytes) -> bool:
-        """Take a fragment; False when it is not new, or cannot be kept."""
+        """Add a fragment; return False if it is known or cannot be kept."""
         if self._layout is None:
             return self._add_early(index, data)
         new = self._add_to_block(self._layout, index, data)
         if new and self.lacking == 0 and self.payload() is None:
-            # It contains something that was never sent: start again.
+            # A fragment in it was never sent: start again.
             self._forget()
         return new
 
     @property
     def lacking(self) -> int | None:
-        """How many fragments are lacking; None: not known without a manifest."""
+        """How many fragments are lacking; None: unknown without a manifest."""
         if self._layout is None:
             return None
         return sum(block.lacking for block in self._blocks)
 
     @property
     def held(self) -> int:
-        """How many fragments are there that were needed."""
+        """How many needed fragments have arrived."""
         if self._layout is None:
             return len(self._early)
         return self._layout.fragments - sum(block.lacking for block in self._blocks)
 
     @property
     def memory_bytes(self) -> int:
-        """Bytes that it takes in memory, at most."""
+        """The most bytes that it takes in memory."""
         if self.manifest is not None and not self.is_too_large:
             return self.manifest.coded_bytes
         return len(self._early) * self.fragment_bytes
 
     @property
     def fragments(self) -> int | None:
-        """Source fragments of the object, None without a manifest."""
+        """Number of source fragments; None without a manifest."""
         return self._layout.fragments if self._layout else None
 
     @property
     def loss(self) -> float:
-        """The loss seen among the source fragments, 0…1."""
+        """The loss among the source fragments so far, 0…1."""
         if self._layout is None:
             return _LOSS_UNKNOWN
         if self._sources_begun < _ENOUGH_TO_JUDGE:
@@ -95,7 +95,7 @@ class IncomingObject:
         return 1 - self._sources_held / self._sources_begun
 
     def feedback(self) -> Feedback:
-        """Return the feedback for an object that is not complete, or waits for its turn."""
+        """Return the feedback for an object that is incomplete, or waits for its turn."""
         if self._layout is None:
             return Headless(self.transfer, len(self._early))
         if not self.lacking:
@@ -109,7 +109,7 @@ class IncomingObject:
         return Lacks(self.transfer, first, lacking)
 
     def contradicts(self, index: int, data: bytes) -> bool:
-        """Tell whether a fragment is of another object with the same number."""
+        """Return whether a fragment belongs to another object with the same number."""
         if len(data) != self.fragment_bytes:
             return True
         known = self._head.get(index)
@@ -122,7 +122,7 @@ class IncomingObject:
         return open_object(self.manifest, coded)
 
     def head(self) -> dict[int, bytes]:
-        """Return the fragments with the manifest: they distinguish this object."""
+        """Return the fragments with the manifest, which identify this object."""
         return self._head
 
     # Below the methods above

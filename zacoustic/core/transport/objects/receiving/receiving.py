@@ -1,10 +1,10 @@
-"""The objects that a node receives: their fragments, and the feedback.
+"""The objects that a node receives: their fragments and the feedback.
 
-The first fragments of an object carry its manifest. Until then fragments are kept, a bounded
-number, unless no large sample can be for this node. An object that is not for it, or of an
-on-demand topic that it has not subscribed to, takes no memory from then on; neither does an object
-under way when the node unsubscribes. Fragments of a former boot epoch are kept: the node may not
-have subscribed again yet.
+The first fragments of an object carry its manifest. Until the manifest is complete, a bounded
+number of fragments are kept, unless no large sample can be for this node. From then on, an object
+that is not for this node, or that belongs to an on-demand topic without its subscription, takes no
+memory; neither does an object under way when the node unsubscribes. Fragments from before a restart
+are kept: the node may not have subscribed again yet.
 """
 
 import random
@@ -91,7 +91,7 @@ class IncomingObjects:
     def restore_group(
         self, source: int, transfer: int, group: int, fragments: list[tuple[int, bytes]]
     ) -> None:
-        """Restore fragments that arrived in a former boot epoch."""
+        """Restore fragments that arrived in an earlier boot epoch."""
         for index, data in fragments:
             state = self._transfers.get((source, transfer))
             if state is None:
@@ -100,11 +100,11 @@ class IncomingObjects:
             state.groups = group + 1
 
     def restore_end(self, source: int, transfer: int, end: StoredEnd) -> None:
-        """Restore the end of an object that a former boot epoch delivered."""
+        """Restore the end of an object that an earlier boot epoch delivered."""
         self._endings.restore((source, transfer), end)
 
     def link_up(self, now: int) -> None:
-        """The link is up: deliver what a former boot epoch was about to deliver."""
+        """Deliver what an earlier boot epoch was about to deliver: the link is up."""
         for key, state in list(self._transfers):
             end, manifest = self._endings.end(key), state.incoming.manifest
             if end is None or state.is_ending or manifest is None or state.incoming.lacking:
@@ -123,7 +123,7 @@ class IncomingObjects:
     def fragment(
         self, source: int, fragment: Fragment, received: ReceivedFrame, timing: Timing, now: int
     ) -> str | None:
-        """Take a fragment; returns why it is dropped, or None."""
+        """Take a fragment; return why it is dropped, or None."""
         key = (source, fragment.transfer)
         if fragment.index == NO_FRAGMENT:
             if fragment.data == WITHDRAWN:
@@ -142,7 +142,7 @@ class IncomingObjects:
         return None
 
     def cancel(self, source: int, transfer: int) -> bool:
-        """Refuse the rest of an object; False when it is not under way."""
+        """Refuse the rest of an object; return False when it is not under way."""
         state = self._transfers.get((source, transfer))
         if state is None or state.is_ending:
             return False
@@ -150,7 +150,7 @@ class IncomingObjects:
         return True
 
     def drop_unwanted(self, stream_id: int, sources: Set[int]) -> None:
-        """Keep nothing of a stream of these sources: this node has unsubscribed."""
+        """Drop a stream's objects from these sources: this node has unsubscribed."""
         for key, state in list(self._transfers):
             manifest = state.incoming.manifest
             is_of_it = manifest is not None and manifest.stream_id == stream_id
@@ -159,7 +159,7 @@ class IncomingObjects:
                 self._ignore(key, stream_id)
 
     def peer_forgotten(self, source: int, now: int) -> None:
-        """Nothing is to be kept of a node, nor which of its objects were handed on."""
+        """Forget a node and its objects."""
         for key in [key for key, state in self._transfers if key[0] == source]:
             self._drop(key)
         for key in [key for key in self._told if key[0] == source]:
@@ -170,30 +170,30 @@ class IncomingObjects:
         self._losses.pop(source, None)
 
     def look_again(self, source: int) -> None:
-        """A sample of a source was handed on: what waits for its turn may have it now."""
+        """Check the complete objects of a source again after it delivered a sample."""
         for key, state in list(self._transfers):
-            # What is handed on may have others handed on, and they this one.
+            # A delivery may cause further deliveries, this one included.
             is_there = self._transfers.get(key) is state
             if is_there and key[0] == source and state.incoming.lacking == 0:
                 self._finish(key, state, is_turn=False)
 
-    # Speaking
+    # Answers
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant at which the next answer is to go, or None."""
+        """Return the instant at which the next answer is due, ns, or None."""
         return self._replies.due_at(now)
 
     def destination(self, now: int) -> int | None:
-        """Return the address that an answer which is due goes to, or None."""
+        """Return the destination of a due answer, or None."""
         due = self._replies.due(now)
         return due[0][0] if due else None
 
     def owes_answer(self, now: int) -> bool:
-        """Tell whether an answer is to go, or has not yet been on the air."""
+        """Return whether an answer is due or still in transmission."""
         return self._replies.owes_answer(now)
 
     def take(self, destination: int, now: int) -> tuple[Feedback, TransferKey] | None:
-        """Return an answer that is due and goes there, and what it is about, or None."""
+        """Take a due answer for a destination; return it with the object's key, or None."""
         for key in self._replies.due(now, destination):
             feedback = self._feedback(key)
             if feedback is None:
@@ -207,18 +207,18 @@ class IncomingObjects:
         return None
 
     def transmitted(self, key: TransferKey, finished_at: int, timing: Timing) -> None:
-        """An answer that was taken has been on the air."""
+        """Record that the transmission of an answer has ended."""
         self._replies.transmitted(key, finished_at, timing)
 
     @property
     def quiet_until(self) -> int:
-        """Until then a frame of ours that is no answer may cost a fragment or an answer."""
+        """Instant until which any frame but an answer may cost a fragment or an answer, ns."""
         return self._replies.quiet_until
 
     # Below the methods above
 
     def _is_sayable(self, key: TransferKey) -> bool:
-        """Tell whether an answer does not wait for the journal."""
+        """Return whether an answer need not wait for the journal."""
         state = self._transfers.get(key)
         return state is None or not state.is_ending
 
@@ -257,7 +257,7 @@ class IncomingObjects:
         return None
 
     def _judge(self, key: TransferKey, state: Transfer, knew: Manifest | None) -> None:
-        """Look at an object whose manifest has just become known, or that is complete."""
+        """Check an object whose manifest has just become known, or that is complete."""
         incoming = state.incoming
         manifest = incoming.manifest
         if manifest is None:
@@ -282,7 +282,7 @@ class IncomingObjects:
             self._finish(key, state, is_turn=False)
 
     def _has_turn(self, key: TransferKey, check: bytes) -> None:
-        """The source has sent the turn: nothing before its object will come."""
+        """Deliver an object whose source has sent its turn: nothing before it will come."""
         state = self._transfers.get(key)
         if state is None or state.incoming.lacking != 0:
             return
@@ -294,7 +294,7 @@ class IncomingObjects:
             self._drop(key)  # the number stands for another object now
 
     def _finish(self, key: TransferKey, state: Transfer, *, is_turn: bool) -> None:
-        """Write down that a complete object is handed on; it is when that is safe."""
+        """Journal that a complete object is delivered, then deliver it."""
         manifest = state.incoming.manifest
         assert manifest is not None
         if state.is_ending:
@@ -303,8 +303,9 @@ class IncomingObjects:
         if not admission.is_open:
             return  # asked again with each further fragment
         if admission.reason is not None:
-            # It was not yet known, when its manifest came, whether the tables agree. They do, so it
-            # is of another node with that address: of another fleet, or of a former boot epoch.
+            # When its manifest came, it was not yet known whether the tables agree. They do, so the
+            # object comes from another node with that address: of another fleet, or of an earlier
+            # boot epoch.
             self._refuse(key, admission.reason)
             return
         claim = self._admission.claim(key[0], manifest, is_turn=is_turn)
@@ -337,7 +338,7 @@ class IncomingObjects:
         assert manifest is not None
         assert payload is not None
         self._transfers.remove(key)
-        self._forget_groups(key, state)  # committed when what is handed on here has been told
+        self._forget_groups(key, state)  # committed after the events of this delivery
         end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
         if self._endings.handed_on(key, end) or is_over:
             return  # it was delivered before, or must not be any more
@@ -373,12 +374,12 @@ class IncomingObjects:
         self._endings.refuse(key, Refusal(reason, self._drop(key)))
 
     def _ignore(self, key: TransferKey, stream_id: int) -> None:
-        """Keep nothing of an object as long as this node does not subscribe to its stream."""
+        """Drop an object and ignore it until this node subscribes to its stream."""
         refusal = Refusal(Reason.NOT_SUBSCRIBED, self._drop(key), stream_id)
         self._endings.refuse(key, refusal)
 
     def _drop(self, key: TransferKey) -> dict[int, bytes]:
-        """Forget an object on its way; returns its fragments with the manifest."""
+        """Remove an object under way; return its fragments with the manifest."""
         state = self._transfers.remove(key)
         self._forget_groups(key, state)
         return dict(state.incoming.head())
@@ -409,7 +410,7 @@ class IncomingObjects:
     def _schedule(
         self, key: TransferKey, fragment: Fragment, received: ReceivedFrame, timing: Timing
     ) -> None:
-        """Decide when to send feedback, after a fragment."""
+        """Schedule the feedback after a fragment."""
         heard_at = received.received_at
         source = key[0]
         state = self._transfers.get(key)
@@ -435,7 +436,7 @@ class IncomingObjects:
             manifest = state.incoming.manifest if state else None
             admission = self._admission.admit(source, manifest.stream_id if manifest else 0)
             if manifest is None and not admission.is_wanted:
-                return  # hardly one that is for this node
+                return  # probably not for this node
             self._replies.called_among(
                 key,
                 fragment.call,
@@ -447,7 +448,7 @@ class IncomingObjects:
             )
 
     def _is_alone(self, key: TransferKey, fragment: Fragment, received: ReceivedFrame) -> bool:
-        """Tell whether an object comes for this node alone; see `_is_for_others`."""
+        """Return whether an object comes for this node alone; see `_is_for_others`."""
         if received.destination != BROADCAST:
             self._alone.add(key)
         elif fragment.call is not ListenHint.WINDOW:
@@ -473,8 +474,9 @@ class IncomingObjects:
 
 
 def _is_for_others(fragment: Fragment, received: ReceivedFrame) -> bool:
-    """Tell whether a fragment may be of an object for another node, and opens none here.
+    """Return whether a fragment may be of another node's object, and so begins none here.
 
-    The last one of a run is broadcast wherever there are others, to tell them of the pause.
+    The last fragment of a run is broadcast wherever there are other nodes, to tell them of the
+    pause.
     """
     return fragment.call is ListenHint.WINDOW and received.destination == BROADCAST

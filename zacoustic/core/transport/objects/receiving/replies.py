@@ -1,10 +1,10 @@
-"""When a receiver sends feedback about the objects that it receives.
+"""When a receiver sends feedback about incoming objects.
 
-It does so on request: at once when the sender waits for an answer; and when it has the object and
-the sender does not know it, in the sender's next listen window (which medium access knows:
-`zacoustic.core.schedule.access.listening`). A requested answer is repeated while fragments are
-lost, as long as the copies leave before the sender can react to the first. Several receivers answer
-one after the other.
+It answers a request at once. When it has an object and the sender does not know that, it sends
+feedback in the sender's next listen window (which medium access knows:
+`zacoustic.core.schedule.access.listening`). While fragments are lost, a requested answer is
+repeated as long as the copies leave before the sender can react to the first. Several receivers
+answer one after the other.
 """
 
 import random
@@ -17,20 +17,20 @@ from zacoustic.core.wire.objects import ListenHint
 TransferKey = tuple[int, int]
 """``(source, transfer)``."""
 
-# A copy of an answer where more than that is lost, and another.
+# Losses above which an answer is sent twice, and three times.
 _LOSS_FOR_TWO: Final = 0.1
 _LOSS_FOR_THREE: Final = 0.35
 _SLOTS_EACH: Final = 2
 
 
 class _Reply:
-    """An answer that is due."""
+    """A due answer."""
 
     def __init__(self, at: int, copies: int, until: int | None = None) -> None:
         self.at = at
         self.copies = copies
         self.until = until
-        """Instant after which it would come too late; None: until the sender sends on."""
+        """Instant after which it would come too late, ns; None: until the sender continues."""
         self.is_on_air = False
 
 
@@ -39,7 +39,7 @@ class Replies:
 
     Args:
         rng: Spreads the answers of several receivers.
-        is_sayable: ``key`` → nothing is in the way of the answer.
+        is_sayable: ``key`` → whether the answer may be sent now.
     """
 
     def __init__(self, rng: random.Random, is_sayable: Callable[[TransferKey], bool]) -> None:
@@ -47,12 +47,13 @@ class Replies:
         self._is_sayable = is_sayable
         self._replies: dict[TransferKey, _Reply] = {}
         self.quiet_until = 0
-        """Until then fragments of another node, or an exchange with it, are expected."""
+        """Instant until which fragments of another node, or an exchange with it, are expected,
+        ns."""
 
     def called(
         self, key: TransferKey, call: ListenHint, heard_at: int, timing: Timing, *, loss: float
     ) -> None:
-        """The sender listens for the answer of this node alone."""
+        """Schedule the answer of this node alone to a sender that listens."""
         at = self._listens_at(call, heard_at, timing)
         copies = 1 + (loss > _LOSS_FOR_TWO) + (loss > _LOSS_FOR_THREE)
         in_time = 2 * timing.propagation_ns // timing.feedback_slot_ns
@@ -69,17 +70,17 @@ class Replies:
         others: int,
         repeats: bool,
     ) -> None:
-        """The sender listens for the answers of several.
+        """Schedule the answer of this node among others to a sender that listens.
 
         Args:
-            key: Which object.
-            call: When it listens.
+            key: The object.
+            call: When the sender listens.
             heard_at: End of the fragment, ns.
             timing: The durations.
-            rank: So many receivers answer before this one.
+            rank: How many receivers answer before this one.
             others: Number of the other receivers.
-            repeats: It has said the same before. Since they are not equally far away, it may have
-                met the answer of another then, and would again.
+            repeats: It has sent the same answer before. Since distances differ, that answer may
+                have collided with another one, and would again.
         """
         at = self._listens_at(call, heard_at, timing)
         slots = _SLOTS_EACH * rank + self._rng.random()
@@ -90,14 +91,14 @@ class Replies:
     def goes_on(
         self, key: TransferKey, heard_at: int, timing: Timing, *, tell: bool, window: bool
     ) -> None:
-        """The sender sends on.
+        """Note that the sender continues.
 
         Args:
-            key: Which object.
+            key: The object.
             heard_at: End of the fragment, ns.
             timing: The durations.
-            tell: The source should learn that it need not send more.
-            window: A listen window begins now, and then others.
+            tell: Whether to tell the source that it need not send more.
+            window: Whether a listen window begins now, and then further ones.
         """
         self.quiet_until = heard_at + timing.slot_ns + timing.pause_ns
         if not tell:
@@ -107,7 +108,7 @@ class Replies:
             self._replies[key] = _Reply(heard_at, 1, heard_at + 2 * timing.period_ns)
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant at which the next answer is to go, or None."""
+        """Return the instant at which the next answer is due, ns, or None."""
         if not self._replies:
             return None
         for key, reply in list(self._replies.items()):
@@ -116,12 +117,12 @@ class Replies:
         return min((reply.at for _, reply in self._sayable()), default=None)
 
     def owes_answer(self, now: int) -> bool:
-        """Tell whether an answer is to go, or has not yet been on the air."""
+        """Return whether an answer is due or still in transmission."""
         is_on_air = any(reply.is_on_air for reply in self._replies.values())
         return is_on_air or self.due_at(now) is not None
 
     def due(self, now: int, source: int | None = None) -> list[TransferKey]:
-        """Return the objects with due feedback, to one source or to all."""
+        """Return the objects with due feedback, for one source or for all."""
         due = [
             (reply.at, key)
             for key, reply in self._sayable()
@@ -130,20 +131,20 @@ class Replies:
         return [key for _, key in sorted(due)]
 
     def say(self, key: TransferKey) -> None:
-        """An answer is in the frame that goes now."""
+        """Note that an answer is in the frame that goes now."""
         self._replies[key].is_on_air = True
 
     def drop(self, key: TransferKey) -> None:
-        """There is no feedback to send."""
+        """Drop the answer about an object."""
         self._replies.pop(key, None)
 
     def forget(self, source: int) -> None:
-        """Say nothing more to a source."""
+        """Drop all answers to a source."""
         for key in [key for key in self._replies if key[0] == source]:
             self.drop(key)
 
     def transmitted(self, key: TransferKey, finished_at: int, timing: Timing) -> None:
-        """An answer has been on the air: repeat it, or not."""
+        """Schedule the next copy of an answer after a transmission, if one is left."""
         reply = self._replies.get(key)
         if reply is None:
             return

@@ -1,8 +1,8 @@
 """The incoming objects of a node, and how much memory they may take.
 
-The number of transfers and their bytes in all are bounded. The one that was silent for longest
-gives way; or rather, of its key, the one that is delivered last, since it would have to wait for
-all the others.
+The number of transfers and their total bytes are bounded. To make room, the transfer that was
+silent for longest is found, and of its key the one that is delivered last is given up, since it
+would have to wait for all the others.
 """
 
 from collections.abc import Iterator
@@ -26,11 +26,11 @@ class Transfer:
         self.unwritten: list[tuple[int, bytes]] = []
         self.received: ReceivedFrame | None = None
         self.is_ending = False
-        """It is complete, and that is on its way to the journal."""
+        """Whether it is complete and its delivery is being journalled."""
 
 
 class Transfers:
-    """All of them.
+    """The incoming objects of one node.
 
     Args:
         limits: How much memory they may take.
@@ -51,28 +51,28 @@ class Transfers:
 
     @property
     def memory_bytes(self) -> int:
-        """Bytes that they take, at most."""
+        """The most bytes that they take in memory."""
         return sum(each.incoming.memory_bytes for each in self._transfers.values())
 
     def get(self, key: TransferKey) -> Transfer | None:
-        """Return the transfer from a source with a number, or None."""
+        """Return the transfer with a source's number, or None."""
         return self._transfers.get(key)
 
     def open(self, key: TransferKey, fragment_bytes: int) -> Transfer:
-        """Begin with an object."""
+        """Begin an object."""
         incoming = IncomingObject(key[1], fragment_bytes, self._limits.largest_bytes)
         transfer = self._transfers[key] = Transfer(incoming)
         return transfer
 
     def remove(self, key: TransferKey) -> Transfer:
-        """Take an object out."""
+        """Remove an object."""
         return self._transfers.pop(key)
 
     def make_room(self, newest: TransferKey) -> Iterator[TransferKey]:
         """Yield the transfers to give up, one by one; remove each before the next.
 
         Args:
-            newest: What has just been heard: given up only when nothing else may be.
+            newest: The transfer just heard, given up only if no other one can be.
         """
         while self._is_full and newest in self._transfers:
             idle = [

@@ -1,18 +1,18 @@
 """The sender's side of one transfer: rounds of fragments, each ending with a request for feedback.
 
-A *round* is the source fragments of the next block and as many repair fragments of the blocks
+A *round* is the source fragments of the next block, and as many repair fragments of the blocks
 before as the receivers will probably need. Its last fragment requests feedback, and the one before
-it announces that, so that a receiver answers when either has arrived. Then the sender listens. It
-knows, for each receiver, how many fragments of each block it lacks; it never knows which, and need
-not.
+announces that, so that a receiver answers when either has arrived. Then the sender listens. For
+each receiver it knows how many fragments of each block that receiver lacks; it never knows which,
+and need not.
 
 Until a receiver has answered it may not be there, so the first round is short. Without an answer
-the next one is short, too, and useful: repair fragments, since the likeliest reason is a loss.
-After several requests in a row without an answer single fragments follow, when the pacers of the
-receivers allow it (`zacoustic.core.schedule.pacers`).
+the next one is short too, and useful: repair fragments, since a loss is the likeliest reason. After
+several requests in a row without an answer single fragments follow, when the receivers' pacers
+allow it (`zacoustic.core.schedule.pacers`).
 
-A receiver that has all of it may have to wait for samples before it. Nothing is sent to it until
-none of them will come; then the sender sends it its turn.
+A receiver that has all of it may have to wait for earlier samples. The sender sends it nothing
+until none of them will come; then it sends the receiver its turn.
 """
 
 import random
@@ -44,23 +44,23 @@ _MOST_IN_ROUND: Final = BLOCK_FRAGMENTS
 # While source fragments are left, another round costs nothing.
 _CHEAP_ROUND_FRAMES: Final = 1.0
 _MOST_UNHEARD: Final = 10
-"""So many fragments go to receivers that may not be there: two runs, each of which tells the others
-of the rhythm, and the question behind them."""
+"""How many fragments go to receivers that may not be there: two runs, each of which shows the
+rhythm to other nodes, and the request after them."""
 _PATIENT_QUESTIONS: Final = 4
 _MOST_DOUBLINGS: Final = 6
-# Two, so that a question is heard though one of them is lost.
+# Two, so that a request arrives although one of them is lost.
 _SHORTEST_ROUND: Final = 2
 _FEW_LACKING: Final = 16
 _ANSWER_COPIES: Final = 3
 
 
 class OutgoingObject:
-    """One object on its way.
+    """One object under way.
 
     Args:
         transfer: Its number.
         receivers: Addresses of the receivers, each with the known loss on the way there.
-        manifest: What it is.
+        manifest: Its manifest.
         fragments: Its fragments.
         rng: Draws the pauses between unanswered requests.
     """
@@ -82,34 +82,35 @@ class OutgoingObject:
         self.transmitted = 0
         """Fragments transmitted in this boot epoch."""
         self.listens = False
-        """A question is on the air or not yet answered."""
+        """Whether a request is in transmission or not yet answered."""
         self.due_at = 0
-        """Instant from which the next fragment may go; while it listens, of giving up."""
+        """Instant from which the next fragment may go, ns; while it listens, instant to stop
+        listening."""
         self.listens_until = 0
-        """Until then an answer may come, and nothing else should be transmitted."""
+        """Instant until which an answer may come and nothing else should be transmitted, ns."""
         self.asked_at = 0
-        """End of the last question, ns."""
+        """End of the last request, ns."""
         self.is_withdrawn = False
-        """It was withdrawn; the receivers learn it."""
+        """Whether it is withdrawn, and its receivers are being told."""
         self._round: deque[int] = deque()
         self._patience_ns = 0
         self._asked: list[ReceiverView] = []
         self._is_answered = False
-        """A receiver has answered, and the last question was not in vain."""
+        """Whether a receiver has answered, and the last request was not in vain."""
         self._rng = rng
 
     # Records to send
 
     @property
     def has_fragments(self) -> bool:
-        """Some receiver needs fragments of it, or must learn that it is withdrawn."""
+        """Whether a receiver needs fragments, or must learn that the object is withdrawn."""
         return self.is_withdrawn or bool(self._lacking())
 
     def next_at(self, is_turn: Callable[[int], bool]) -> int | None:
-        """Return the instant from which something of it may go, ns; None: all wait for their turn.
+        """Return when a record of it may go, ns; None: all receivers await their turn.
 
         Args:
-            is_turn: Tells whether nothing before it will come for a receiver.
+            is_turn: Returns whether a receiver has everything before it that will ever come.
         """
         if self.listens or self.has_fragments:
             return self.due_at
@@ -124,7 +125,7 @@ class OutgoingObject:
         return next(due, None)
 
     def withdraw(self, now: int) -> None:
-        """Send nothing of it any more, but inform the receivers."""
+        """Stop sending it, and inform the receivers."""
         self.is_withdrawn = True
         self.listens = False
         self.due_at = now
@@ -133,11 +134,11 @@ class OutgoingObject:
 
     @property
     def is_past_asking(self) -> bool:
-        """No receiver has answered for so long that none may be there."""
+        """Whether no receiver has answered for so long that none may be there."""
         return all(view.unanswered > _PATIENT_QUESTIONS for view in self._waiting())
 
     def resume(self, next_source: int, next_seed: int) -> None:
-        """Go on after a restart: nothing before these was kept from being sent."""
+        """Resume after a restart: nothing from these numbers on has been sent."""
         layout = self.fragments.layout
         self.next_source = min(next_source, layout.fragments)
         self.next_seed = [next_seed] * layout.blocks
@@ -148,22 +149,22 @@ class OutgoingObject:
 
     @property
     def waiting(self) -> list[int]:
-        """Addresses of the receivers that need something more."""
+        """Addresses of the receivers that need anything more."""
         return [each for each, view in self.views.items() if not view.is_finished]
 
     @property
     def lacking(self) -> list[int]:
-        """Addresses of those of them that do not hold all of it, as far as known."""
+        """Addresses of the waiting receivers that are not known to hold all of it."""
         return [each for each in self.waiting if not self.views[each].holds]
 
     @property
     def is_unheard(self) -> bool:
-        """Its receivers have had a round, and have not answered: they may not be there."""
+        """Whether its receivers have had a round without answering, and so may not be there."""
         is_due = self.listens or not self._round
         return is_due and bool(self.transmitted) and not self._is_answered and bool(self._lacking())
 
     def release(self, address: int, now: int) -> None:
-        """A receiver is there again: what waits for it is due."""
+        """Make due what waits for a receiver that is back."""
         view = self.views.get(address)
         if view is not None and not view.is_finished:
             self.due_at = min(self.due_at, max(now, self.listens_until))
@@ -172,13 +173,13 @@ class OutgoingObject:
     def take(
         self, timing: Timing, *, window_follows: bool, is_present: bool, is_silent: bool
     ) -> Fragment:
-        """Return the fragment that is next, for transmission.
+        """Take the next fragment for transmission.
 
         Args:
             timing: The durations.
             window_follows: A listen window follows.
             is_present: A receiver was heard just now.
-            is_silent: None was heard for long.
+            is_silent: No receiver was heard for long.
         """
         self._asked = self._waiting() if self.is_withdrawn else self._lacking()
         if self.is_withdrawn:
@@ -191,7 +192,7 @@ class OutgoingObject:
         left = len(self._round)
         call = ListenHint.ANSWER
         if left:
-            # Behind a pause the next frame comes later than the receiver would expect it.
+            # After a pause the next frame would come later than the receiver expects.
             next_asks = left == 1 and not window_follows
             unasked = ListenHint.WINDOW if window_follows else ListenHint.NONE
             call = ListenHint.ANSWER_NEXT if next_asks else unasked
@@ -207,7 +208,7 @@ class OutgoingObject:
         return Fragment(self.transfer, call, index, self.fragments.fragment(index))
 
     def take_turn(self, address: int) -> Fragment:
-        """Return the turn record of a receiver, for transmission."""
+        """Take the turn record of a receiver for transmission."""
         view = self.views[address]
         view.turns += 1
         self.transmitted += 1
@@ -217,12 +218,12 @@ class OutgoingObject:
         return Fragment(self.transfer, ListenHint.ANSWER, NO_FRAGMENT, check)
 
     def transmitted_until(self, finished_at: int, timing: Timing, silence_ns: int) -> None:
-        """What was just taken has been on the air.
+        """Record that the transmission of what was taken last has ended.
 
         Args:
-            finished_at: Until when, ns.
+            finished_at: End of the transmission, ns.
             timing: The durations.
-            silence_ns: Least pause after a question, ns: its receivers do not answer.
+            silence_ns: Least pause after a request that receivers do not answer, ns.
         """
         if not self.listens:
             self.due_at = finished_at
@@ -246,7 +247,7 @@ class OutgoingObject:
         self.due_at = finished_at + self._pause_ns(timing, listen_ns, silent, silence_ns)
 
     def give_up_listening(self, now: int) -> list[int]:
-        """No answer, or not all of them, came in time: go on; returns who has not answered."""
+        """Stop listening when answers are missing; return the receivers that have not answered."""
         self.listens = False
         self.due_at = now
         unanswered = [each for each in self.waiting if self.views[each].unanswered]
@@ -255,27 +256,27 @@ class OutgoingObject:
 
     @property
     def destination(self) -> int:
-        """Address of the frames: of the one receiver that is left, so that no other answers."""
+        """Address of its frames: that of the only receiver left, so that no other one answers."""
         waiting = [each for each, view in self.views.items() if not view.is_finished]
         return waiting[0] if len(waiting) == 1 else BROADCAST
 
     @property
     def fragment_bytes(self) -> int:
-        """Bytes of data in the fragment that is sent next."""
+        """Bytes of data in the next fragment."""
         return len(WITHDRAWN) if self.is_withdrawn else self.fragments.layout.fragment_bytes
 
     def is_repair(self, index: int) -> bool:
-        """Tell whether a fragment of that index is a repair fragment."""
+        """Return whether an index is that of a repair fragment."""
         return self.fragments.layout.fragments <= index < NO_FRAGMENT
 
     def next_seeds(self) -> int:
-        """Return a seed that no fragment sent so far has."""
+        """Return a seed above those of all fragments sent so far."""
         return max(self.next_seed)
 
     # Feedback
 
     def answered(self, source: int, feedback: Feedback, now: int) -> bool:
-        """Take a feedback; False when it is not new or not about this object."""
+        """Take a feedback; return False when it is not new or not about this object."""
         view = self.views.get(source)
         if view is None or view.is_finished:
             return False
@@ -285,9 +286,9 @@ class OutgoingObject:
                 view.complete = True
                 view.learn(layout, view.asked or view.sent, view.first, {})
             elif self.is_withdrawn:
-                view.refused = Reason.CANCELLED  # nothing of this one has arrived
+                view.refused = Reason.CANCELLED  # nothing of this object has arrived
             else:
-                # It has an object of a former boot epoch of ours: the manifest will show it.
+                # It has an object from an earlier boot epoch of ours: the manifest will show it.
                 view.headless = True
         elif isinstance(feedback, Refused):
             view.refused = feedback.reason
@@ -298,7 +299,7 @@ class OutgoingObject:
         else:
             view.take_lacks(layout, view.asked, feedback)
         if view.asked is not None:
-            # Medium access may make answers slow: it is waited for as long as that takes.
+            # Medium access may delay answers: wait as long as that takes.
             self._patience_ns = max(self._patience_ns * 7 // 8, (now - view.asked_at) * 5 // 4)
         view.asked = None
         view.unanswered = 0
@@ -310,7 +311,7 @@ class OutgoingObject:
         return True
 
     def handed_on(self, address: int) -> bool:
-        """A receiver is known to have handed it on; False when that is no news."""
+        """Note that a receiver has delivered it; return False if that was known."""
         view = self.views.get(address)
         if view is None or view.is_finished:
             return False
@@ -322,11 +323,11 @@ class OutgoingObject:
         return True
 
     def is_for(self, receivers: Set[int]) -> bool:
-        """Tell whether one of those is to have it, or anybody has it."""
+        """Return whether one of these receivers should get it, or any receiver has it."""
         return any(view.complete or each in receivers for each, view in self.views.items())
 
     def keep_only(self, receivers: Set[int]) -> bool:
-        """Forget others that do not have it; returns whether there were such."""
+        """Drop the other receivers that do not have it; return whether there were any."""
         leaving = [
             each for each, view in self.views.items() if each not in receivers and not view.complete
         ]
@@ -337,17 +338,17 @@ class OutgoingObject:
 
     @property
     def is_finished(self) -> bool:
-        """No receiver needs anything more."""
+        """Whether no receiver needs anything more."""
         return all(view.is_finished for view in self.views.values())
 
     @property
     def missing(self) -> tuple[int, ...]:
-        """Receivers that do not have it, as far as known."""
+        """Receivers that are not known to have it."""
         return tuple(address for address, view in self.views.items() if not view.complete)
 
     @property
     def delivered_fragments(self) -> int:
-        """Source fragments that every receiver has, or could have solved for, as far as known."""
+        """Number of source fragments that every receiver is known to have, or could solve for."""
         layout = self.fragments.layout
         held = [
             layout.fragments
@@ -365,13 +366,13 @@ class OutgoingObject:
 
     @property
     def done_bytes(self) -> int:
-        """Bytes of the payload that every receiver has, as far as known."""
+        """Bytes of the payload that every receiver is known to have."""
         delivered_bytes = self.delivered_fragments * self.fragments.layout.fragment_bytes
         return min(self.manifest.payload_bytes, delivered_bytes)
 
     @property
     def sent_bytes(self) -> int:
-        """Bytes of the payload that were on the air at least once, in any boot epoch."""
+        """Bytes of the payload that were transmitted at least once, in any boot epoch."""
         sent_bytes = self.next_source * self.fragments.layout.fragment_bytes
         return min(self.manifest.payload_bytes, sent_bytes)
 
@@ -381,11 +382,11 @@ class OutgoingObject:
         return [view for view in self.views.values() if not view.is_finished]
 
     def _lacking(self) -> list[ReceiverView]:
-        """Return the receivers that need fragments, as far as known."""
+        """Return the receivers that are not known to hold all fragments."""
         return [view for view in self._waiting() if not view.holds]
 
     def _holders(self, is_turn: Callable[[int], bool]) -> list[int]:
-        """Return the receivers that wait for their turn, and have it."""
+        """Return the receivers that wait for their turn and may have it."""
         return [
             each
             for each, view in self.views.items()
@@ -398,7 +399,7 @@ class OutgoingObject:
         Args:
             timing: The durations.
             is_known: A receiver is known to be there.
-            is_silent: None was heard for long.
+            is_silent: No receiver was heard for long.
         """
         layout = self.fragments.layout
         waiting = self._lacking()
@@ -409,7 +410,7 @@ class OutgoingObject:
             return self._probe(timing, waiting, is_silent=is_silent)
         if any(view.headless for view in waiting):
             planned += self._head()
-        # Of the block whose source is not all sent, the rest of that goes first.
+        # Where the source fragments of a block are not all sent, the rest of them goes first.
         behind = [
             each for each in self._behind(waiting) if layout.first(each + 1) <= self.next_source
         ]
@@ -470,13 +471,13 @@ class OutgoingObject:
 
     @staticmethod
     def _round_frames(timing: Timing, waiting: list[ReceiverView]) -> float:
-        """Return what a question costs, in frames: the exchange, and again where it is lost."""
+        """Return the cost of a request in frames: the exchange, repeated where it is lost."""
         loss = max((view.loss.loss for view in waiting), default=0.0)
         answered = (1 - loss**2) * (1 - loss**_ANSWER_COPIES)
         return timing.exchange_ns / timing.slot_ns / max(0.1, answered)
 
     def _pause_ns(self, timing: Timing, listen_ns: int, questions: int, silence_ns: int) -> int:
-        """Return the pause after so many questions without an answer that helps, ns."""
+        """Return the pause after a number of requests without a useful answer, ns."""
         # Two sources that ask in one rhythm would never be heard.
         is_step = questions > 1 or not timing.senses_carrier
         drawn_ns = self._rng.randrange(timing.slot_ns) if is_step else 0

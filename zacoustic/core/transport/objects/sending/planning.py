@@ -1,15 +1,15 @@
-"""How many repair fragments to send before the receivers are asked again.
+"""How many repair fragments to send before the next request for feedback.
 
 One too many costs a frame. One too few costs a round: another request, the way there and back, and
-the chance that request or answer is lost. Which of them is likelier depends on an unknown loss. It
-is estimated from the fate of the fragments before (a beta distribution), so the number N of
+the chance that the request or the answer is lost. Which is likelier depends on an unknown loss. The
+loss is estimated from the fate of earlier fragments (a beta distribution), so the number N of
 fragments that a receiver needs for its next `lacking` ones has a beta negative binomial
 distribution. Fragment n + 1 is worth sending while
 
-    round · P(N = n + 1)  >  P(N ≤ n)
+ round · P(N = n + 1)  >  P(N ≤ n)
 
-that is, while what it saves by just sufficing is more than what it costs by being superfluous.
-Several receivers need the largest of their numbers, whose distribution is the product of theirs.
+that is, while it saves more by just sufficing than it costs by being superfluous. Several receivers
+need the largest of their numbers, whose distribution is the product of theirs.
 """
 
 import math
@@ -19,21 +19,21 @@ import msgspec
 
 _PRIOR_RECEIVED: Final = 1.5
 _PRIOR_LOST: Final = 0.5
-# The channel changes within minutes: observations older than so many fragments count half.
+# The channel changes within minutes: observations older than this many fragments count half.
 _MEMORY_FRAGMENTS: Final = 400.0
-# From here on the rest costs less than its computation.
+# Below this probability the rest costs less than its computation.
 _HOPELESS: Final = 1e-12
 
 
 class LossEstimate:
-    """What is known of the loss on the way to one receiver."""
+    """The estimated loss on the way to one receiver."""
 
     def __init__(self) -> None:
         self.received = _PRIOR_RECEIVED
         self.lost = _PRIOR_LOST
 
     def learn(self, sent: int, received: int) -> None:
-        """Count fragments sent and how many of them arrived."""
+        """Add fragments that were sent, and how many of them arrived."""
         received = max(0, min(sent, received))
         total = self.received + self.lost + sent
         keep = min(1.0, _MEMORY_FRAGMENTS / total)
@@ -42,7 +42,7 @@ class LossEstimate:
 
     @property
     def is_known(self) -> bool:
-        """Something has been learnt."""
+        """Whether any fragment has been counted."""
         return self.received + self.lost > _PRIOR_RECEIVED + _PRIOR_LOST
 
     @property
@@ -63,12 +63,12 @@ class Need(msgspec.Struct, frozen=True):
 
 
 def repairs_to_send(needs: list[Need], round_frames: float, most: int) -> int:
-    """Return how many repair fragments of a block to send before asking.
+    """Return how many repair fragments of a block to send before the next request.
 
     Args:
-        needs: Of each receiver that lacks something, at least one.
-        round_frames: What another round costs, in frames.
-        most: Never more than that.
+        needs: The needs of each receiver that lacks something, at least one.
+        round_frames: Cost of another round, in frames.
+        most: The largest result.
     """
     number = max(need.lacking for need in needs)
     spreads = [_Spread(need) for need in needs]
@@ -86,7 +86,7 @@ def repairs_to_send(needs: list[Need], round_frames: float, most: int) -> int:
 
 
 class _Spread:
-    """The distribution of the number of fragments that one receiver needs, from small to large."""
+    """The distribution of the number of fragments that one receiver needs, in ascending order."""
 
     def __init__(self, need: Need) -> None:
         self._need = need
@@ -95,10 +95,10 @@ class _Spread:
             _log_beta(need.received + need.lacking, need.lost) - _log_beta(need.received, need.lost)
         )
         self.within = self._probability
-        """Probability that the number reached suffices."""
+        """Probability that `number` fragments suffice, for the number last reached."""
 
     def reach(self, number: int) -> None:
-        """Go on to `number` fragments."""
+        """Advance to `number` fragments."""
         need = self._need
         while need.lacking + self._failures < number:
             lost = self._failures

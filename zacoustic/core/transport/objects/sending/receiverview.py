@@ -1,4 +1,4 @@
-"""What the sender of an object knows of one receiver."""
+"""A sender's state for one receiver of an object."""
 
 from zacoustic.core.transport.objects.code.code import Layout
 from zacoustic.core.transport.objects.sending.planning import LossEstimate, Need
@@ -12,25 +12,26 @@ class ReceiverView:
         self.loss = loss
         self.complete = False
         self.refused: int | None = None
-        """Why it does not want the object."""
+        """The reason why it refuses the object."""
         self.headless = False
-        """It lacks the manifest."""
+        """Whether it lacks the manifest."""
         self.held = 0
         """Fragments that it had when it lacked the manifest."""
         self.first = 0
-        """All blocks before are complete."""
+        """All blocks before this one are complete."""
         self.lacking: dict[int, int | None] = {}
-        """Of blocks with sent fragments; None: unknown, from before a restart."""
+        """Lacking fragments of the blocks of which any were sent; None: unknown, from before a
+        restart."""
         self.sent: dict[int, int] = {}
-        """Fragments of each block sent since the last question that it answered."""
+        """Fragments of each block sent since the last request that it answered."""
         self.asked: dict[int, int] | None = None
-        """How many of them were sent before the last question; None: it is answered."""
+        """How many of them were sent before the last request; None: that is answered."""
         self.asked_at = 0
-        """End of that question, ns."""
+        """End of that request, ns."""
         self.unanswered = 0
-        """Questions since it last answered."""
+        """Requests since its last answer."""
         self.holds = False
-        """It has all of it, and waits for its turn."""
+        """Whether it has all fragments and waits for its turn."""
         self.turns = 0
         """How often its turn was sent."""
         self.turn_at = 0
@@ -38,11 +39,11 @@ class ReceiverView:
 
     @property
     def is_finished(self) -> bool:
-        """It needs nothing more."""
+        """Whether it needs nothing more."""
         return self.complete or self.refused is not None
 
     def forget_holding(self) -> None:
-        """It does not report any more that it has all of it: maybe it has lost it."""
+        """Assume that it has lost the object, which it no longer reports to hold."""
         if self.holds:
             self.holds, self.turns = False, 0
             self.lacking = dict.fromkeys(self.lacking)
@@ -51,19 +52,19 @@ class ReceiverView:
         """Return what it probably needs of a block, or None.
 
         Args:
-            block: Which.
+            block: The block.
             typical: The typical loss, for a receiver without a known one.
         """
         lacking = self.lacking.get(block)
         if not lacking:
             return None
         loss = self.loss if self.loss.is_known else typical
-        # It has not answered since: so many of these will have arrived.
+        # It has not answered since: assume that this many of the fragments have arrived.
         arrived = round(self.sent.get(block, 0) * (1 - loss.loss))
         return Need(max(1, lacking - arrived), loss.received, loss.lost)
 
     def answered_for(self, asked: dict[int, int]) -> None:
-        """Fragments sent before the request are accounted for; later ones are not."""
+        """Discount the fragments that were sent before the request; later ones stay counted."""
         self.sent = {
             block: left
             for block, number in self.sent.items()
@@ -71,11 +72,11 @@ class ReceiverView:
         }
 
     def take_lacks(self, layout: Layout, asked: dict[int, int], lacks: Lacks) -> None:
-        """Its feedback: what it lacks.
+        """Take its feedback about what it lacks.
 
         Args:
             layout: How the object is cut.
-            asked: How many fragments of each block were sent before the question.
+            asked: How many fragments of each block were sent before the request.
             lacks: The feedback.
         """
         self.headless = False
@@ -88,7 +89,7 @@ class ReceiverView:
         if max(told) >= layout.blocks or any(
             lacking > layout.size(block) for block, lacking in told.items()
         ):
-            # It is about another object: the manifest will show it.
+            # It refers to another object: the manifest will show it.
             self.headless = True
             return
         self.learn(layout, asked, lacks.block, told)
@@ -96,12 +97,12 @@ class ReceiverView:
     def learn(
         self, layout: Layout, asked: dict[int, int], first: int, told: dict[int, int]
     ) -> None:
-        """Compare what it lacked with what it lacks: so many have arrived since.
+        """Learn from what it lacked and lacks now how many fragments have arrived.
 
         Args:
             layout: How the object is cut.
-            asked: How many fragments of each block were sent before the question.
-            first: All blocks before are complete.
+            asked: How many fragments of each block were sent before the request.
+            first: All blocks before this one are complete.
             told: How many fragments it lacks of the reported blocks.
         """
         self.first = first
@@ -113,13 +114,13 @@ class ReceiverView:
             sent = asked.get(block, 0)
             if before is not None and before > 0:
                 arrived = max(0, before - after)
-                # Fragments after the last needed one are not reported: count none of them.
+                # Fragments after the last needed one are not reported: do not count them.
                 self.loss.learn(sent if after else min(sent, max(arrived, 1)), arrived)
             self.lacking[block] = after
         self.answered_for(asked)
 
     def take_count(self, layout: Layout, asked: dict[int, int], held: int) -> None:
-        """It lacks the manifest, and reports how many fragments it has."""
+        """Take its feedback that it lacks the manifest but has a number of fragments."""
         self.forget_holding()
         self.headless = True
         self.loss.learn(sum(asked.values()), held - self.held)

@@ -29,7 +29,7 @@ _STEP_DIVISOR: Final = 40
 
 
 class Sending(msgspec.Struct, kw_only=True):
-    """An own object and what belongs to it here."""
+    """An outgoing object with its state here."""
 
     object_id: int
     stream_id: int
@@ -38,39 +38,39 @@ class Sending(msgspec.Struct, kw_only=True):
     exclusive: bool
     lifespan_ns: int | None
     expires_at: int | None
-    """When it expires; None: never, or of a former boot epoch and not yet computed."""
+    """Instant at which it expires, ns; None: never, or not yet computed after a restart."""
     outgoing: OutgoingObject
     keeps: bool
-    """It survives a restart."""
+    """Whether it survives a restart."""
     may_go: bool
-    """It is in the journal, or need not be: nothing is sent before."""
+    """Whether it may be sent: it is journalled, or need not be."""
     source_journalled: int = 0
-    """Source fragments below are noted as sent."""
+    """Source fragments below this number are journalled as sent."""
     seed_journalled: int = 0
-    """Seeds below are noted as sent."""
+    """Seeds below this number are journalled as sent."""
     told_bytes: int = 0
     """Bytes reported as transmitted."""
 
     @property
     def rank(self) -> tuple[int, int]:
-        """The smaller, the sooner."""
+        """Sort key: the smaller rank goes first."""
         return (self.priority, self.object_id)
 
 
 class Owner(Protocol):
-    """Who has handed out the objects that are sent."""
+    """The component that publishes the objects."""
 
     def stored(self, sending: Sending, now: int) -> None:
-        """An object is in the journal."""
+        """Note that an object is journalled."""
 
     def is_turn(self, object_id: int, address: int) -> bool:
-        """Tell whether nothing before an object will come for a receiver."""
+        """Return whether a receiver has everything before an object that it will ever get."""
 
     def passed(self, object_id: int, address: int, now: int) -> None:
-        """A receiver has handed an object on."""
+        """Note that a receiver has delivered an object."""
 
     def refused(self, object_id: int, address: int, now: int) -> None:
-        """A receiver does not want an object."""
+        """Note that a receiver refuses an object."""
 
 
 class OutgoingObjects:
@@ -119,11 +119,11 @@ class OutgoingObjects:
         return len(self._sendings)
 
     def pending(self, stream_id: int) -> int:
-        """Count the objects of a stream that are not yet delivered."""
+        """Return how many objects of a stream are not yet delivered."""
         return sum(each.stream_id == stream_id for each in self._sendings.values())
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """What was lost on the way to a node is not kept."""
+        """Forget the loss on the way to a node."""
         self._losses.pop(address, None)
 
     # Commands
@@ -137,11 +137,11 @@ class OutgoingObjects:
         transfer: int | None = None,
         expires_at: int | None = None,
     ) -> None:
-        """Take an object to send.
+        """Add an object to send.
 
         Raises:
-            PayloadTooLargeError: More fragments than an index can name.
-            QueueFullError: Too many objects are on their way.
+            PayloadTooLargeError: It has more fragments than an index can name.
+            QueueFullError: Too many objects are under way.
         """
         manifest, coded = encode_object(
             order.stream_id,
@@ -190,19 +190,19 @@ class OutgoingObjects:
             )
 
     def restore(self, transfer: int, order: StoredObject, place: StoredProgress) -> None:
-        """Resume an object of a former boot epoch."""
+        """Resume an object from an earlier boot epoch."""
         self.add(order, 0, transfer=transfer)
         sending = self._sendings[transfer]
         sending.outgoing.resume(place.next_source, place.next_seed)
         sending.source_journalled, sending.seed_journalled = place.next_source, place.next_seed
 
     def forget(self, transfer: int) -> None:
-        """Forget an object of a former boot epoch."""
+        """Delete the journal entries of an object."""
         self._journal.write(sent_key(transfer), None)
         self._journal.write(out_key(transfer), None)
 
     def withdraw(self, object_id: int, state: ObjectState, detail: str, now: int) -> bool:
-        """Withdraw an object; False when it is not under way."""
+        """Withdraw an object; return False when it is not under way."""
         for sending in self._sendings.values():
             if sending.object_id == object_id and not sending.outgoing.is_withdrawn:
                 self._withdraw(sending, state, detail, now)
@@ -210,7 +210,7 @@ class OutgoingObjects:
         return False
 
     def keep_only(self, stream_id: int, receivers: Set[int], detail: str, now: int) -> None:
-        """Of the receivers of a stream's objects, go on with those; `detail`: if none is left."""
+        """Keep only these receivers of a stream's objects; `detail` is for those left without."""
         for sending in list(self._sendings.values()):
             outgoing = sending.outgoing
             if sending.stream_id != stream_id or outgoing.is_withdrawn:
@@ -223,7 +223,7 @@ class OutgoingObjects:
     # Sending
 
     def use_link(self, fragment_bytes: int, now: int) -> None:
-        """Cut objects again whose fragments are too large for a link's frames."""
+        """Cut the objects again whose fragments are too large for a link's frames."""
         for sending in list(self._sendings.values()):
             if sending.expires_at is None and sending.lifespan_ns is not None:
                 # Its age is unknown without a clock: its lifespan starts again.
@@ -247,7 +247,7 @@ class OutgoingObjects:
                 self._journal.write(sent_key(before.transfer), place)
 
     def override(self, stream_id: int, priority: Priority, *, on: bool) -> None:
-        """Let the objects of a stream go with this priority, or wait."""
+        """Set the priority of a stream's objects, or stop them."""
         self._priorities[stream_id] = priority
         (self._off.discard if on else self._off.add)(stream_id)
         for sending in self._sendings.values():
@@ -255,7 +255,7 @@ class OutgoingObjects:
                 sending.priority = priority
 
     def next(self, now: int) -> tuple[Sending | None, int]:
-        """Return the object whose fragment is next, and the instant from which it may go."""
+        """Return the object whose fragment is next, and the instant from which it may go, ns."""
         if not self._sendings:
             return None, now
         quiet_until = self.listens_until(now)
@@ -278,7 +278,7 @@ class OutgoingObjects:
     def take(
         self, now: int, timing: Timing, frames_before_pause: int
     ) -> tuple[Sending, Fragment] | None:
-        """Return the fragment that is next, for transmission.
+        """Take the next fragment for transmission.
 
         Args:
             now: The instant.
@@ -325,7 +325,7 @@ class OutgoingObjects:
 
     @property
     def is_exclusive(self) -> bool:
-        """Of the objects that have been begun, the first is exclusive."""
+        """Whether the first of the objects that have begun is exclusive."""
         if not self._sendings:
             return False
         going = (each for each in self._sendings.values() if each.stream_id not in self._off)
@@ -333,7 +333,7 @@ class OutgoingObjects:
         return bool(begun) and min(begun, key=lambda each: each.rank).exclusive
 
     def transmitted(self, sending: Sending, finished_at: int, timing: Timing) -> None:
-        """A fragment that was taken has been on the air."""
+        """Record that the transmission of a fragment has ended."""
         outgoing = sending.outgoing
         if self._sendings.get(outgoing.transfer) is sending:
             outgoing.transmitted_until(finished_at, timing, self._silence_ns(sending))
@@ -345,14 +345,14 @@ class OutgoingObjects:
                 self._report(sending, ObjectState.UNDER_WAY, "")
 
     def listens_until(self, now: int) -> int:
-        """Return the instant until which an answer may come; `now` when none is awaited."""
+        """Return the instant until which an answer may come, ns; `now` if none is awaited."""
         if not self._sendings:
             return now
         listening = (each.outgoing for each in self._sendings.values() if each.outgoing.listens)
         return max((each.listens_until for each in listening), default=now)
 
     def answered(self, source: int, feedback: Feedback, now: int) -> bool:
-        """Take a feedback; False when it belongs to no object or is not new."""
+        """Take a feedback; return False when it belongs to no object or is not new."""
         sending = self._sendings.get(feedback.transfer)
         if sending is None or not sending.outgoing.answered(source, feedback, now):
             return False
@@ -367,7 +367,7 @@ class OutgoingObjects:
         return True
 
     def handed_on(self, object_id: int, address: int) -> None:
-        """A receiver has acknowledged in another way that it has handed an object on."""
+        """Note that an ACK of the topic shows that a receiver has delivered an object."""
         for sending in list(self._sendings.values()):
             if sending.object_id == object_id and sending.outgoing.handed_on(address):
                 self._conclude(sending)
@@ -391,12 +391,12 @@ class OutgoingObjects:
     # Below the methods above
 
     def _released(self, address: int, now: int) -> None:
-        """What waits for a receiver is due."""
+        """Make due what waits for a receiver."""
         for sending in self._sendings.values():
             sending.outgoing.release(address, now)
 
     def _ready_at(self, sending: Sending) -> int:
-        """Return when an object may go that no receiver has heard, as far as is known."""
+        """Return the earliest instant for an object that no receiver has answered, ns."""
         times, outgoing = self._pacers.times, sending.outgoing
         if times is None or outgoing.is_withdrawn or not outgoing.is_unheard:
             return 0
@@ -408,7 +408,7 @@ class OutgoingObjects:
         return min(ready_at, default=0)
 
     def _silence_ns(self, sending: Sending) -> int:
-        """Draw how long receivers are left in peace that do not answer; 0: they may."""
+        """Draw a pause for receivers that do not answer, ns; 0: one of them may answer."""
         times = self._pacers.link_times
         pacers = [self._pacers[each] for each in sending.outgoing.waiting]
         if not all(each.is_doubtful(times) for each in pacers):
@@ -431,7 +431,7 @@ class OutgoingObjects:
         self._withdraw(sending, ObjectState.EXPIRED, "older than its lifespan", now)
 
     def _stored(self, sending: Sending, now: int) -> None:
-        """It is in the journal: it may go."""
+        """Release an object for transmission, now that it is journalled."""
         sending.may_go = True
         sending.outgoing.due_at = max(now, sending.outgoing.due_at)
         self._owner.stored(sending, now)
@@ -446,7 +446,7 @@ class OutgoingObjects:
         return transfer
 
     def _keep_progress(self, sending: Sending) -> None:
-        """Note ahead of time what will have been sent."""
+        """Journal, ahead of the transmission, what will have been sent."""
         if not sending.keeps:
             return
         outgoing = sending.outgoing
