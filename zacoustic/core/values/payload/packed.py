@@ -49,9 +49,9 @@ class PackedCodec(TypedCodec):
         super().__init__(type_spec)
         self._packing = TypePacking(type_spec)
         self.smallest_bits = self._packing.smallest_bits
-        """Size of the smallest payload before it is filled up, bits."""
+        """Size of the smallest payload before padding, bits."""
         self.largest_bits = self._packing.largest_bits
-        """Size of the largest payload before it is filled up, bits; None: no bound."""
+        """Size of the largest payload before padding, bits; None: no bound."""
         self.smallest_bytes = (self.smallest_bits + 7) // 8
         largest = self.largest_bits
         self.largest_bytes = None if largest is None else (largest + 7) // 8
@@ -70,7 +70,7 @@ class PackedCodec(TypedCodec):
         return value
 
     def measure(self, buffer: bytes, offset: int) -> int | None:
-        """Return the offset behind the payload that starts at `offset`; None if none does."""
+        """Return the offset after the payload that starts at `offset`; None if none does."""
         reader = BitReader(buffer, offset)
         try:
             self._packing.skip(reader)

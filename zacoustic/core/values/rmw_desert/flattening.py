@@ -5,9 +5,10 @@ field                                    items
 =======================================  =========================================================
 bool, integers, enum (its position)      one
 float32, float64                         one, by the rule of
-`zacoustic.core.values.rmw_desert.items` string                                   one, UTF-8 another
-type                             those of its fields, in place fixed array (`length`)
-those of its elements, in place; a count before strings
+                                         `zacoustic.core.values.rmw_desert.items`
+string                                   one, UTF-8
+another type                             those of its fields, in place
+fixed array (`length`)                   those of its elements, in place; a count before strings
                                          is read, and not written
 bounded array                            the number of elements, then theirs
 bytes                                    as an array of uint8: their number, then one for each
@@ -15,9 +16,9 @@ no member at all                         one, a zero: ROS gives an empty message
 nothing but octets                       none: it does not send octets
 =======================================  =========================================================
 
-`compile_writer` and `compile_reader` are closures made once per type. The writer checks nothing;
-what must not be sent is found by `compile_counter`, which also counts the items: their receiver has
-room for 64 in a packet, and 127 bytes in a text.
+`compile_writer` and `compile_reader` make closures, once per type. The writer checks nothing;
+`compile_counter` finds what must not be sent, and counts the items: the receiver has room for 64
+items in a packet, and for 127 bytes in a text.
 """
 
 from collections.abc import Callable

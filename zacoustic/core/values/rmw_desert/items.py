@@ -65,7 +65,7 @@ def single_item(single: bytes) -> bytes:
 
 
 def read_float(buffer: bytes, offset: int) -> tuple[float, int]:
-    """Read a float item: its value and the offset behind it.
+    """Read a float item; return its value and the offset after it.
 
     Raises:
         PayloadError: There is none, or rmw_desert does not send this one.
@@ -90,7 +90,7 @@ def read_float(buffer: bytes, offset: int) -> tuple[float, int]:
 
 
 def _is_half(exponent: int, single: bytes) -> bool:
-    """Tell whether rmw_desert sends a half for a float32."""
+    """Return whether rmw_desert sends a half for a float32."""
     if 113 <= exponent <= 142 or not exponent:
         return not single[3] and not single[2] & 0x1F  # a mantissa that is a multiple of 8192
     return exponent == _SPECIAL or 103 <= exponent <= _BIAS

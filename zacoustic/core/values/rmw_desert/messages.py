@@ -25,7 +25,7 @@ from zacoustic.core.values.rmw_desert.packets import PAYLOAD_LIMIT_BYTES
 from zacoustic.errors import PayloadTooLargeError
 
 ITEMS_LIMIT: Final = 64
-"""Items that the receiver of rmw_desert keeps of a packet, kind and id among them."""
+"""How many items the receiver of rmw_desert keeps of a packet, kind and id included."""
 LAST_STREAM_ID: Final = 255
 """Stream ids are 1…255; 0 is a topic that is not sent."""
 
@@ -33,7 +33,7 @@ _TRUNCATED: Final = (IndexError, struct.error)
 
 
 class Kind(enum.IntEnum):
-    """What a message is."""
+    """The kind of a message."""
 
     SAMPLE = 0
     REQUEST = 2
@@ -54,13 +54,13 @@ class Message(msgspec.Struct, frozen=True):
 
 
 def encode_head(stream_id: int, sequence: int | None = None) -> bytes:
-    """Return what stands between the kind and the fields."""
+    """Return the items between the kind and the fields."""
     sequence_item = b"" if sequence is None else head(UNSIGNED, sequence)
     return head(UNSIGNED, stream_id) + sequence_item
 
 
 def decode_message(payload: bytes) -> Message:
-    """Take a payload apart.
+    """Decode a payload.
 
     Raises:
         PayloadError: It is no message.
@@ -81,15 +81,15 @@ def decode_message(payload: bytes) -> Message:
 
 
 def check_limits(name: str, items: int, size_bytes: int) -> None:
-    """Refuse a message that their receiver would cut.
+    """Refuse a message that the receiver would cut.
 
     Args:
-        name: Of its type, for the error.
-        items: How many it has, head and fields.
-        size_bytes: Size of all of them.
+        name: Name of its type, for the error.
+        items: Number of its items, head and fields.
+        size_bytes: Size of all of them, bytes.
 
     Raises:
-        PayloadTooLargeError: Says which limit it passes.
+        PayloadTooLargeError: States which limit it exceeds.
     """
     if items > ITEMS_LIMIT:
         raise PayloadTooLargeError(

@@ -27,11 +27,11 @@ Source:
 from typing import Final
 
 PAYLOAD_LIMIT_BYTES: Final = 255
-"""Longest payload of LEN, bytes."""
+"""Longest payload that LEN can state, bytes."""
 RECEIVED_LIMIT_BYTES: Final = 512
 """Longest payload that rmw_desert sends, bytes."""
 OVERHEAD_BYTES: Final = 4
-"""Start markers, LEN and end marker."""
+"""Bytes of the start markers, LEN and the end marker."""
 
 _START: Final = b"\x99\x99"
 _END: Final = 0x55
@@ -50,11 +50,11 @@ def encode_packet(payload: bytes) -> bytes:
 
 
 class PacketDecoder:
-    """Finds packets in a byte stream; keeps less than one packet of the longest kind."""
+    """Finds packets in a byte stream; buffers less than one packet of the longest kind."""
 
     def __init__(self) -> None:
         self.discarded_bytes = 0
-        """What belonged to no packet."""
+        """Bytes that belonged to no packet."""
         self._buffer = bytearray()
 
     @property
@@ -63,7 +63,7 @@ class PacketDecoder:
         return bool(self._buffer)
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes; return the payloads that they complete."""
+        """Add bytes; return the payloads that they complete."""
         self._buffer += data
         return self._take(is_over=False)
 
@@ -87,7 +87,7 @@ class PacketDecoder:
                 self.discarded_bytes += 1
                 position += 1
         else:
-            # The first half of a start may be there already.
+            # The first half of a start marker may be there already.
             keep = not is_over and self._buffer.endswith(_START[:1], position)
             rest = len(self._buffer) - position - keep
             self.discarded_bytes += rest
@@ -96,7 +96,7 @@ class PacketDecoder:
         return payloads
 
     def _end_of_packet(self, start: int) -> int | None:
-        """Index behind the packet that starts here; 0: there is none; None: not known yet."""
+        """Return the index after the packet that starts here; 0: none; None: not known yet."""
         if len(self._buffer) < start + _HEAD_BYTES:
             return None
         length = self._buffer[start + 2]
@@ -110,7 +110,7 @@ class PacketDecoder:
         return 0
 
     def _hides(self, start: int, end: int) -> bool:
-        """Whether a whole short packet lies between, which a long one would swallow."""
+        """Return whether a whole short packet lies inside, which a long one would swallow."""
         inner = start + 1
         while (inner := self._buffer.find(_START, inner, end)) >= 0:
             length = self._buffer[inner + 2] if inner + 2 < end else 0

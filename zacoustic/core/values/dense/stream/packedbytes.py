@@ -33,7 +33,7 @@ _AS_THEY_ARE: Final = b"\0"
 
 
 class PackedBytesCodec(OpaqueCodec):
-    """Bytes in, the same bytes out, and fewer between where they are text, JSON or CBOR."""
+    """Bytes in, the same bytes out; in between fewer if they are text, JSON or CBOR."""
 
     def encode(self, value: object) -> bytes:
         """Return the payload of bytes, a bytearray or a memoryview."""
@@ -53,7 +53,7 @@ class PackedBytesCodec(OpaqueCodec):
         """Return the octets.
 
         Raises:
-            PayloadError: The payload stands for none.
+            PayloadError: The payload is invalid.
         """
         payload = super().decode(payload)
         if payload[:1] == _AS_THEY_ARE:
