@@ -75,7 +75,7 @@ class CopiedSamples:
         """Samples to be sent once unless a run begins; some have been sent."""
         self._came: dict[tuple[int, ...], deque[Sync]] = {}
 
-    # What this node publishes
+    # Transmission
 
     def use_link(self, times: LinkTimes) -> None:
         """Set the airtimes of a link, and drop the copies for the link before."""
@@ -119,7 +119,7 @@ class CopiedSamples:
             if is_over or not (waits or self._queue.holds(each.key, each.record)):
                 self._end(each)
 
-    # What others publish
+    # Reception
 
     def is_repeated(self, source: int, stream_id: int, instance: Instance, sync: Sync) -> bool:
         """Record the number of a copied sample; return whether it came before."""

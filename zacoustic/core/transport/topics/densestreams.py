@@ -120,7 +120,7 @@ class DenseStreams:
             return "unexpected_ack"
         return None
 
-    # What this node hears
+    # Blocks of other nodes
 
     def concerns_us(self, source: int, destination: int) -> bool:
         """Return whether this node can decode the blocks from a source to `destination`.
@@ -176,7 +176,7 @@ class DenseStreams:
                 heard.said_mark, heard.unsaid_bytes = heard.listener.mark, 0
         return taken
 
-    # What changes
+    # Changes
 
     def peer_restarted(self, address: int, epoch: int, now: int) -> None:
         """Forget the blocks of a peer that begins a new boot epoch; it has forgotten ours too."""
