@@ -1,4 +1,4 @@
-"""Counts what comes of a run on a `VirtualNetwork`: per stream, per cause, per kind of loss."""
+"""Counts the results of a run on a `VirtualNetwork`: by stream, by cause, by kind of loss."""
 
 from collections.abc import Mapping
 
@@ -14,29 +14,28 @@ from zacoustic.testing.virtual import VirtualNetwork
 
 
 class StreamResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of one stream."""
+    """The results of one stream."""
 
     stream_id: int
     """The stream."""
     name: str
     """Its name."""
     published: int
-    """Samples or calls that the traffic made."""
+    """Samples or calls of the traffic."""
     expected: int
-    """Samples that would arrive if nothing were lost, at all subscribers together; calls that
-    were taken."""
+    """Samples that would arrive without losses, at all subscribers together; accepted calls."""
     delivered: int
-    """Samples that arrived, at all subscribers together, each once; calls that were answered."""
+    """Samples that arrived, at all subscribers together, each once; answered calls."""
     late: int
-    """How many of them came later than they were worth having."""
+    """Delivered samples that came too late."""
     duplicate: int
-    """Samples that arrived another time."""
+    """Samples that arrived again."""
     out_of_order: int
-    """Samples that arrived after a younger one of the same key and source."""
+    """Samples that arrived after a newer one of the same key and source."""
     failed: int
     """Calls that ended without an answer."""
     refused: int
-    """Samples or calls that the engine did not take, or whose node was down."""
+    """Samples or calls that the engine refused, or whose node was down."""
     mean_s: float | None
     """Mean time from publication to arrival, or from call to answer, s."""
     p50_s: float | None
@@ -46,15 +45,15 @@ class StreamResult(msgspec.Struct, frozen=True, kw_only=True):
     p99_s: float | None
     """99th percentile, s."""
     transmitted_bytes: int
-    """Bytes given to the links for it."""
+    """Bytes of the stream given to the links."""
     airtime_share: float
-    """Its share of the bytes of all streams, 0…1."""
+    """The stream's share of the bytes of all streams, 0…1."""
     airtime_s: dict[str, float]
-    """Airtime of its bytes by cause, s; preambles are shared out by bytes."""
+    """Airtime of the stream by cause, s; streams share preambles by their bytes."""
 
 
 class SimulationResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a scenario."""
+    """The results of a scenario."""
 
     seed: int
     """The seed."""
@@ -67,13 +66,13 @@ class SimulationResult(msgspec.Struct, frozen=True, kw_only=True):
     airtime_s: float
     """Airtime of all frames, s."""
     airtime_by_cause_s: dict[str, float]
-    """The same by what the bytes are for, s."""
+    """The same by cause, s."""
     losses: dict[str, int]
-    """Arrivals that were lost, by outcome."""
+    """Lost arrivals, by outcome."""
     dropped: dict[str, int]
-    """What engines dropped, by reason."""
+    """Input that engines dropped, by reason."""
     crashes: dict[int, int]
-    """Crashes by node; without nodes that had none."""
+    """Crashes by node, only of nodes that crashed."""
     mean_s: float | None
     """Mean time from publication to arrival, or from call to answer, of all streams together, s."""
     p50_s: float | None
@@ -83,17 +82,17 @@ class SimulationResult(msgspec.Struct, frozen=True, kw_only=True):
     p99_s: float | None
     """99th percentile, s."""
     streams: tuple[StreamResult, ...]
-    """By stream."""
+    """Results of each stream."""
     digest: str
-    """SHA-256 of the trace: equal for equal runs; empty if none was made."""
+    """SHA-256 of the trace: equal for equal runs; empty if not computed."""
 
 
 class Counters(Checker):
-    """Counts.
+    """A checker that counts.
 
     Args:
         tables: The table of each node.
-        late_after_s: When a sample of a stream is late, s, where that is not its lifespan.
+        late_after_s: Age above which a sample of a stream is late, s; default: its lifespan.
     """
 
     def __init__(
@@ -107,7 +106,7 @@ class Counters(Checker):
         self._counts: dict[int, _Counts] = {}
 
     def published(self, publication: Publication) -> None:
-        """Count it, and who should get it."""
+        """Count it, and its receivers."""
         counts = self._of(publication.stream)
         counts.published += 1
         for node, table in self._tables.items():
@@ -128,7 +127,7 @@ class Counters(Checker):
         counts.refused += 1
 
     def received(self, arrived: Arrived) -> None:
-        """Count it as what it is."""
+        """Count it by its kind."""
         publication = arrived.publication
         counts = self._of(publication.stream)
         got = (arrived.node, publication.number)
@@ -162,8 +161,8 @@ class Counters(Checker):
         """Sum up.
 
         Args:
-            network: Where it has happened.
-            until_s: How long, s of virtual time.
+            network: The network of the run.
+            until_s: Length of the run, s of virtual time.
         """
         ledger = _Ledger(network)
         took = sorted(took_ns for counts in self._counts.values() for took_ns in counts.took_ns)
@@ -239,7 +238,7 @@ class _Counts:
 
 
 class _Ledger:
-    """The summed statistics of all engines, those of former boot epochs too."""
+    """The summed statistics of all engines, former boot epochs included."""
 
     def __init__(self, network: VirtualNetwork) -> None:
         self.frames = 0
