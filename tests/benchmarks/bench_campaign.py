@@ -5,8 +5,8 @@
 A campaign of as many cells, one seed each, of five nodes in the sea; then the runs of every tenth
 cell once more, one after the other in this process. The first ratio is the wall time of the
 campaign, from its start to its page, over that of the single runs divided by the workers; it means
-something on an idle computer only. The second one is the time that all processes of the campaign
-had a processor, over that of the single runs, whatever else the computer does.
+something on an idle computer only. The second one is the processor time of all processes of the
+campaign over that of the runs in them, whatever else the computer does.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from zacoustic.app.tools.design.campaign.running import row_of, version
 from zacoustic.app.tools.design.campaign.spec import read_spec
 
 MOST: Final = 1.1
-"""Both ratios, at 1000 cells of ten minutes on two cores."""
+"""At 1000 cells of ten minutes on two cores."""
 SCENARIO: Final = {
     "nodes": [
         {"address": 1, "position": [0, 0, 10]},
@@ -70,15 +70,16 @@ def main() -> int:
         alone_s = (time.monotonic() - began_s) * factor
         alone_cpu_s = (time.process_time() - began_cpu_s) * factor
         lines = (Path(folder) / "campaign.results" / "runs.jsonl").read_bytes().splitlines()[1:]
-        rows = {row["run"]: row["digest"] for row in map(msgspec.json.decode, lines)}
+        rows = [msgspec.json.decode(line) for line in lines]
     assert json.loads(told)["ran"] == campaign.runs
-    assert all(rows[run] == digest for run, digest in digests.items())
-    wall, cpu = whole_s * arguments.workers / alone_s, used_s / alone_cpu_s
+    assert digests.items() <= {row["run"]: row["digest"] for row in rows}.items()
+    inside_s = sum(row["took_s"] for row in rows)
+    wall, cpu = whole_s * arguments.workers / alone_s, used_s / inside_s
     print(f"{campaign.runs} runs of {arguments.minutes:g} min, {arguments.workers} workers")
     print(f"single runs, one after the other: {alone_s:.1f} s, {alone_cpu_s:.1f} s of a processor")
-    print(f"the campaign: {whole_s:.1f} s, {used_s:.1f} s of processors")
+    print(f"the campaign: {whole_s:.1f} s, {used_s:.1f} s of processors, {inside_s:.1f} s in runs")
     print(f"wall time × workers / single runs: {wall:.3f}")
-    print(f"processor time / single runs: {cpu:.3f} (at most {MOST})")
+    print(f"processor time / that of the runs in it: {cpu:.3f} (at most {MOST})")
     return int(cpu > MOST)
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import gc
 import json
 import os
 import signal
@@ -11,11 +12,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import pytest
 
 pytest.importorskip("distributed", reason="NOT RUN: zacoustic[campaign] is not installed")
 
 from zacoustic.app.cli import main
+from zacoustic.app.tools.design.campaign.campaign import campaign_of
+from zacoustic.app.tools.design.campaign.running import Batch, run_batch, version
+from zacoustic.app.tools.design.campaign.spec import read_spec
 
 SCENARIO: Final = """{ config: "fleet.json5",
   nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [1000, 0, 50] },
@@ -328,18 +333,62 @@ def test_a_file_that_is_not_ours_stays_as_it_is(
         assert (output / "runs.jsonl").read_bytes() == content
 
 
-def test_nobody_at_the_scheduler_and_no_worker_take_their_time(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_nobody_at_the_scheduler_takes_its_time(
+    folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["sim", "campaign", str(folder / "campaign.json5"), "--timeout", "0.5"]
-    assert main([*words, "--scheduler", "tcp://127.0.0.1:1"]) == 3
+    words = ["--timeout", "0.5", "--scheduler", "tcp://127.0.0.1:1"]
+    assert main(["sim", "campaign", str(folder / "campaign.json5"), *words]) == 3
     assert "no scheduler at tcp://127.0.0.1:1 within 0.5 s" in capsys.readouterr().err
-    idle = Cluster(tmp_path)
+
+
+def test_no_worker_a_scheduler_that_dies_and_one_process_at_a_time(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mortal = Cluster(tmp_path_factory.mktemp("mortal"))
+    output = folder / "campaign.results"
     try:
-        assert main([*words, "--scheduler", idle.address]) == 3
+        assert campaign(folder, mortal, "--timeout", "0.5") == 3
         assert "no worker within 0.5 s; start one: dask worker" in capsys.readouterr().err
+        mortal.work()
+        with started(folder, output, "--scheduler", mortal.address) as process:
+            wait_for_rows(output, process, 1)
+            assert campaign(folder, mortal) == 2
+            assert "runs.jsonl is in use; allowed: one process" in capsys.readouterr().err
+            mortal.close()
+            assert process.wait(60) == 1
+            assert process.stderr is not None
+            *progress, last = process.stderr.read().decode().splitlines()
     finally:
-        idle.close()
+        mortal.close()
+    assert last.startswith("zacoustic sim campaign: the scheduler is gone (start it again to go on")
+    assert all(line.endswith("runs done") for line in progress)
+    assert lines_in(output) >= 1
+
+
+@pytest.fixture
+def thawed() -> Iterator[None]:
+    """A worker freezes what it has loaded; this process is none."""
+    yield
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("thawed")
+def test_a_worker_refuses_another_version_and_other_files(folder: Path) -> None:
+    path = folder / "campaign.json5"
+    asked = campaign_of(read_spec(path), path, version())
+    answered = msgspec.json.decode(run_batch(msgspec.json.encode(asked), [0, 9]), type=Batch)
+    assert [row.run for row in answered.rows] == [0, 9]
+    other = msgspec.structs.replace(asked, version="0.0.0")
+    answered = msgspec.json.decode(run_batch(msgspec.json.encode(other), [0, 9]), type=Batch)
+    assert answered.rows == []
+    assert answered.failure is not None
+    assert "the campaign is of 0.0.0" in answered.failure.reason
+    other = msgspec.structs.replace(asked, files={"fleet.json5": "00"})
+    answered = msgspec.json.decode(run_batch(msgspec.json.encode(other), [0, 9]), type=Batch)
+    assert answered.failure is not None
+    assert "fleet.json5 is not the file that the campaign was started with" in (
+        answered.failure.reason
+    )
 
 
 def test_what_fails_in_a_worker_names_its_run(

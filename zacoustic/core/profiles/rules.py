@@ -37,7 +37,7 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     quiet: tuple[QuietWindow, ...] = ()
     """Hours of each day without transmission."""
     objects: ObjectLimits = ObjectLimits()
-    """How much memory samples larger than a frame may take."""
+    """How much memory samples may take that are larger than a frame."""
     max_airtime: float | None = None
     """Share of the time that the node may transmit, above 0, at most 1, not counting REAL_TIME;
     None: no cap."""

@@ -1,4 +1,4 @@
-"""What dense blocks save compared with records, and what their acknowledgements cost."""
+"""Accounts for what dense blocks save over records, and what their acknowledgements cost."""
 
 from typing import Final
 

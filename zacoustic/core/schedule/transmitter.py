@@ -44,7 +44,7 @@ class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FrameSource(Protocol):
-    """What a node has to transmit, as the transmitter sees it."""
+    """The source of a node's frames, as the transmitter sees it."""
 
     @property
     def queue(self) -> TransmitQueue:

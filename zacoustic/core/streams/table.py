@@ -185,10 +185,11 @@ class Stream:
         ]
         description = ["topic", *head, subscribers, wildcards, nodes, spec.qos.stamp.value]
         if spec.qos.reliability is Reliability.RELIABLE:
-            # The depth tells a receiver what is over; see zacoustic.core.transport.reliable.
+            # The depth tells a receiver which samples are over; see
+            # zacoustic.core.transport.reliable.
             description += [spec.qos.reliability.value, spec.qos.depth]
         if spec.qos.forward is Forward.ON_DEMAND:
-            # A node that takes it for another kind never subscribes.
+            # A node that takes the topic for another kind never subscribes.
             description.append(spec.qos.forward.value)
         return description
 

@@ -3,10 +3,11 @@
 ::
 
     BD  time 6  error 1     CLOCK   network time at the first bit of this frame, in 100 µs since
-                                    1970 (UTC), and its possible error, ms (255: more)
-    BE  node 1  span 1      TURN    from the end of this frame: node 1…254 may transmit for the
-                                    span; node FF: all may, once the span is over, for a listen
-                                    window; node 00: the sender gives its turn back
+                                    1970 (UTC), and its largest error, ms (255: more)
+    BE  node 1  span 1      TURN    node 1…254 may transmit for the span from the end of this
+                                    frame; node FF: the sender listens for a window, one span
+                                    after the beginning of this frame; node 00: the sender gives
+                                    its turn back
 
 A span is in steps of 20 ms: 0…5.1 s.
 """

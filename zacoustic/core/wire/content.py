@@ -1,4 +1,4 @@
-"""What follows a stream id: where the content of a record ends, and what it consists of.
+"""The content after a stream id: its parts, and where it ends.
 
 ======================  ==========================================================================
 best-effort sample      wildcards, age where stamped, payload

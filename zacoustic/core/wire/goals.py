@@ -1,4 +1,4 @@
-"""Records of actions: behind the stream id one byte, three bits operation and five bits number.
+"""Records of actions: after the stream id one byte, three bits operation and five bits number.
 
 ======  ==========================  ===================================  =======================
 number  from the client             from the server                      payload

@@ -7,21 +7,21 @@
 
 The low six bits of the transfer byte are the *transfer number*, which the source counts. Of a
 fragment, the high two bits are the *listen hint*: when the sender will listen (`ListenHint`). Of a
-feedback, they tell its body:
+feedback, they give the kind of its body:
 
 ====  =========  ===================================================================================
 0     lacks      block (1), how many blocks (1), for each how many fragments it lacks (1 each); all
-                 blocks before are complete, of those behind nothing is there
+                 blocks before are complete, of those after nothing is there
 1     complete   the first four bytes of the object's digest
 2     refused    reason (1)
 3     headless   how many fragments are there (2); the manifest is not
 ====  =========  ===================================================================================
 
-A feedback is sent in a unicast frame to the source of the object. A fragment shows no end, a
-feedback does. Index 0xFFFF is no fragment: without data it withdraws the object; with the first
-four bytes of its digest, in a unicast frame, it is the *turn*: no sample before the object will
-come. A receiver that has all of an object and waits for its turn sends that it lacks 0 of the block
-behind the last.
+A feedback is sent in a unicast frame to the source of the object. A fragment extends to the end of
+the frame, a feedback delimits itself. Index 0xFFFF is no fragment: without data it withdraws the
+object; with the first four bytes of its digest, in a unicast frame, it is the *turn*: no sample
+before the object will come. A receiver that has all of an object and waits for its turn reports
+that it lacks 0 fragments of the block after the last.
 """
 
 import enum

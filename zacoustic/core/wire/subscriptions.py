@@ -6,14 +6,14 @@
 
 page
     the low five bits: which eight stream ids (page *p* is 8 *p* … 8 *p* + 7); ``80`` set: an
-    answer, which repeats what it answers; ``40`` set: heard follows; ``20`` set, of an answer: it
-    holds until the next message
+    answer, which repeats the message; ``40`` set: heard follows; ``20`` set, in an answer: the
+    message holds until the next one
 version
     counts the sender's messages about the page, modulo 256
 streams
     bit *i* set: the sender subscribes to stream 8 *p* + *i* at the destination
 heard
-    boot epoch of the destination, which the sender has heard
+    the destination's boot epoch that the sender has heard
 """
 
 from collections.abc import Iterable, Iterator

@@ -182,11 +182,13 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
     name: str = ""
     """Its name in `nodes`."""
     refusal: str
-    """``forged``, ``unsealed``, ``former_life`` or ``clone``."""
+    """``forged``, ``unsealed``, ``former_life``, ``clone`` or ``forbidden``."""
     frames: int
     """Number of such frames since the start."""
     is_too_many: bool
     """Whether there are so many that the key should be rotated."""
+    stream: str = ""
+    """Name of the stream that the node may not use, or empty."""
 
     @property
     def is_trouble(self) -> bool:
@@ -200,6 +202,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
             "forged": "its frames do not open: another key, or not from it",
             "former_life": "it speaks as in a former life: old records, or a recording of it",
             "clone": "another computer has this key and address; nothing is transmitted any more",
+            "forbidden": f"it may not say what it says: {self.stream}",
         }[self.refusal]
         rotate = "; rotate the key" if self.is_too_many else ""
         node = f"{self.address} {self.name}".rstrip()

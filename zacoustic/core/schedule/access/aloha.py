@@ -30,7 +30,13 @@ _LATE_LIMIT_NS: Final = NS_PER_S // 50
 
 
 class Aloha(MediumAccess):
-    """ALOHA: waits for no other node."""
+    """ALOHA: waits for no other node.
+
+    Args:
+        spec: The settings.
+        capabilities: The link's, for its airtime.
+        rng: Draws the back-off.
+    """
 
     def __init__(self, spec: AlohaSpec, capabilities: LinkCapabilities, rng: random.Random) -> None:
         self._slot_ns = None if spec.slot_s is None else seconds_to_ns(spec.slot_s)
@@ -41,7 +47,7 @@ class Aloha(MediumAccess):
         self._resume_at = 0
 
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
-        """Return the due instant, or the next slot, behind the back-off."""
+        """Return the due instant, or the next slot, after the back-off."""
         due_at = wanted.due_at if wanted.is_urgent else max(wanted.due_at, self._resume_at)
         offset_ns = self._time.offset_ns
         if self._slot_ns is None or offset_ns is None or self._time.sure_at is not None:
@@ -62,5 +68,5 @@ class Aloha(MediumAccess):
             self._back_off.grow()
 
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
-        """Take the time of the host."""
+        """Take the host's time."""
         self._time.tell(offset_ns, error_ns, now)

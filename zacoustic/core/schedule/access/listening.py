@@ -138,7 +138,7 @@ class Listening(OtherRuns):
         return self._fitting(self._run_begun_at, now)
 
     def ends_run_now(self, now: int) -> bool:
-        """Tell whether a largest frame that starts now is the last of several in a run."""
+        """Return whether a largest frame that starts now is the last of several in a run."""
         has_pauses = self._frames > 1 and not self.exclusive
         return has_pauses and self.frames_before_pause(now) == 1
 

@@ -79,7 +79,7 @@ class CborCodec(TypedCodec):
         return value
 
     def measure(self, buffer: bytes, offset: int) -> int | None:
-        """Return the offset behind the payload that starts at `offset`; None if none does."""
+        """Return the offset after the payload that starts at `offset`; None if none does."""
         try:
             return self._skip(buffer, offset)
         except (PayloadError, *_TRUNCATED):

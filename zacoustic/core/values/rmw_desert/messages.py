@@ -1,4 +1,4 @@
-"""What is in a packet of rmw_desert: kind, stream id, for calls a sequence id, and fields.
+"""The content of a packet of rmw_desert: kind, stream id, a sequence id for calls, and fields.
 
 ::
 
@@ -6,11 +6,11 @@
     request     2 | id | sequence | fields
     response    3 | id | sequence | fields
 
-All are CBOR items in their shortest form. There are no addresses: a sample says not who published
-it, a request not who calls, and a response is for whoever waits for that sequence id.
+All are CBOR items in their shortest form. There are no addresses: a sample does not name its
+publisher, nor a request its client, and a response is for the client that awaits its sequence id.
 
-The limits are those of its receiver: in a longer payload it may take a byte for the end of the
-packet, of more than 64 items it drops the last, and calls have to fit with their sequence id.
+The limits are those of the receiver: in a longer payload it may take a byte for the end of the
+packet, of more than 64 items it drops the last ones, and calls must fit with their sequence id.
 """
 
 import enum

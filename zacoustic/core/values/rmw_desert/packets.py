@@ -4,21 +4,21 @@ They are::
 
     99 99 | LEN | payload, LEN bytes | 55
 
-LEN is the length of the payload modulo 256, and its sender makes payloads of up to 512 bytes. There
-is no check and no escaping: any byte may stand in a payload, markers too. So:
+LEN is the length of the payload modulo 256, and rmw_desert sends payloads of up to 512 bytes. There
+is no check and no escaping: any byte may be in a payload, markers too. So:
 
-- *Out* go payloads of 1…255 bytes only; longer ones its receiver may cut short.
-- *In* comes all that its sender makes. Behind a LEN without its end marker the payload may be one
-  of LEN + 256 bytes, or damaged. It counts as the longer one when the end marker is there, and no
+- This node *sends* only payloads of 1…255 bytes; the receiver may cut longer ones short.
+- It *receives* all that rmw_desert sends. If the end marker is not at LEN, the payload may have
+  LEN + 256 bytes, or may be damaged. It counts as the longer one if the end marker is there, and no
   whole short packet lies inside; that one would be swallowed.
-- What is no packet costs one byte: the search goes on behind its first marker byte. So a damaged
-  packet takes no intact one with it, but for this: its LEN may, by chance, point at a 55 in or at
-  the end of a later packet. Without a check nobody can tell that from a payload with markers in it;
-  the check of the core finds the false packet, and what it has swallowed is lost.
+- Bytes that are no packet cost one byte: the search continues after their first marker byte. So a
+  damaged packet destroys no intact one, with one exception: its LEN may, by chance, point at a 55
+  in or at the end of a later packet. Without a check that cannot be told from a payload with
+  markers in it; the check of the core finds the false packet, and what it has swallowed is lost.
 - Whether the head is a packet may be known only when 516 bytes have come. `flush` decides without
   them, when nothing has come for a while.
 
-The result depends on the bytes and on `flush` only, not on how they were cut into pieces.
+The result depends only on the bytes and on `flush`, not on how the bytes were cut into pieces.
 
 Source:
     Measured on the wire of rmw_desert 4.0.2.

@@ -106,7 +106,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
         Takes a Mapping or a `msgspec.Struct` with the fields as keys; returns a dict with every
         field in order: floats for integers in float fields, names for enum members, lists for
-        arrays, dicts for nested types. Raises `PayloadInvalidError` in one line that names type,
+        arrays, dicts for nested types. Raises `PayloadInvalidError` in one line that states type,
         field path, value and allowed values.
         """
         nested = {spec.name: spec.check_fields for spec in self._used_types()}

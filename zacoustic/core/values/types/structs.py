@@ -1,7 +1,7 @@
-"""Types out of annotated Python classes, and values back into them.
+"""Types from annotated Python classes, and values back into them.
 
-A `msgspec.Struct` says the kinds of its fields; what it cannot say, the bounds, stands beside them
-in `Annotated`::
+A `msgspec.Struct` states the kinds of its fields; `Annotated` adds what it cannot state, the
+bounds::
 
     class Nav(msgspec.Struct):
         lat: Annotated[float, Bounds(-90, 90, step=1e-6, unit="deg")]
@@ -10,13 +10,13 @@ in `Annotated`::
         note: Annotated[str, Bounds(max_length=20)] | None = None
 
 `int` is int64, `float` is float64 unless `Bounds.type` says less. A tuple of equal elements is a
+`int` is int64, `float` is float64 unless `Bounds.type` is narrower. A tuple of equal elements is a
 fixed array, a list needs a greatest length, an `Enum` or a `Literal` of texts is an enum, `X |
 None` is optional, another Struct is nested. Of `msgspec.Meta` the bounds ``ge``, ``le``, ``gt`` and
-``lt`` (integers), ``multiple_of`` (the step) and the lengths are understood; a length of a text
-counts bytes here, not characters.
+``lt`` (integers), ``multiple_of`` (the step) and the lengths are used; a length of a text counts
+bytes here, not characters.
 
-Nothing is imported here by name: who has a module and an attribute in a configuration imports it in
-the shell.
+This module imports nothing by name: a shell imports the module and attribute that a config names.
 """
 
 import enum

@@ -1,8 +1,8 @@
-"""Which runs go to a worker together: as many as take about a second.
+"""Which runs go to a worker together: as many as take about two seconds.
 
 A scheduler takes some milliseconds for a task, a run of ten minutes with two nodes no more than
-that. A batch of a second makes that 1 % at most, is soon done again when a worker dies with it, and
-keeps results coming. Towards the end batches become smaller, so that all workers end together.
+that. A batch of two seconds makes that 1 % at most, is soon done again when a worker dies with it,
+and keeps results coming. Towards the end batches become smaller, so that all workers end together.
 What a run of a cell takes is known from the seeds that the cell has had.
 """
 
@@ -13,7 +13,7 @@ from typing import Final
 from zacoustic.app.tools.design.campaign.campaign import Campaign
 from zacoustic.app.tools.design.campaign.running import Row
 
-TARGET_S: Final = 1.0
+TARGET_S: Final = 2.0
 _SHARE_OF_REST: Final = 3
 """A batch is at most the share of one worker in this part of what is left: one in three."""
 

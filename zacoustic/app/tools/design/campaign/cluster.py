@@ -53,7 +53,8 @@ def connected(
     import dask
     from distributed import Client, LocalCluster
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):  # what matters comes as an exception
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler is None:
         number = workers or cores()
         with (

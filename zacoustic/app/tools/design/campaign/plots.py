@@ -5,16 +5,17 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from zacoustic.app.tools.design.campaign.campaign import Campaign, Parameter
+from zacoustic.app.tools.design.campaign.campaign import Campaign, Parameter, Value
 from zacoustic.app.tools.design.campaign.cells import Cell
 from zacoustic.app.tools.pages.plots import Plot, draw, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MOST_PLOTS: Final = 48
+MOST_PLOTS: Final = 24
 """More make a page slow; the tables have everything."""
 _MOST_LINES: Final = 12
+"""Of a parameter with more values, so many are drawn, the first and the last among them."""
 
 
 def plots_of(campaign: Campaign, cells: Sequence[Cell], names: Sequence[str]) -> list[Plot]:
@@ -53,9 +54,16 @@ def _roles(sweep: Sequence[Parameter]) -> tuple[Parameter, Parameter | None, lis
     """Return what goes across, what makes lines, and what is the same in one plot."""
     across = max(sweep, key=lambda each: (_is_numeric(each), len(each.cases)))
     others = [each for each in sweep if each is not across]
-    few = [each for each in others if 1 < len(each.cases) <= _MOST_LINES]
-    beside = few[0] if few else None
+    beside = max(others, key=lambda each: len(each.cases), default=None)
     return across, beside, [each for each in others if each is not beside]
+
+
+def _spread(values: Sequence[Value]) -> list[Value]:
+    """Return values that are drawn, spread evenly."""
+    if len(values) <= _MOST_LINES:
+        return list(values)
+    last = len(values) - 1
+    return [values[index * last // (_MOST_LINES - 1)] for index in range(_MOST_LINES)]
 
 
 def _is_numeric(parameter: Parameter) -> bool:
@@ -71,8 +79,10 @@ def _lines(
     values = [case.value for case in across.cases]
     is_numeric = _is_numeric(across)
     lines: dict[str, list[Cell]] = {}
+    drawn = None if beside is None else _spread([case.value for case in beside.cases])
     for cell in cells:
-        if name in cell.figures:
+        is_drawn = beside is None or drawn is None or cell.parameters[beside.name] in drawn
+        if is_drawn and name in cell.figures:
             which = (
                 "" if beside is None else label(f"{beside.name} = {cell.parameters[beside.name]}")
             )
