@@ -89,7 +89,12 @@ class Protocols(Profile):
         context.reception.read.connect(context.pacers.heard)
         self.transports = make_transports(context, transports)
         self.receiver = Receiver(
-            context.table, context.handshake, context.reception, context.stats, context.seal
+            context.table,
+            context.handshake,
+            context.reception,
+            context.stats,
+            context.seal,
+            context.node.alarms.forbidden,
         )
         made_of = Ingredients(
             queue=context.queue,

@@ -36,7 +36,7 @@ object_room``
 ======================  ===================================================================
 """
 
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from functools import partial
 
 import msgspec
@@ -70,6 +70,8 @@ class Receiver:
         reception: Knows which component takes what.
         stats: Counts what is dropped.
         seal: Decides which records need the long tag.
+        forbidden: Takes source, stream and instant of a record that its source may not send, where
+            that is authentic.
     """
 
     def __init__(
@@ -79,7 +81,9 @@ class Receiver:
         reception: Reception,
         stats: EngineStats,
         seal: Unsealed,
+        forbidden: Callable[[int, int, int], None],
     ) -> None:
+        self._forbidden = forbidden
         self._seal = seal
         self._table = table
         self._handshake = handshake
@@ -106,6 +110,8 @@ class Receiver:
         for item in items:
             reason = self._take(heard, item)
             self._drop(reason)
+            if reason == "not_publisher" and opened.life is not None and isinstance(item, Record):
+                self._forbidden(heard.source, item.stream_id, now)
             if reason in _REPEATED:
                 self._reception.came_again(heard.source)
         if heard.streams and heard.epoch is not None:

@@ -30,7 +30,13 @@ _LATE_LIMIT_NS: Final = NS_PER_S // 50
 
 
 class Aloha(MediumAccess):
-    """ALOHA: waits for no other node."""
+    """ALOHA: waits for no other node.
+
+    Args:
+        spec: The settings.
+        capabilities: The link's, for its airtime.
+        rng: Draws the back-off.
+    """
 
     def __init__(self, spec: AlohaSpec, capabilities: LinkCapabilities, rng: random.Random) -> None:
         self._slot_ns = None if spec.slot_s is None else seconds_to_ns(spec.slot_s)

@@ -1,4 +1,8 @@
-"""Back-off: a random wait; its window doubles with each failure and shrinks after a success."""
+"""Back-off: a random wait; its window doubles with each failure and shrinks after a success.
+
+Nodes that collided would collide again, so each draws its own wait. The window is bounded, so a
+node that failed often still tries.
+"""
 
 import random
 from typing import Final
@@ -7,7 +11,12 @@ _LARGEST_WINDOW_SLOTS: Final = 32
 
 
 class BackOff:
-    """The window, and waits drawn from it."""
+    """The window, and waits drawn from it.
+
+    Args:
+        slot_ns: Length of the smallest window, ns.
+        rng: Draws the waits.
+    """
 
     def __init__(self, slot_ns: int, rng: random.Random) -> None:
         self._slot_ns = slot_ns

@@ -61,7 +61,11 @@ class _Copied:
 
 
 class CopiedSamples:
-    """The copied samples of one node, and the copies that it receives."""
+    """The copied samples of one node, and the copies that it receives.
+
+    Args:
+        context: What the components of its engine share.
+    """
 
     def __init__(self, context: Context) -> None:
         self._timers = context.timers

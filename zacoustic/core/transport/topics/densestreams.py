@@ -63,7 +63,12 @@ class _Heard:
 
 
 class DenseStreams:
-    """The dense blocks that one node sends and receives."""
+    """The dense blocks that one node sends and receives.
+
+    Args:
+        context: What the components of its engine share.
+        subscriptions: Knows the subscribers of on-demand topics.
+    """
 
     def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
         self._address = context.address

@@ -90,7 +90,11 @@ class SendLanes:
         return lane
 
     def check(self, stream: Stream) -> None:
-        """Refuse a topic that no node could acknowledge."""
+        """Refuse a topic that no node could acknowledge.
+
+        Raises:
+            LocalError: Neither nodes nor subscribers are listed.
+        """
         assert isinstance(stream.spec, TopicSpec)
         if stream.spec.subscribers is None and not self._table.nodes:
             raise LocalError(
