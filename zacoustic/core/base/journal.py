@@ -39,6 +39,8 @@ deleted by the engine when it does not matter any more."""
 BOOT_KEY = "boot"
 """Key that the shell adds to what was stored, and keeps nowhere: it names the run of the monotonic
 clock. Instants of two lives with the same name can be compared; without a name none can."""
+VOLATILE_KEY = "volatile"
+"""Key that a store adds to what was stored if it keeps nothing beyond the process."""
 _APART: Final = "@"
 """What the keys of owners apart begin with."""
 

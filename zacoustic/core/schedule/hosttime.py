@@ -82,6 +82,10 @@ class HostTime:
             else NetworkTime(0.0, tolerance_ns=_TOLERANCE_NS, settling_ns=0)
         )
         """What is believed; to be read only."""
+        self.shown_ns: int | None = None
+        """How far the host's clock is ahead of the instants, ns, believed or not; None: unknown."""
+        self.shown_error_ns: int | None = None
+        """How wrong that is at most, ns; None: nothing keeps the clock right."""
         self._is_needed = has_hours or slots is not None
         self._journal = journal
         self._emit = emit
@@ -104,6 +108,7 @@ class HostTime:
         """
         self._ask(now)
         self._refusal = ""
+        self.shown_ns, self.shown_error_ns = offset_ns, error_ns
         if now + offset_ns < EARLIEST_UTC_NS:
             error_ns = None
             self._refusal = "the clock of this computer is not set"
