@@ -547,7 +547,7 @@ def _status() -> Iterator[Vector]:
     frame = pair.frame(1, lambda engine, now: engine.status.ask(2, now, timeout_s=30))
     yield _vector("status", frame, "HELLO; call for node 2: its status, call 0")
     said = bytes.fromhex(pair.frames[2][0])
-    meaning = f"journal kept, first start, UTC {at_s} s, exact, no range, no schedule"
+    meaning = f"journal kept, first start, UTC {at_s} s, exact"
     yield _vector("status_answer", said, f"HELLO; named answer of node 2: {meaning}")
     digest = table().by_id(STATUS_STREAM_ID).digest
     yield _vector("digest_of_stream_174", digest, "digest of the stream of the status")
