@@ -1,7 +1,7 @@
 """Zenoh over sound: joins networks of Zenoh, ROS 2 or plain Python through acoustic modems.
 
-The names that a program needs are here; a name is imported when it is first used, so that ``import
-zacoustic`` starts neither Zenoh nor a serial port. `zacoustic.blocking` has the same names without
+This module has the names that a program needs. It imports a name on first use, so ``import
+zacoustic`` loads neither Zenoh nor a serial port. `zacoustic.blocking` has the same names without
 asyncio.
 """
 
@@ -26,7 +26,7 @@ from zacoustic.errors import (
     ZacousticError,
 )
 
-TYPE_CHECKING = False  # that of typing, which takes 20 ms, in which Ctrl-C has a traceback
+TYPE_CHECKING = False  # not from typing: its import takes 20 ms, in which Ctrl-C prints a traceback
 if TYPE_CHECKING:
     from typing import Any
 

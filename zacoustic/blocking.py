@@ -1,9 +1,9 @@
-"""The Node API without asyncio, for scripts and notebooks: the same names, calls that wait.
+"""The Node API without asyncio, for scripts and notebooks: the same names, blocking calls.
 
-A `Node` here runs the asyncio `zacoustic.Node` on a loop in its own thread, which it starts and
-ends; there is no other logic. Callbacks and handlers run in that thread, one at a time: they must
-not block, since the modem waits meanwhile. `Publisher.publish` works in them; every call that waits
-raises `LocalError` there. From other threads everything may be called.
+A `Node` here runs the asyncio `zacoustic.Node` on a loop in a thread of its own, which it starts
+and ends; it has no other logic. Callbacks and handlers run in that thread, one at a time. They must
+not block, because the modem waits meanwhile. They may call `Publisher.publish`; every call that
+waits raises `LocalError` there. Other threads may call everything.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -66,9 +66,9 @@ Asked = TypeVar("Asked")
 Answered = TypeVar("Answered")
 
 SampleCallback = Callable[[Sample[T]], None]
-"""Takes each sample, in the thread of the loop."""
+"""Receives each sample, in the loop's thread."""
 Handler = Callable[[Asked], Answered] | Callable[[Asked, CallContext], Answered]
-"""Answers a request, in the thread of the loop; may take the context."""
+"""Answers a request, in the loop's thread; may take the context."""
 
 
 class Node:
@@ -86,7 +86,7 @@ class Node:
         record: str | Path | None = None,
     ) -> None:
         self.name = str(name_or_address)
-        """What it is called."""
+        """The node's name."""
         self._thread: LoopThread | None = None
         self._node = asynchronous.Node(
             name_or_address,
@@ -112,7 +112,7 @@ class Node:
 
     @property
     def address(self) -> int | None:
-        """Its acoustic address, known when it is open."""
+        """The node's acoustic address; None before `open`."""
         return self._node.address
 
     def open(self) -> None:
@@ -137,11 +137,11 @@ class Node:
                 thread.stop()
 
     def flush(self, *, timeout_s: float | None = None) -> None:
-        """Wait until everything that was published has left this node."""
+        """Wait until all published samples have left this node."""
         self._running().wait(self._node.flush(timeout_s=timeout_s))
 
     def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
-        """Measure how far away another node is, and wait for it; see `zacoustic.Node.range`."""
+        """Measure the range of another node; see `zacoustic.Node.range`."""
         return self._running().wait(self._node.range(peer, timeout_s=timeout_s))
 
     def command(
@@ -151,11 +151,11 @@ class Node:
         *,
         timeout_s: float = asynchronous.COMMAND_TIMEOUT_S,
     ) -> CommandState:
-        """Give an order to a node, and wait for the answer; see `zacoustic.Node.command`."""
+        """Give a command to a node and wait for the answer; see `zacoustic.Node.command`."""
         return self._running().wait(self._node.command(peer, command, timeout_s=timeout_s))
 
     def refuse(self, progress: ObjectProgress) -> bool:
-        """Refuse the rest of a large sample on its way to here; see `zacoustic.Node.refuse`."""
+        """Refuse the rest of an incoming large sample; see `zacoustic.Node.refuse`."""
         thread = self._running()
         return thread.apply(lambda: self._node.refuse(progress))
 
@@ -185,7 +185,7 @@ class Node:
         *,
         stream_id: int | None = None,
     ) -> Publisher[Any]:
-        """Make a publisher."""
+        """Create a publisher."""
         thread = self._running()
         made = thread.wait(
             _made(lambda: self._node.create_publisher(sample_type, name, qos, stream_id=stream_id))
@@ -221,7 +221,7 @@ class Node:
         *,
         stream_id: int | None = None,
     ) -> Subscription[Any]:
-        """Make a subscription; without a callback it is an iterator."""
+        """Create a subscription; without a callback it is an iterator."""
         thread = self._running()
         made = thread.wait(
             _made(
@@ -258,7 +258,7 @@ class Node:
         *,
         stream_id: int | None = None,
     ) -> Subscription[Any]:
-        """Make a subscription to iterate over: ``for sample in node.subscribe(…)``."""
+        """Create a subscription to iterate over: ``for sample in node.subscribe(…)``."""
         made: Subscription[Any] = self.create_subscription(
             sample_type, name, None, qos, stream_id=stream_id
         )
@@ -293,7 +293,7 @@ class Node:
         stream_id: int | None = None,
         server: int | None = None,
     ) -> Client[Any, Any]:
-        """Make a client."""
+        """Create a client."""
         thread = self._running()
         made: service.Client[Any, Any] = thread.wait(
             _made(
@@ -333,7 +333,7 @@ class Node:
         *,
         stream_id: int | None = None,
     ) -> Service[Any, Any]:
-        """Serve a service; the handler runs in the thread of the loop."""
+        """Serve a service; the handler runs in the loop's thread."""
         thread = self._running()
         made: service.Service[Any, Any] = thread.wait(
             _made(
@@ -353,7 +353,7 @@ class Node:
         stream_id: int | None = None,
         server: int | None = None,
     ) -> ActionClient[Goal, Feedback, Result]:
-        """Make a client that sends goals; see `zacoustic.Node.create_action_client`."""
+        """Create a client that sends goals; see `zacoustic.Node.create_action_client`."""
         thread = self._running()
         made: action.ActionClient[Any, Any, Any] = thread.wait(
             _made(
@@ -375,10 +375,9 @@ class Node:
         cancel_callback: Callable[[Any], bool] | None = None,
         stream_id: int | None = None,
     ) -> ActionServer[Goal, Feedback, Result]:
-        """Serve an action; `execute_callback` runs in a thread of its own for each goal.
+        """Serve an action; `execute_callback` runs in a separate thread for each goal.
 
-        The other callbacks run in the thread of the loop. See
-        `zacoustic.Node.create_action_server`.
+        The other callbacks run in the loop's thread. See `zacoustic.Node.create_action_server`.
         """
         thread = self._running()
         made: action.ActionServer[Any, Any, Any] = thread.wait(
@@ -397,22 +396,22 @@ class Node:
         return ActionServer(made, thread)
 
     def events(self) -> Iterator[NodeEvent]:
-        """Iterate over what happens beside samples and calls; see `zacoustic.Node.events`."""
+        """Iterate over events other than samples and calls; see `zacoustic.Node.events`."""
         thread, events = self._running(), self._node.events()
         while (event := thread.wait(next_or_none(events))) is not None:
             yield event
 
     @property
     def stats(self) -> EngineStats:
-        """What was counted; goes on counting while it is read."""
+        """The counters of the engine; they keep counting."""
         return self._node.stats
 
     def expired(self) -> dict[int, int]:
-        """Return what became too old before it could be sent, by stream id."""
+        """Return how many samples and calls expired unsent, by stream id."""
         return self._running().apply(self._node.expired)
 
     def ledger(self) -> list[LedgerEntry]:
-        """Return every byte given to the link, by stream and cause."""
+        """Return all bytes given to the link, by stream and cause."""
         return self._running().apply(self._node.ledger)
 
     def _running(self) -> LoopThread:
@@ -422,5 +421,5 @@ class Node:
 
 
 async def _made(make: Callable[[], T]) -> T:
-    """Make an endpoint on the loop, waiting, so that it is refused in callbacks."""
+    """Create an endpoint on the loop; as a call that waits, callbacks cannot use it."""
     return make()

@@ -42,6 +42,8 @@ def test_script_knows_every_verb(shell: str, capsys: pytest.CaptureFixture[str])
     [
         (["mon"], {"monitor"}, {"gateway"}),
         (["emulate", ""], {"desert", "evologics"}, {"monitor"}),
+        (["sim", "fle"], {"fleet.json5"}, {"folder"}),
+        (["sim", "campaign", "--w"], {"--workers"}, set()),
         (["ping", "--"], {"--count", "--interval", "--timeout", "--json"}, {"--once"}),
         (["completion", ""], set(SHELLS), set()),
         (["check", "fle"], {"fleet.json5"}, {"folder"}),

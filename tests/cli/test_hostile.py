@@ -44,12 +44,17 @@ CHANNEL: Final = """{ channel: "none", config: "fleet.json5",
              { node: 1, topic: "hello", every_s: 20, size_bytes: 8 } ] }"""
 
 
+CAMPAIGN: Final = """{ scenario: "water.json5", until_s: 60, seeds: 1,
+  sweep: [ { key: "loss.frame", values: [0, 0.2] } ] }"""
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of a user: a file of each kind that verbs read."""
     made = tmp_path_factory.mktemp("user")
     (made / "fleet.json5").write_text(FLEET, encoding="utf-8")
     (made / "water.json5").write_text(CHANNEL, encoding="utf-8")
+    (made / "campaign.json5").write_text(CAMPAIGN, encoding="utf-8")
     lines = (f'{{"t": {i}, "s": "nav", "v": {{"depth": {i % 50}}}}}\n' for i in range(200))
     (made / "nav.jsonl").write_text("".join(lines), encoding="utf-8")
     words = ["sim", str(made / "water.json5"), "--until", "300", "--record"]
@@ -77,6 +82,7 @@ VERBS: Final[dict[str, tuple[str, ...]]] = {
     "stream": ("stream", "--node", "2", "--id", "1", *NOBODY),
     "decode": ("decode", "trial.mcap"),
     "sim": ("sim", "water.json5", "--until", "60"),
+    "sim campaign": ("sim", "campaign", "campaign.json5", "--workers", "1"),
     "record": ("record", "-o", "new.mcap", *NOBODY),
     "replay": ("replay", "trial.mcap", "--check"),
     "report": ("report", "trial.mcap"),
@@ -118,7 +124,7 @@ def leaves(
     parser: argparse.ArgumentParser, words: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], argparse.ArgumentParser]]:
     below = [each for each in parser._actions if isinstance(each, argparse._SubParsersAction)]
-    if not below:
+    if not below or not below[0].required:
         yield words, parser
     for each in below:
         for name, inner in each.choices.items():

@@ -9,6 +9,8 @@ import pytest
 from zacoustic.app.cli import main
 from zacoustic.config import read_config
 from zacoustic.core.wire.seal import Way
+from zacoustic.run.journal import journal_in
+from zacoustic.run.journal.lives import LifeJournal
 from zacoustic.seal.keyring import open_keyring
 from zacoustic.seal.keys import FleetKey, read_key
 from zacoustic.seal.spec import SecuritySpec
@@ -29,6 +31,16 @@ def fleet(tmp_path: Path) -> Path:
 
 def _key(fleet: Path) -> FleetKey:
     return read_key(fleet.with_name("fleet.key"))
+
+
+def _start(fleet: Path) -> None:
+    """Start node 2 once."""
+    config = read_config(fleet, address=2)
+    assert config.journal is not None
+    lives = open_keyring(_security(fleet), 2).lives
+    journal = LifeJournal(journal_in(config.journal, 2), lives)
+    journal.recover()
+    journal.close()
 
 
 def _printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
@@ -172,12 +184,28 @@ def test_check_names_what_is_wrong_and_nothing_when_nothing_is(
     assert main([*check, "--fingerprint", "no"]) == 2
 
     lives = open_keyring(_security(fleet), 2).lives
-    lives.begin()
+    _start(fleet)
     lives.paths[1].write_bytes(b"")
     code, text = _printed(capsys, *check)
     assert code == 1
     assert f"{lives.paths[1]}: 0 bytes that are no record" in text
-    lives.begin()
+    _start(fleet)
+    assert main([*check]) == 0
+    lives.begin()  # what the journal does not know
+    code, text = _printed(capsys, *check)
+    assert "old journal: " in text
+    assert "is of life 2, and the last start was life 3: an old copy was put back" in text
+    assert code == 1
+    _start(fleet)
+    old_records = [path.read_bytes() for path in lives.paths]
+    for _ in range(2):
+        _start(fleet)
+    for path, content in zip(lives.paths, old_records, strict=True):
+        path.write_bytes(content)
+    code, text = _printed(capsys, *check)
+    assert "is of life 6, and the records are of life 4" in text
+    assert code == 1
+    _start(fleet)
     assert main([*check]) == 0
 
     old = key_file.read_bytes()

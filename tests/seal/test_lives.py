@@ -61,6 +61,32 @@ def test_who_has_lost_all_copies_goes_on_behind_what_others_heard(tmp_path: Path
         node.join(after=used[-1])
 
 
+def test_a_later_life_that_could_not_be_written_is_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the journal does with all that it could not write: else the node is mute till its end."""
+    node = Lives(tmp_path, KEY, 3)
+    node.join()
+    life = node.begin() + 1
+    real_replace, replaced = Path.replace, 0
+
+    def replace(self: Path, target: Path) -> Path:
+        nonlocal replaced
+        replaced += 1
+        if replaced == 2:
+            raise OSError(28, "No space left on device")
+        return real_replace(self, target)
+
+    with monkeypatch.context() as full:
+        full.setattr(Path, "replace", replace)
+        with pytest.raises(LifeError, match="No space left"):
+            node.reach(life)
+        node.reach(life)
+    with pytest.raises(LifeError, match=f"in life {life}, and cannot go on in life {life}"):
+        Lives(tmp_path, KEY, 3).reach(life)
+    assert node.begin() == life + 1
+
+
 def test_no_life_is_used_twice_whenever_the_power_goes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: Callable[[int], int]
 ) -> None:

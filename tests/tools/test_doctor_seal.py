@@ -1,5 +1,6 @@
 """`zacoustic doctor` beside a key: each fault of a seal is made for real and named."""
 
+import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
@@ -124,6 +125,25 @@ def test_a_gateway_that_runs_with_another_key_or_none(tmp_path: Path) -> None:
         async with _gateway(1, channel, tmp_path) as shore:
             told = await problem(beside(tmp_path, shore, **sealed))
             assert "the running gateway does not seal its frames" in told.text
+
+    run(scene())
+
+
+def test_a_gateway_that_runs_with_an_old_journal(tmp_path: Path) -> None:
+    sealed = _section(tmp_path, KEY)
+
+    async def scene() -> None:
+        channel, copy = Channel(), tmp_path / "copy"
+        for _ in range(2):
+            async with _gateway(1, channel, tmp_path, **sealed):
+                pass
+            if not copy.exists():
+                shutil.copytree(tmp_path / "journal-1", copy)
+        shutil.rmtree(tmp_path / "journal-1")
+        copy.rename(tmp_path / "journal-1")
+        async with _gateway(1, channel, tmp_path, **sealed) as shore:
+            told = await problem(beside(tmp_path, shore, streams=EAGER, **sealed))
+            assert "in doubt: the journal is of life 1, and the last start was life 2" in told.text
 
     run(scene())
 

@@ -27,6 +27,7 @@ def explain(
     *,
     records: Mapping[str, type[msgspec.Struct]],
     choices: Mapping[str, tuple[str, ...]],
+    whole: str = "the scenario",
 ) -> str:
     """Turn a message of the converter into key path, value, and allowed values.
 
@@ -35,6 +36,7 @@ def explain(
         mapping: What was converted, to look the value up in.
         records: Path without indices ("nodes[].track[]") → the record that is expected there.
         choices: Path without indices → the words that are allowed there.
+        whole: What the whole mapping is called.
 
     Returns:
         One line without the name of the file.
@@ -43,7 +45,7 @@ def explain(
     assert located is not None
     what, path = located["what"], located["path"] or ""
     if located["key"]:
-        return f"{path or 'the scenario'} has a key that is no string; allowed: strings"
+        return f"{path or whole} has a key that is no string; allowed: strings"
     place = re.sub(r"\d+", "", path)
     if match := _UNKNOWN_KEY.fullmatch(what):
         fields = msgspec.structs.fields(records[place]) if place in records else ()
@@ -58,7 +60,7 @@ def explain(
     else:
         expected = what.removeprefix("Expected ").split(", got ")[0].replace("`", "")
         expected = expected.replace("Number out of range", "a number that a float can hold")
-    return f"{path or 'the scenario'} is {_shown(_value_at(mapping, path))}; allowed: {expected}"
+    return f"{path or whole} is {_shown(_value_at(mapping, path))}; allowed: {expected}"
 
 
 def _joined(path: str, key: str) -> str:

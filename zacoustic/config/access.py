@@ -1,7 +1,7 @@
 """The table `access` of a link: its medium access, checked as far as the file allows.
 
-What depends on the link itself (can it sense a carrier, how long does its largest frame take) is
-checked when it opens, by `zacoustic.core.schedule.access.choose`.
+Checks that depend on the link (whether it senses carriers, the time of its largest frame) come when
+it opens, in `zacoustic.core.schedule.access.choose`.
 """
 
 from collections.abc import Mapping
@@ -28,12 +28,12 @@ def read_access(
     """Read the table at `place`.
 
     Args:
-        place: Where it stands.
-        written: What is written there; None: nothing.
-        nodes: Name of each node by address; empty when the fleet is not listed.
+        place: Place of the table.
+        written: Its content; None: there is no table.
+        nodes: Name of each node by address; empty if the fleet is not listed.
 
     Raises:
-        ConfigError: It is wrong, or cannot work.
+        ConfigError: The table is wrong, or cannot work.
     """
     if written is None:
         return None

@@ -1,9 +1,9 @@
 """The key `allowed_topics` of a link: rmw_desert's own file of topics and their ids.
 
 It is JSON with one table, ``{ "topics": { "/turtle1/pose": 3, … } }``, the same file on all nodes
-of that middleware. Read as it is, it gives the streams their ids, so that these are written down
-once; and the ids of discovery, where it has them. What rmw_desert would wrap around or confuse in
-silence (an id above 255, two topics with one) is refused.
+of that middleware. It gives the streams their ids, so that these are written only once, and
+discovery its ids, if it has them. This module refuses ids that rmw_desert would silently wrap or
+confuse: one above 255, or one that two topics share.
 """
 
 from collections.abc import Mapping
@@ -26,12 +26,12 @@ class AllowedTopics(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of the file."""
 
     file: str
-    """Its name, as the configuration has it."""
+    """Name of the file, as in the configuration."""
     ids: dict[str, int]
-    """Id of each topic and service, 1…255, by its name in ROS."""
+    """Id of each topic and service, 1…255, by ROS name."""
 
     def id_of(self, name: str) -> int | None:
-        """Return the id of a name, with its leading slash or without."""
+        """Return the id of a name, with or without leading slash."""
         return self.ids.get(f"/{name.lstrip('/')}")
 
     def discovery(self, node_name: str) -> DiscoverySpec:
@@ -47,12 +47,12 @@ def read_allowed_topics(place: Place, written: str, folder: Path) -> AllowedTopi
     """Read the file that is named at `place`.
 
     Args:
-        place: Of the key.
+        place: Place of the key.
         written: Name of the file.
-        folder: What that is relative to.
+        folder: Folder to which the name is relative.
 
     Raises:
-        ConfigError: There is no such file, or it is none of rmw_desert's.
+        ConfigError: There is no such file, or it is not a file of rmw_desert.
     """
     if not written or "\0" in written:
         place.refuse(allowed=ALLOWED["allowed_topics"])

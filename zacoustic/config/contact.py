@@ -1,4 +1,4 @@
-"""The keys `heartbeat_s` and `lost_after_s`: of the section for all nodes, of a node for itself."""
+"""The keys `heartbeat_s` and `lost_after_s`: in the section for all nodes, at a node for itself."""
 
 from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED, NodeEntry, Section
@@ -11,11 +11,11 @@ def read_contact(place: Place, written: Section, own: int) -> ContactRules:
 
     Args:
         place: The section.
-        written: What is written.
+        written: Its content.
         own: Address of this node.
 
     Raises:
-        ConfigError: The first time that is wrong, or too short for the heartbeats.
+        ConfigError: A time is wrong, or too short for the heartbeats; reports the first.
     """
     _check(place, written)
     _check_pair(place, place, written.heartbeat_s, written.lost_after_s)
@@ -49,7 +49,7 @@ def _check(place: Place, entry: NodeEntry | Section) -> None:
 def _check_pair(
     place: Place, section: Place, heartbeat_s: float | None, lost_after_s: float | None
 ) -> None:
-    """Check that a node is not lost before it can have been heard."""
+    """Check that no node counts as lost before it can have been heard."""
     if heartbeat_s is None or lost_after_s is None or lost_after_s >= LEAST_MISSED * heartbeat_s:
         return
     where = place if place.at("lost_after_s").written is not None else section

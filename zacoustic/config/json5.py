@@ -1,19 +1,18 @@
-"""JSON5 files, read through Zenoh's own parser: one grammar for all files of a user.
+"""JSON5 files, read by Zenoh's own parser: one grammar for all files of a user.
 
-Zenoh's parser reads a whole `Config` and keeps one part of it free-form, `metadata`; a text is
-wrapped into that part and read back as JSON. Four of its ways show through: keys come back sorted;
-of duplicate keys only the last survives (so what has order or identity is an array); NaN and
-Infinity, which JSON lacks, come back as None; a character beyond U+FFFF must be written as itself,
-since a pair of escapes becomes another character.
+Zenoh's parser reads a whole `Config` with one free-form part, `metadata`; this module wraps a text
+into that part and reads it back as JSON. Four properties of the parser show: keys come back sorted;
+of duplicate keys only the last survives (so everything with an order or an identity is an array);
+NaN and Infinity, which JSON lacks, come back as None; a character beyond U+FFFF must be written as
+itself, because a pair of escapes becomes another character.
 
-The text is parsed twice. The first pass is over the bare text, so that the line and the column of a
-syntax error are those of the user's file, and so that no text can close the wrapper and write into
-the rest of the config. The parser checks the grammar of everything before it looks at a single
-field: complaints of the first pass about fields mean only that the text is no Zenoh config, and are
-ignored.
+The text is parsed twice. The first pass reads the bare text, so that a syntax error has the line
+and the column of the user's file, and so that no text can close the wrapper and write into the rest
+of the config. The parser checks the grammar of the whole text before it looks at a field: errors of
+the first pass about fields only mean that the text is not a Zenoh config, and are ignored.
 
-Where Zenoh is not installed, a parser in Python reads the same, slower, and nobody looks at the
-fields that are Zenoh's own.
+Without Zenoh, a parser in Python reads the same texts, more slowly, and nothing checks the fields
+that are Zenoh's own.
 """
 
 import json
@@ -25,13 +24,13 @@ from typing import TYPE_CHECKING, Final
 
 from zacoustic.errors import ConfigError
 
-if TYPE_CHECKING:  # importing it costs 20 ms and its shared library; only what reads a file pays
+if TYPE_CHECKING:  # the import costs 20 ms and a shared library, which only readers of files pay
     import zenoh
 
 ACOUSTIC_SECTION: Final = "plugins/acoustic"
-"""Where the gateway's part lives in a Zenoh config."""
+"""Path of the gateway's section in a Zenoh config."""
 DEPTH_LIMIT: Final = 200
-"""Objects and arrays within each other; the parser's stack overflows somewhere above 5000."""
+"""Deepest nesting of objects and arrays; the parser's stack overflows somewhere above 5000."""
 
 _BRACKET: Final = re.compile(r"[\[\]{}]")
 _SECTION_HINT: Final = (
@@ -40,8 +39,7 @@ _SECTION_HINT: Final = (
 _SCENARIO_HINT: Final = (
     "it looks like a scenario, which zacoustic sim, plan, medium and emulate take"
 )
-# How the parser words an error of grammar, and one of a field, which has no place when the file is
-# YAML.
+# The parser's words for an error of grammar, and for one of a field, which has no place in YAML.
 _GRAMMAR: Final = re.compile(r"-->\s*(\d+):(\d+).*=\s*(.*)", re.DOTALL)
 _FIELD: Final = re.compile(
     r'JSON error: Message \{ msg: "(.*)", location: '
@@ -64,7 +62,8 @@ def parse_json5(text: str, *, source: str) -> object:
         Plain objects: dict with sorted keys, list, str, int, float, bool, None.
 
     Raises:
-        ConfigError: The text is not JSON5: names source, line, column and what was expected.
+        ConfigError: The text is not JSON5; the message has source, line, column and what was
+            expected.
     """
     _check_depth(text, source)
     zenoh = _zenoh()
@@ -76,7 +75,7 @@ def parse_json5(text: str, *, source: str) -> object:
         if _GRAMMAR.search(str(error)):
             raise _config_error(error, source) from error
     try:
-        # The line break ends a comment that has none of its own.
+        # The line break ends a comment on the last line.
         wrapped = zenoh.Config.from_json5("{metadata:" + text + "\n}")
         return json.loads(wrapped.get_json("metadata"))
     except zenoh.ZError as error:
@@ -99,11 +98,11 @@ def read_zenoh_config(path: str | Path) -> "tuple[zenoh.Config | None, object]":
         path: A `.json5`, `.json` or `.yaml` file.
 
     Returns:
-        The config for `zenoh.open`, None where Zenoh is not installed; and the section as plain
+        The config for `zenoh.open` (None if Zenoh is not installed), and the section as plain
         objects with sorted keys.
 
     Raises:
-        ConfigError: The file is missing, not readable, no Zenoh config, or has no such section.
+        ConfigError: The file is missing, not readable, not a Zenoh config, or has no such section.
     """
     text = _read_text(path)
     _check_depth(text, str(path))
@@ -137,7 +136,7 @@ def _section_without_zenoh(text: str, path: str | Path) -> object:
     """Find the section in a file that Zenoh cannot read.
 
     Raises:
-        ConfigError: It is no JSON5, or has no such section.
+        ConfigError: The text is not JSON5, or has no such section.
     """
     if Path(path).suffix in (".yaml", ".yml"):
         raise ConfigError(f"{path}: YAML is read by Zenoh", hint="pip install eclipse-zenoh")
@@ -163,7 +162,7 @@ def _parse_without_zenoh(text: str, source: str) -> object:
 
 
 def _as_zenoh_has_it(value: object) -> object:
-    """Sort keys, and leave out what JSON lacks."""
+    """Sort keys, and leave out values that JSON lacks."""
     if isinstance(value, dict):
         return {_text(key): _as_zenoh_has_it(value[key]) for key in sorted(value)}
     if isinstance(value, list):
@@ -174,12 +173,12 @@ def _as_zenoh_has_it(value: object) -> object:
 
 
 def _text(text: str) -> str:
-    """Join what was written as two escapes; half of such a pair is no character."""
+    """Join a character written as two escapes; half of such a pair is no character."""
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
 def _is_scenario(text: str) -> bool:
-    """Tell whether a text that is no Zenoh config is of another kind of our files."""
+    """Tell whether a text that is not a Zenoh config is another kind of our files."""
     try:
         found = parse_json5(text, source="")
     except ConfigError:
@@ -199,9 +198,9 @@ def _read_text(path: str | Path) -> str:
 
 
 def _check_depth(text: str, source: str) -> None:
-    """Refuse what would overflow the parser's stack, which ends the process.
+    """Refuse nesting that would overflow the parser's stack and end the process.
 
-    Brackets in strings and comments count too: files of people do not come near the limit.
+    Brackets in strings and comments count too; real files do not come near the limit.
     """
     depth = 0
     for bracket in _BRACKET.finditer(text):

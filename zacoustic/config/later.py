@@ -1,7 +1,7 @@
 """Words of the configuration's format that this version does not have yet.
 
-They are refused by name, never ignored: who writes `stamp: "time"` must not get less in silence. A
-later version takes its word out of this table.
+Reading refuses them by name and never ignores them: a user of `stamp: "time"` must not silently get
+less. The version that adds a word removes it from this table.
 """
 
 from typing import Final
@@ -11,7 +11,7 @@ from zacoustic.config.problems import Place
 LATER_VALUES: Final = {
     "stamp": {"time": "none, age"},
 }
-"""Values that are refused, and the allowed ones, by key."""
+"""Refused values and the allowed ones instead, by key."""
 
 _HINT: Final = "a later version will have it"
 
@@ -20,12 +20,12 @@ def check_word(place: Place, word: str, words: tuple[str, ...]) -> None:
     """Check a value that is one of a few words.
 
     Args:
-        place: Where it is written.
+        place: Place of the value.
         word: The value.
-        words: What this version has.
+        words: The words of this version.
 
     Raises:
-        ConfigError: It is not one of them.
+        ConfigError: The value is not one of them.
     """
     if word in words:
         return

@@ -1,4 +1,4 @@
-"""The links of a node, and which of them each stream goes by."""
+"""The links of a node, and the link of each stream."""
 
 from zacoustic.config.access import read_access
 from zacoustic.config.later import check_word
@@ -20,9 +20,9 @@ def read_links(
     """Check the links.
 
     Args:
-        place: Of the list.
-        entries: What it has.
-        locator: Given beside the file: it stands for all of them, and all streams go by it.
+        place: Place of the list.
+        entries: Its content.
+        locator: Overrides the whole list: all streams go by this link.
     """
     names: list[str] = []
     for index, entry in enumerate(entries):
@@ -52,12 +52,12 @@ def read_links(
 def read_routes(
     place: Place, entries: tuple[LinkEntry, ...], links: tuple[LinkEntry, ...]
 ) -> dict[int, str]:
-    """Return which streams go by which link, those that name one.
+    """Return the link of each stream that names one.
 
     Args:
-        place: Of the list of streams.
+        place: Place of the list of streams.
         entries: The links of the file.
-        links: Those that are there: others, where one was given beside the file.
+        links: The links of the node: another one, if an argument overrides the file.
     """
     names = [entry.name for entry in entries if entry.name is not None]
     routes: dict[int, str] = {}
@@ -79,12 +79,12 @@ def read_routes(
 def read_link_rules(
     place: Place, written: Section, links: tuple[LinkEntry, ...], fleet: Fleet
 ) -> tuple[LinkRules, ...]:
-    """Read when, and how much, may be transmitted on each link of the file; `--link` is the first.
+    """Read the rules of transmission of each link; `--link` has those of the first.
 
     Args:
-        place: Of the section.
+        place: Place of the section.
         written: The section.
-        links: Those that are there.
+        links: The links of the node.
         fleet: The nodes.
     """
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:

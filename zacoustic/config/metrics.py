@@ -1,4 +1,4 @@
-"""The key `metrics`: where a gateway answers to Prometheus."""
+"""The key `metrics`: where a gateway answers Prometheus."""
 
 import re
 from typing import Final
@@ -8,14 +8,14 @@ from zacoustic.config.sections import ALLOWED
 from zacoustic.errors import ConfigError
 
 LOOPBACK: Final = "127.0.0.1"
-"""Where it answers if only a port is given: to this computer alone."""
+"""Host if only a port is given: the gateway answers this computer only."""
 
 _PLACE: Final = re.compile(r"(?:(\[[^\]]+\]|[^:\[\]\s]+):)?([0-9]{1,5})")
 _LAST_PORT: Final = 65_535
 
 
 def parse_metrics(written: str) -> tuple[str, int] | None:
-    """Return host and port of ``PORT`` or ``HOST:PORT``; None: it is neither."""
+    """Return host and port of ``PORT`` or ``HOST:PORT``; None: the text is neither."""
     found = _PLACE.fullmatch(written)
     if found is None or int(found[2]) > _LAST_PORT:
         return None
@@ -26,7 +26,7 @@ def metrics_argument(written: str | None) -> tuple[str, int] | None:
     """Read the argument `--metrics`; None: it is not given.
 
     Raises:
-        ConfigError: It is no such place.
+        ConfigError: The argument is not a place.
     """
     if written is None:
         return None
@@ -40,7 +40,7 @@ def read_metrics(place: Place, written: str | None) -> tuple[str, int] | None:
     """Read the key; None: metrics are off.
 
     Raises:
-        ConfigError: It is no such place.
+        ConfigError: The value is not a place.
     """
     if written is None:
         return None

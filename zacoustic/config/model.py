@@ -1,4 +1,4 @@
-"""The key `model`: the fitted model of the dense streams, from its own file."""
+"""The key `model`: the fitted model of the dense streams, from a separate file."""
 
 from pathlib import Path
 
@@ -15,25 +15,25 @@ _MOST_BYTES = 1 << 24
 
 
 class ModelFile(msgspec.Struct, frozen=True, kw_only=True):
-    """What a model file has."""
+    """The content of a model file."""
 
     model: Model
     """The fitted model of the dense streams."""
     typical_bits: dict[str, float] = {}
-    """What a sample usually costs, as the fit has measured it, by stream id as text; for people
-    and planners: not part of what both ends must agree on."""
+    """Typical bits of a sample as the fit has measured them, by stream id as text. For people and
+    planners; both ends need not agree on them."""
 
 
 def read_model(place: Place, written: str | None, folder: Path) -> ModelFile | None:
-    """Read the model file; None where none is named.
+    """Read the model file; None: none is named.
 
     Args:
-        place: Of the key.
+        place: Place of the key.
         written: Name of the file.
-        folder: What that is relative to.
+        folder: Folder to which the name is relative.
 
     Raises:
-        ConfigError: There is no such file, or it holds no model.
+        ConfigError: There is no such file, or it has no model.
     """
     if written is None:
         return None
@@ -52,7 +52,7 @@ def read_model(place: Place, written: str | None, folder: Path) -> ModelFile | N
 
 
 def check_model(place: Place, table: StreamTable) -> None:
-    """Check that a model was made for the dense streams of a table.
+    """Check that a model was fitted to the dense streams of a table.
 
     Raises:
         ConfigError: It was not.

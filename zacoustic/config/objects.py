@@ -1,4 +1,4 @@
-"""The table `objects`: how much memory samples may take that are larger than a frame."""
+"""The table `objects`: bounds of the memory for samples larger than a frame."""
 
 from zacoustic.config.problems import Place
 from zacoustic.config.sections import ObjectsEntry
@@ -12,8 +12,8 @@ def read_objects(place: Place, entry: ObjectsEntry | None) -> ObjectLimits:
     """Read the table at `place`.
 
     Args:
-        place: Where it is written.
-        entry: What is written, or None.
+        place: Place of the table.
+        entry: Its content, or None.
 
     Raises:
         ConfigError: A number is out of its range.

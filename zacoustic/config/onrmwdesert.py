@@ -1,4 +1,4 @@
-"""`wire: "rmw_desert"`: which keys of the section have no counterpart on that wire."""
+"""`wire: "rmw_desert"`: the keys of the section without a counterpart on that wire."""
 
 from typing import Final
 
@@ -21,14 +21,14 @@ _REASONS: Final = {
 
 
 def check_section(place: Place, written: Section) -> None:
-    """Refuse keys of the section that this wire has nothing for.
+    """Refuse keys of the section that have no counterpart on this wire.
 
     Args:
         place: The section.
-        written: What is written.
+        written: Its content.
 
     Raises:
-        ConfigError: Names the first such key.
+        ConfigError: There is such a key; the message names the first.
     """
     for key, reason in _REASONS.items():
         if getattr(written, key) not in (None, ()):
@@ -43,11 +43,11 @@ def check_access(place: Place, access: AccessSpec | None) -> None:
     """Refuse medium access that needs controls of its own.
 
     Args:
-        place: Of the table `access`.
-        access: What is written.
+        place: Place of the table `access`.
+        access: Its content.
 
     Raises:
-        ConfigError: Its words do not exist on this wire.
+        ConfigError: This wire does not have such controls.
     """
     if isinstance(access, PollingSpec):
         place.at("method").refuse(

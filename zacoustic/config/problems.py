@@ -1,8 +1,8 @@
 """Errors of a section: one line with file, key path, value, allowed values, what to do.
 
-Sources of complaints are the checks of `reading`, which know the path; records that refuse
-themselves, whose message starts with the key; and msgspec, whose messages end with its own path.
-All become a `ConfigError` here, in one form::
+Errors come from the checks of `reading`, which know the path; from records that refuse their
+values, whose message starts with the key; and from msgspec, whose messages end with a path of its
+own. Here all become a `ConfigError` of one form::
 
     fleet.json5: plugins.acoustic.streams[3].priority: "urgent"; allowed: real_time, … (hint)
 """
@@ -18,7 +18,7 @@ from zacoustic.config.sections import ALLOWED, FIELD_TYPE_ALLOWED, FOLDER_ALLOWE
 from zacoustic.errors import ConfigError
 
 SECTION_PATH: Final = "plugins.acoustic"
-"""Where the section stands in the file."""
+"""Path of the section in the file."""
 
 _SHOWN_CHARACTERS: Final = 60  # of a value: enough to find it, and still one line
 _MSGSPEC_PATH: Final = re.compile(r"(.*) - at `(?:key in )?\$(.*)`", re.DOTALL)
@@ -34,7 +34,7 @@ class Place:
     """A place in the section: file, path, and the value there.
 
     Args:
-        source: The file, or what else the section came from.
+        source: The file, or another source of the section.
         written: The whole section.
         path: Keys and indices from the section to the place, such as ``.streams[3]``.
     """
@@ -46,26 +46,26 @@ class Place:
 
     @property
     def written(self) -> Any:  # noqa: ANN401 (a file can hold anything)
-        """What is written at the place; None where nothing is."""
+        """The value at the place; None: there is none."""
         return _walk(self._whole, self.path)
 
     @property
     def entries(self) -> list[object]:
-        """What is written here, if that is a list; else nothing."""
+        """The items of the list at this place; empty if it is not a list."""
         written = self.written
         return list(written) if isinstance(written, list | tuple) else []
 
     def at(self, key: str | int) -> "Place":
-        """The place of a key of the table here, or of an index of the list."""
+        """Return the place of a key of this table, or of an index of this list."""
         step = f"[{key}]" if isinstance(key, int) else f".{key}"
         return Place(self.source, self._whole, self.path + step)
 
     def refuse(self, what: str | None = None, *, allowed: str = "", hint: str = "") -> NoReturn:
-        """Raise the complaint about this place.
+        """Raise the error about this place.
 
         Args:
-            what: What is wrong; the value that is written here unless given.
-            allowed: What may stand here.
+            what: What is wrong; default: the value here.
+            allowed: The allowed values.
             hint: What to do.
 
         Raises:
@@ -75,7 +75,7 @@ class Place:
         raise ConfigError(f"{message}; allowed: {allowed}" if allowed else message, hint=hint)
 
     def repeat(self, error: ConfigError) -> NoReturn:
-        """Raise an error that a record or a table raised, whose message starts with a key.
+        """Raise the error of a record or a table, whose message starts with a key, with its place.
 
         Raises:
             ConfigError: Always.
@@ -88,7 +88,7 @@ class Place:
         """Convert the value here.
 
         Raises:
-            ConfigError: It does not fit the record.
+            ConfigError: The value does not fit the record.
         """
         try:
             return msgspec.convert(self.written, record)
@@ -97,7 +97,7 @@ class Place:
 
 
 def shown(value: object) -> str:
-    """The value as the file may have it: one line, not too long."""
+    """Return a value in the form of the file: one line, not too long."""
     try:
         text = json.dumps(value, ensure_ascii=False, default=lambda other: type(other).__name__)
     except (ValueError, TypeError, RecursionError):
@@ -106,11 +106,11 @@ def shown(value: object) -> str:
 
 
 RENAMED: Final = {"orders_from": "commands_from"}
-"""Former keys, with those of today."""
+"""Former keys and their present names."""
 
 
 def unknown_key(place: Place, key: str, keys: tuple[str, ...]) -> NoReturn:
-    """Complain about a key that the table at `place` does not have.
+    """Raise the error about a key that the table at `place` does not have.
 
     Raises:
         ConfigError: Always.
@@ -124,7 +124,7 @@ def unknown_key(place: Place, key: str, keys: tuple[str, ...]) -> NoReturn:
 
 
 def allowed_at(path: str) -> str:
-    """What may stand at a path, in words; empty when it is not known."""
+    """Return the allowed values at a path in words; empty if they are unknown."""
     steps = _STEPS.findall(path)
     names = [name for name, _ in steps if name]
     if not names:
@@ -143,7 +143,7 @@ def allowed_at(path: str) -> str:
 def _translate(
     place: Place, record: type[msgspec.Struct], error: msgspec.ValidationError
 ) -> NoReturn:
-    """Complain in our words about what msgspec found below `place`.
+    """Raise an error of msgspec about a value below `place`, in our words.
 
     Raises:
         ConfigError: Always.

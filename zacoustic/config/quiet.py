@@ -1,4 +1,4 @@
-"""The list `quiet`: hours of each day at which nothing is transmitted."""
+"""The list `quiet`: hours of each day in which the node transmits nothing."""
 
 import re
 from typing import Final
@@ -16,11 +16,11 @@ def read_quiet(place: Place, entries: tuple[QuietEntry, ...]) -> tuple[QuietWind
     """Read the list at `place`.
 
     Args:
-        place: Where the list is written.
-        entries: What is written.
+        place: Place of the list.
+        entries: Its content.
 
     Raises:
-        ConfigError: The first entry that is wrong.
+        ConfigError: An entry is wrong; reports the first.
     """
     windows = []
     for index, entry in enumerate(entries):

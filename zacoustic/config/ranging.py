@@ -1,4 +1,4 @@
-"""The list `ranging`: which ranges are measured periodically, and by which node."""
+"""The list `ranging`: the ranges that nodes measure periodically."""
 
 import math
 
@@ -14,13 +14,13 @@ def check_ranging(
     """Check the list at `place`.
 
     Args:
-        place: Where the list is written.
-        entries: What is written.
-        own: Address of this node, which measures where no other is named.
+        place: Place of the list.
+        entries: Its content.
+        own: Address of this node, which measures unless an entry names another.
         fleet: The nodes.
 
     Raises:
-        ConfigError: The first entry that is wrong.
+        ConfigError: An entry is wrong; reports the first.
     """
     seen: set[tuple[int, int]] = set()
     for index, entry in enumerate(entries):

@@ -1,4 +1,4 @@
-"""From a section to a `Config`: addresses and names, types, streams."""
+"""Reads a section into a `Config`: addresses and names, types, streams."""
 
 import importlib
 import re
@@ -50,28 +50,28 @@ from zacoustic.errors import ConfigError
 from zacoustic.seal.spec import SecuritySpec
 from zacoustic.text.digits import whole_number
 
-if TYPE_CHECKING:  # importing it costs its shared library; a node without Zenoh does not need it
+if TYPE_CHECKING:  # the import costs a shared library, which a node without Zenoh does not need
     import zenoh
 
 ALLOWED_TOPICS_WIRE: Final = f'wire: "{WireProfile.RMW_DESERT.value}"'
-"""What the key `allowed_topics` of a link goes with."""
+"""The setting that the key `allowed_topics` of a link needs."""
 FIRST_ADDRESS: Final = 1
 LAST_ADDRESS: Final = 254
-"""Node addresses are 1…254."""
+"""Last address of a node; the first is 1."""
 _RATIO: Final = re.compile(r" *([0-9]{1,15}) */ *([0-9]{1,15}) *")
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
-    """A node, and what crosses the channel: the section, checked and interpreted."""
+    """A node and the streams that cross the channel: the section, checked and interpreted."""
 
     source: str
-    """The file, or what else it was read from."""
+    """The file, or another source."""
     address: int
     """Acoustic address of this node, 1…254."""
     nodes: dict[int, str]
-    """Name of each node by address; empty when the fleet is not listed."""
+    """Name of each node by address; empty if the fleet is not listed."""
     links: tuple[LinkEntry, ...]
-    """The modems, the first one for streams that name none; empty when none is given."""
+    """The links, the first one for streams that name none; may be empty."""
     types: TypeTable
     """The types by name."""
     python_types: dict[str, type[msgspec.Struct]]
@@ -79,44 +79,44 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     table: StreamTable
     """The streams."""
     typical_bits: dict[int, float] = {}
-    """What a sample of a dense stream usually costs, bits, by stream id, as a fit has measured it;
-    empty without a model."""
+    """Typical bits of a sample of a dense stream, as a fit has measured them, by stream id; empty
+    without a model."""
     journal: Path | None = None
     """Folder of the journal; None: nothing survives a restart."""
     ranging: tuple[RangingEntry, ...] = ()
-    """Ranges that are measured periodically, by this node and by others of the fleet."""
+    """Ranges that this node and other nodes of the fleet measure periodically."""
     ros: RosConfig | None = None
     """The file's ROS settings; None: no ROS stream."""
     rules: TransmitRules = TransmitRules()
-    """When, and how much, this node may transmit."""
+    """Rules of when and how much this node may transmit."""
     security: SecuritySpec | None = None
-    """How frames are sealed; None: they are not. Nothing of the key file was read."""
+    """The seal of frames; None: no seal. The key file has not been read."""
     permit_log: Path | None = None
-    """File to which each emission is appended, or None."""
+    """File to which the node appends each emission, or None."""
     metrics: tuple[str, int] | None = None
-    """Host and port at which a gateway answers to Prometheus; None: it does not."""
+    """Host and port at which a gateway answers Prometheus; None: it does not."""
     zenoh_config: "zenoh.Config | None" = None
-    """The whole file for `zenoh.open`; None when it did not come from a file."""
+    """The whole file for `zenoh.open`; None if the section did not come from a file."""
 
     @property
     def name(self) -> str | None:
-        """Name of this node, or None when the fleet is not listed."""
+        """Name of this node; None if the fleet is not listed."""
         return self.nodes.get(self.address)
 
     def class_of(self, type_name: str) -> type[msgspec.Struct]:
-        """Return the Python class of a type: the one that the file names, or a generated one.
+        """Return the Python class of a type: the class that the file names, or a generated one.
 
         Args:
-            type_name: As streams call it.
+            type_name: Name of the type in streams.
 
         Raises:
-            ConfigError: There is no such type; lists those that there are.
+            ConfigError: There is no such type; the message lists the types.
         """
         spec = self.types.by_name(type_name)
         return self.python_types.get(type_name) or struct_from_type(spec)
 
     def ranges_to(self) -> dict[int, float]:
-        """Return the nodes whose range this node measures, each with its period, s."""
+        """Return the period of each node whose range this node measures, s, by address."""
         return {
             entry.to: entry.every_s
             for entry in self.ranging
@@ -124,10 +124,10 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
         }
 
     def address_of(self, name: str) -> int:
-        """Return the address of the node of that name.
+        """Return the address of the node with this name.
 
         Raises:
-            ConfigError: No node has it; lists the names there are.
+            ConfigError: No node has the name; the message lists the names.
         """
         for address, known in self.nodes.items():
             if known == name:
@@ -143,8 +143,8 @@ def read_config(
 
     Args:
         path: A `.json5`, `.json` or `.yaml` file.
-        address: Address of this node, instead of the one in the file.
-        locator: Locator of the modem, instead of those in the file.
+        address: Address of this node; overrides the file's.
+        locator: Locator of the modem; overrides the file's links.
 
     Raises:
         ConfigError: One line: file, key path, value, allowed values, what to do.
@@ -172,11 +172,11 @@ def config_from_mapping(
 
     Args:
         section: The mapping; anything else is refused.
-        source: What it came from, named in errors.
-        address: Address of this node, instead of the one in the section.
-        locator: Locator of the modem, instead of those in the section.
-        folder: What the names of the model, of the key and of ROS packages are relative to; the
-            present one unless given.
+        source: Its source, for errors.
+        address: Address of this node; overrides the section's.
+        locator: Locator of the modem; overrides the section's links.
+        folder: Folder to which the model, the key and the ROS packages are relative; default: the
+            present one.
 
     Raises:
         ConfigError: One line: source, key path, value, allowed values, what to do.
@@ -233,7 +233,7 @@ def config_from_mapping(
 
 
 def _with_steps(section: dict[str, Any]) -> dict[str, Any]:
-    """Put numbers in place of steps that are written as ratios, "1/60000"."""
+    """Replace steps that are written as ratios, "1/60000", by numbers."""
     types = section.get("types")
     if not isinstance(types, list):
         return section
@@ -255,7 +255,7 @@ def _with_step(field: Any) -> Any:  # noqa: ANN401 (as it is written)
 
 
 def _read_allowed_topics(place: Place, folder: Path) -> tuple[Place, AllowedTopics | None]:
-    """Read rmw_desert's file, if a link names one; return the section with the ids from it."""
+    """Read rmw_desert's file, if a link names one; return the section with its ids."""
     for index, _ in enumerate(place.at("links").entries):
         here = place.at("links").at(index)
         written = here.at("allowed_topics").written
@@ -410,7 +410,7 @@ def _import_class(place: Place, reference: str) -> type[msgspec.Struct]:
         place.refuse(allowed='"module:Class"')
     try:
         found: object = importlib.import_module(module_name)
-    except Exception as error:  # the user's module: the file named it, so its errors are the file's
+    except Exception as error:  # the user's module: the file names it, so its errors are the file's
         reason = " ".join(str(error).split())
         place.refuse(
             f'"{reference}" cannot be imported: {type(error).__name__}: {reason}',

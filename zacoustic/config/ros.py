@@ -1,8 +1,8 @@
-"""ROS 2 in the section: interfaces as types, and streams that are topics, services, actions of ROS.
+"""ROS 2 in the section: interfaces as types; topics, services and actions of ROS as streams.
 
-A stream may have a ROS type without being a ROS stream: then it is on Zenoh as any other, CBOR with
-the member names of the definition. With ``ros: {}`` it is one of rmw_zenoh. Frames are the same, so
-the two ends may differ in that.
+A stream with a ROS type need not be a ROS stream: on Zenoh it is then CBOR with the member names of
+the definition, as any other. With ``ros: {}`` it is a stream of rmw_zenoh. Frames are the same, so
+the two ends may differ in this.
 """
 
 import os
@@ -30,7 +30,7 @@ from zacoustic.ros.streams import (
 )
 from zacoustic.text.digits import whole_number
 
-if TYPE_CHECKING:  # they need rosbags, which a file without ROS does not
+if TYPE_CHECKING:  # these need rosbags, which a file without ROS does not need
     from zacoustic.ros.mapping import TypeMapper
     from zacoustic.ros.messages import RosMessage
 
@@ -65,12 +65,12 @@ class RosConfig(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RosReader:
-    """Reads the ROS settings, and those of the streams.
+    """Reads the ROS settings of the section and of its streams.
 
     Args:
         place: The section.
-        written: What is written.
-        folder: What the folder of packages is relative to.
+        written: Its content.
+        folder: Folder to which the folder of packages is relative.
 
     Raises:
         ConfigError: The section's ROS settings are wrong, or the extra is missing.
@@ -78,12 +78,12 @@ class RosReader:
 
     def __init__(self, place: Place, written: Section, folder: Path) -> None:
         self.streams: dict[int, RosStream] = {}
-        """The streams that are of ROS, by id, as far as they were read."""
+        """The ROS streams read so far, by id."""
         self._place = place
         self._entry = written.ros or RosEntry()
         self._folder = folder
         self._overlays = written.overlays
-        # What the file defines by itself is not looked up.
+        # Types that the file defines are not looked up.
         self._defined = {each.name for each in written.types}
         is_desert = any(each.wire == WireProfile.RMW_DESERT.value for each in written.links)
         self._wire = WireProfile.RMW_DESERT if is_desert else WireProfile.NATIVE
@@ -105,7 +105,7 @@ class RosReader:
         return RosConfig(domain=self.domain, distro=self._entry.distro, streams=self.streams)
 
     def types(self, streams: Place) -> list[TypeSpec]:
-        """Return the types that the streams and types of the section name by ROS interfaces."""
+        """Return the types of the ROS interfaces that streams and types of the section name."""
         found: dict[str, TypeSpec] = {}
         for index, entry in enumerate(streams.entries):
             here = streams.at(index)
@@ -121,14 +121,14 @@ class RosReader:
         return list(found.values())
 
     def resolve(self, place: Place, kind: str) -> dict[str, Any]:
-        """Return the table of a stream with the types and the name that ROS ones stand for.
+        """Return the table of a stream with ROS types and names resolved.
 
         Args:
             place: The table.
             kind: topic, service or action.
 
         Raises:
-            ConfigError: Its ROS settings are wrong.
+            ConfigError: The stream's ROS settings are wrong.
         """
         written: dict[str, Any] = dict(place.written)
         name = written.get("type")
@@ -211,7 +211,7 @@ class RosReader:
         return message
 
     def _types_of(self, place: Place, key: str, name: str) -> list[TypeSpec]:
-        """Return the types that cross of an interface which a stream names."""
+        """Return the types of an interface, named by a stream, that cross the channel."""
         kinds = {word: kind for kind, word in _KINDS.items()}
         kind = kinds.get(name.split("/")[1], "topic")
         if key == "type" and kind != "topic":
@@ -224,7 +224,7 @@ class RosReader:
         return [self._message(place.at(key), name, stamp).spec]
 
     def _stamp(self, place: Place, name: str) -> str:
-        """Return what becomes of `header.stamp` of a topic."""
+        """Return the treatment of a topic's `header.stamp`."""
         here = place.at("ros")
         if here.written is None:
             return _EXACT
@@ -237,7 +237,7 @@ class RosReader:
         return stamp
 
     def _field_types(self) -> list[Place]:
-        """Return where fields of types name interfaces."""
+        """Return the places at which fields of types name interfaces."""
         types = self._place.at("types")
         fields = [
             types.at(index).at("fields").at(number).at("type")
@@ -262,7 +262,7 @@ class RosReader:
         }
 
     def _ros(self, place: Place, kind: str, name: str) -> dict[str, Any]:
-        """Note a ROS stream; return the entry to read in its place."""
+        """Register a ROS stream; return the entry to read in its place."""
         if place.at("encoding").written is not None:
             place.at("encoding").refuse(
                 f"{shown(place.at('encoding').written)} with ros", allowed="none: ROS has CDR"
@@ -308,7 +308,7 @@ _ARTICLES: Final = {"topic": "a topic", "service": "a service", "action": "an ac
 
 
 def _qos(written: Mapping[str, Any]) -> RosQos:
-    """Return the QoS of the endpoints that stand for a topic."""
+    """Return the QoS of the gateway's endpoints for a topic."""
     is_reliable = written.get("reliability") == "reliable"
     is_latched = written.get("durability") == _TRANSIENT_LOCAL
     depth = written.get("depth", 1)

@@ -1,7 +1,7 @@
-"""The section as it is written: one record per table of the file, and what each key allows.
+"""The section as written: one record per table of the file, and the allowed values of each key.
 
-The records hold what was written and nothing else; `reading` interprets it. `ALLOWED` says in
-words what each key takes: it stands in the errors, and in docs/config.md.
+The records hold the file's values and nothing else; `reading` interprets them. `ALLOWED` has the
+allowed values of each key in words, for errors and for docs/reference.md.
 """
 
 from typing import Any, Final
@@ -135,20 +135,20 @@ ALLOWED: Final = {
     "omit": "true, false",
     "every_s": f"seconds, {LEAST_PERIOD_S:g}..{LONGEST_PERIOD_S:g}",
 }
-"""What each key takes, in words."""
+"""Allowed values of each key, in words."""
 
 FOLDER_ALLOWED: Final = "a text, the folder of the journal"
-"""What the key `journal` of the section takes."""
+"""Allowed values of the key `journal` of the section."""
 
 FIELD_TYPE_ALLOWED: Final = f"{', '.join(SCALAR_TYPES)}, or the name of a type"
-"""What the key `type` of a field takes."""
+"""Allowed values of the key `type` of a field."""
 
 ZENOH_KEYS: Final = ("__required__", "__path__", "__plugin__")
-"""Keys of the section that are for Zenoh's plugin loader, not for us."""
+"""Keys of the section for Zenoh's plugin loader, not for us."""
 
 
 class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of the file; a key that it does not list is an error."""
+    """A table of the file; an unknown key is an error."""
 
 
 class NodeEntry(Entry, frozen=True, kw_only=True):
@@ -159,9 +159,9 @@ class NodeEntry(Entry, frozen=True, kw_only=True):
     name: str
     """Name, one chunk of a key; replaces `{node}` in a topic."""
     heartbeat_s: float | None = None
-    """The node is heard at least this often, s; default: the section's value."""
+    """Longest silence of the node, s; default: the section's value."""
     lost_after_s: float | None = None
-    """A node that was not heard for so long is lost, s; default: the section's value."""
+    """The node is lost when not heard for this long, s; default: the section's value."""
 
 
 class LinkEntry(Entry, frozen=True, kw_only=True):
@@ -170,7 +170,7 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     locator: str
     """Link, address and settings: ``NAME/ADDRESS#key=value``."""
     name: str | None = None
-    """Name of the link, for streams and reports; default: a link alone needs none."""
+    """Name of the link, for streams and reports; a single link needs none."""
     wire: str = WireProfile.NATIVE.value
     """Wire profile."""
     allowed_topics: str | None = None
@@ -178,9 +178,9 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     access: dict[str, Any] | None = None
     """Medium access, read by `zacoustic.config.access`; default: the link's."""
     max_airtime: float | None = None
-    """Share of the time that this node may be on the air there; default: the section's."""
+    """Share of the time that this node may be on the air on this link; default: the section's."""
     port: int | None = None
-    """Number of the link in what is sealed, the same at all nodes; default: its place in the
+    """Number of the link in sealed frames, the same at all nodes; default: its place in the
     list."""
 
 
@@ -196,7 +196,7 @@ class TypeEntry(Entry, frozen=True, kw_only=True):
 
 
 class WildcardEntry(Entry, frozen=True, kw_only=True):
-    """A placeholder of a topic and the values it can take."""
+    """A placeholder of a topic and its values."""
 
     name: str
     """Name between the braces."""
@@ -205,7 +205,7 @@ class WildcardEntry(Entry, frozen=True, kw_only=True):
 
 
 class QuietEntry(Entry, frozen=True, kw_only=True, rename={"begin": "from", "end": "to"}):
-    """Hours of each day in which nothing is transmitted."""
+    """Hours of each day in which the node transmits nothing."""
 
     begin: str
     """Time of day in UTC, ``HH:MM``; `from` in the file."""
@@ -214,10 +214,10 @@ class QuietEntry(Entry, frozen=True, kw_only=True, rename={"begin": "from", "end
 
 
 class ObjectsEntry(Entry, frozen=True, kw_only=True):
-    """Bounds of the memory for samples that are larger than a frame."""
+    """Bounds of the memory for samples larger than a frame."""
 
     max_bytes: int | None = None
-    """Largest sample that is sent or taken, bytes."""
+    """Largest sample that the node sends or accepts, bytes."""
     max_waiting: int | None = None
     """Most outgoing objects under way or waiting."""
     memory_bytes: int | None = None
@@ -241,11 +241,11 @@ class StreamRosEntry(Entry, frozen=True, kw_only=True):
     """ROS 2, for one stream."""
 
     stamp: str | None = None
-    """What becomes of `header.stamp`; default: it crosses unchanged."""
+    """Treatment of `header.stamp`; default: it crosses unchanged."""
 
 
 class StreamEntry(Entry, frozen=True, kw_only=True):
-    """What topics, services and actions have in common."""
+    """The common keys of topics, services and actions."""
 
     id: int
     """Stream id, 1…175: the first byte of each record."""
@@ -258,9 +258,9 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     codec: str | None = None
     """Codec on the channel."""
     max_airtime: float | None = None
-    """Share of the time that the stream may be on the air; default: no cap."""
+    """Share of the time for which the stream may be on the air; default: no cap."""
     link: str | None = None
-    """Name of the link that it goes by; default: the first one."""
+    """Name of the link that carries the stream; default: the first one."""
     ros: StreamRosEntry | None = None
     """A ROS 2 stream on rmw_zenoh; default: a Zenoh stream."""
 
@@ -279,11 +279,11 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     wildcards: tuple[WildcardEntry, ...] = ()
     """The placeholders of the topic, `{node}` excepted."""
     depth: int = 1
-    """Samples of a key that wait."""
+    """Samples of a key that may wait."""
     lifespan_s: float | None = None
-    """An older sample is not sent any more, s."""
+    """Age above which a sample is not sent any more, s."""
     deadline_s: float | None = None
-    """A sample of each key is promised at least this often, s."""
+    """Longest period between two samples of a key, s: a promise."""
     min_interval_s: float = 0.0
     """Minimum time between two transmitted samples of one key, s."""
     stamp: str = "none"
@@ -347,7 +347,7 @@ class ActionEntry(StreamEntry, frozen=True, kw_only=True):
 
 
 class RangingEntry(Entry, frozen=True, kw_only=True):
-    """A range that is measured periodically."""
+    """A range that a node measures periodically."""
 
     to: int
     """Address of the other node."""
@@ -358,10 +358,10 @@ class RangingEntry(Entry, frozen=True, kw_only=True):
 
 
 class EmergencyEntry(Entry, frozen=True, kw_only=True):
-    """What a node does for those who have no key."""
+    """What a node accepts from senders without a key."""
 
     unsealed: tuple[str, ...] = ()
-    """Topics whose samples are also taken from frames without a seal: anybody can send them."""
+    """Best-effort topics accepted in frames without a seal, too: anybody can send them."""
 
 
 class SecurityEntry(Entry, frozen=True, kw_only=True):
@@ -370,21 +370,21 @@ class SecurityEntry(Entry, frozen=True, kw_only=True):
     key: str
     """Key file of the fleet, or identity of this node, relative to this file."""
     members: str | None = None
-    """List of members, where nodes have identities; default: `key` is the fleet's."""
+    """List of members, if nodes have identities; default: `key` is the fleet's."""
     mode: str = Mode.ENCRYPT.value
-    """Encrypted, or readable for everybody and not to be forged."""
+    """Whether frames are encrypted, or readable for everybody; nobody can forge either."""
     seal: str = Seals.ALL.value
-    """What the node transmits: everything, or nothing, and then it needs no journal."""
+    """Whether the node transmits; if not, it needs no journal."""
     strong: tuple[str, ...] = tuple(each.value for each in Strong)
-    """What gets a tag of eight bytes in place of four."""
+    """Frames that get a tag of eight bytes in place of four."""
     pad: tuple[int, ...] | None = None
-    """Frames have only these lengths, bytes; default: none is padded."""
+    """The only lengths of frames, bytes; default: no padding."""
     overlap_s: float = DEFAULT_OVERLAP_S
     """How long after its start a node opens frames of the former generation of the key, s."""
     lives: str = "lives"
-    """Folder of the life records, relative to this file; never copied, never put back."""
+    """Folder of the life records, relative to this file; never copy or restore it."""
     emergency: EmergencyEntry | None = None
-    """What a node does for those who have no key; default: nothing."""
+    """What a node accepts from senders without a key; default: nothing."""
 
 
 class Section(Entry, frozen=True, kw_only=True):
@@ -395,7 +395,7 @@ class Section(Entry, frozen=True, kw_only=True):
     nodes: tuple[NodeEntry, ...] = ()
     """The fleet."""
     agreement: str | None = None
-    """How nodes come to know that they share a table: `"confirm"` for few nodes, `"tag"` for many;
+    """How nodes learn that they share a table: `"confirm"` for few nodes, `"tag"` for many;
     default: `"confirm"`."""
     links: tuple[LinkEntry, ...] = ()
     """The modems, the first one for streams that name none; `--link` overrides them."""
@@ -404,31 +404,31 @@ class Section(Entry, frozen=True, kw_only=True):
     journal: str | None = None
     """Folder of the journal, relative to this file; default: nothing survives a restart."""
     streams: tuple[dict[str, Any], ...] = ()
-    """What crosses the channel."""
+    """The streams that cross the channel."""
     model: str | None = None
     """File with the model of the dense streams, relative to this file; default: no model."""
     ranging: tuple[RangingEntry, ...] = ()
-    """Ranges that are measured periodically."""
+    """Ranges that nodes measure periodically."""
     quiet: tuple[QuietEntry, ...] = ()
-    """Hours of each day in which nothing is transmitted."""
+    """Hours of each day in which the node transmits nothing."""
     ros: RosEntry | None = None
     """ROS 2, for all ROS streams."""
     overlays: tuple[Overlay, ...] = ()
     """Bounds, steps and constants for ROS types."""
     objects: ObjectsEntry | None = None
-    """Bounds of the memory for samples that are larger than a frame."""
+    """Bounds of the memory for samples larger than a frame."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air, on each link; default: no cap."""
     commands_from: tuple[int, ...] | None = None
     """Nodes whose remote commands this node executes; default: those of `nodes`."""
     heartbeat_s: float | None = None
-    """Each node is heard at least this often, s; default: no heartbeats."""
+    """Longest silence of each node, s; default: no heartbeats."""
     lost_after_s: float | None = None
-    """A node that was not heard for so long is lost, s; default: never."""
+    """A node is lost when not heard for this long, s; default: never."""
     security: SecurityEntry | None = None
     """The seal of frames; default: frames are neither encrypted nor authenticated."""
     permit_log: str | None = None
-    """File to which each emission is appended, relative to this file; default: none."""
+    """File to which the node appends each emission, relative to this file; default: none."""
     metrics: str | None = None
     """Where the gateway answers Prometheus, PORT or HOST:PORT; default: nowhere."""
 
@@ -450,5 +450,5 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "overlays": Overlay,
     "overlays.fields": OverlayField,
 }
-"""The record of the table at a key, or of the entries of the list there; "" for the section. Where
-a key means something else below another one, that one stands before it."""
+"""Record of the table at a key, or of the entries of its list; "" for the section. If a key has
+another meaning below another key, that one stands before it."""

@@ -1,7 +1,7 @@
-"""The table `security`: whether, and how, frames are sealed.
+"""The table `security`: the seal of frames.
 
-The key file is not read here: who plans, decodes or listens needs the file of a fleet, and no key.
-`zacoustic.seal.keyring` reads it where frames are made.
+This module does not read the key file: planning, decoding and watching need a fleet's
+configuration, but no key. `zacoustic.seal.keyring` reads it where frames are made.
 """
 
 import math
@@ -28,16 +28,16 @@ from zacoustic.seal.spec import (
 def read_security(
     place: Place, entry: SecurityEntry | None, table: StreamTable, folder: Path
 ) -> SecuritySpec | None:
-    """Read the table at `place`; None: it is not written.
+    """Read the table at `place`; None: there is none.
 
     Args:
-        place: Where it is written.
-        entry: What is written, or None.
+        place: Place of the table.
+        entry: Its content, or None.
         table: The streams.
-        folder: What files are relative to.
+        folder: Folder to which files are relative.
 
     Raises:
-        ConfigError: The first key that is wrong.
+        ConfigError: A key is wrong; reports the first.
     """
     if entry is None:
         return None
@@ -66,7 +66,7 @@ def read_security(
 
 
 def seal_rules(security: SecuritySpec | None) -> SealRules:
-    """Return what an engine has to know of it."""
+    """Return the settings of the seal for an engine."""
     if security is None:
         return SealRules()
     return SealRules(

@@ -1,4 +1,4 @@
-"""The list `streams`: the keys of an entry tell its kind; it is checked and declared."""
+"""The list `streams`: finds the kind of each entry by its keys, checks and declares it."""
 
 import re
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from zacoustic.errors import ConfigError
 E = TypeVar("E", bound=StreamEntry)
 
 _KINDS: Final = ("topic", "service", "action")
-# How `Qos` words its refusals: the key, the value, the allowed values.
+# Form of the errors of `Qos`: the key, the value, the allowed values.
 _QOS_REFUSAL: Final = re.compile(r"(\w+) is .*; allowed: (.*)")
 
 
@@ -32,15 +32,15 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """What streams refer to."""
 
     nodes: dict[int, str]
-    """Name of each node by address; empty: not listed."""
+    """Name of each node by address; empty if the fleet is not listed."""
     types: TypeTable
     """The types by name."""
     model: Model | None = None
     """The fitted model of the dense streams."""
     largest_bytes: int = LARGEST_BYTES
-    """Largest sample that the node sends or takes, bytes."""
+    """Largest sample that the node sends or accepts, bytes."""
     wire: WireProfile = WireProfile.NATIVE
-    """What is spoken on the link."""
+    """Wire profile of the link."""
 
 
 def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> StreamTable:
@@ -49,11 +49,11 @@ def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> Stre
     Args:
         place: The list.
         count: Its length.
-        fleet: What streams refer to.
+        fleet: Nodes, types and other things to which streams refer.
         ros: Reads their ROS settings.
 
     Raises:
-        ConfigError: The first entry that is wrong.
+        ConfigError: An entry is wrong; reports the first.
     """
     table = StreamTable(types=fleet.types, nodes=fleet.nodes, model=fleet.model, wire=fleet.wire)
     for index in range(count):
@@ -79,7 +79,7 @@ def _read_stream(place: Place, fleet: Fleet, ros: RosReader) -> StreamSpec:
 
 
 def _resolved(place: Place, kind: str, record: type[E], ros: RosReader) -> E:
-    """Read a table, with what its ROS types and names stand for."""
+    """Read a table, with its ROS types and names resolved."""
     place.convert(record)
     return msgspec.convert(ros.resolve(place, kind), record)
 
@@ -199,7 +199,7 @@ def _read_action(place: Place, entry: ActionEntry, fleet: Fleet) -> ActionSpec:
 
 
 def _check_reliability(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
-    """Check that some node acknowledges, and that a journal has something to keep."""
+    """Check that some node acknowledges, and that a journal is of use."""
     if entry.reliability == Reliability.RELIABLE.value:
         if entry.subscribers is None and not fleet.nodes:
             place.at("subscribers").refuse(
@@ -283,7 +283,7 @@ def check_address(place: Place, address: int, fleet: Fleet) -> None:
     """Check the address that is written at `place`.
 
     Raises:
-        ConfigError: No node of the fleet has it, or no node can.
+        ConfigError: No node of the fleet has the address, or no node can.
     """
     if fleet.nodes and address not in fleet.nodes:
         known = ", ".join(f"{known} ({name})" for known, name in fleet.nodes.items())
@@ -303,7 +303,7 @@ def _read_qos(place: Place, make: Callable[[], Qos]) -> Qos:
 
 
 def _in_written_keys(error: ConfigError, spec: StreamSpec) -> ConfigError:
-    """The error with the key of the file in place of `name`, which the core says."""
+    """Return the error with the key of the file in place of the core's `name`."""
     kind = "topic"
     if not isinstance(spec, TopicSpec):
         kind = "service" if isinstance(spec, ServiceSpec) else "action"

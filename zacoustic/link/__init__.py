@@ -1,8 +1,8 @@
-"""What a link is, and what it is found and built with.
+"""Links: their contract, and the tools to find and build them.
 
-`contract` is the contract between links and their drivers; its names are here as well. `registry`
-finds links and verbs, `bytestream` is TCP or a serial port behind one interface, `command` a verb
-that a link brings, `serving` a server on the loopback.
+`contract` is the contract of a link; this package exports its names. `registry` finds links and
+verbs, `bytestream` is TCP or a serial port behind one interface, `command` is the contract of a
+verb, and `serving` helps verbs that serve until they are interrupted.
 """
 
 from zacoustic.link.contract import (

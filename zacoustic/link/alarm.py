@@ -1,4 +1,4 @@
-"""`Alarm`: the one timer of something that is driven by the loop, such as an engine or a medium."""
+"""`Alarm`: the single timer of something that the loop drives, such as an engine or a medium."""
 
 import asyncio
 from collections.abc import Callable
@@ -6,19 +6,17 @@ from typing import Final
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
 
-# Expiries in a row after which the timer is due again at once. A sound engine has none.
+# Expiries in a row after which the timer was due again at once. A sound engine has none.
 _STUCK_LIMIT: Final = 1000
 
 
 class Alarm:
-    """Goes off at an instant; only one is set at a time.
+    """Goes off at an instant; only one instant is set at a time.
 
     Args:
-        clock: Where instants come from. Only differences are given to the loop: its clock need not
-            be this one.
-        expire: Called with the instant that it was set to. The loop may be early by its resolution:
-            then it is that instant which counts.
-        time_scale: How many times faster than the loop's the clock goes.
+        clock: Source of instants. The loop gets only differences, so its clock may be another.
+        expire: Called with the instant that was set, even if the loop is early by its resolution.
+        time_scale: How many times faster than the loop's clock `clock` runs.
     """
 
     def __init__(
@@ -32,7 +30,7 @@ class Alarm:
         self._stuck = 0
 
     def set(self, due_at: int | None) -> None:
-        """Go off at that instant, ns, and at no other; None: not at all. At once if it is over."""
+        """Go off only at that instant, ns, at once if it is past; None: not at all."""
         if self._timer is not None and due_at == self._due_at:
             return
         self.stop()
@@ -46,20 +44,20 @@ class Alarm:
             self._timer = loop.call_soon(self._go_off)
 
     def stop(self) -> None:
-        """Do not go off."""
+        """Cancel the alarm."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
     def see_progress(self, due_at: int | None, now: int) -> None:
-        """Report an engine whose timer would spin for ever.
+        """Detect an engine whose timer would fire for ever without progress.
 
         Args:
-            due_at: What it waits for, after it has had `now`, ns.
+            due_at: The engine's next deadline after it has handled `now`, ns.
             now: The instant, ns.
 
         Raises:
-            RuntimeError: It would.
+            RuntimeError: The timer would fire for ever.
         """
         self._stuck = self._stuck + 1 if due_at is not None and due_at <= now else 0
         if self._stuck > _STUCK_LIMIT:

@@ -1,10 +1,10 @@
-"""The contract of a verb of the command line, for our own and for those of link packages.
+"""The contract of a verb of the command line, for our own verbs and those of link packages.
 
-A package registers a verb in the entry-point group `zacoustic.commands`, name → class; the command
+A package registers a verb in the entry-point group `zacoustic.commands`, name → class. The command
 line finds it through `zacoustic.link.registry.commands` and knows nothing else about it.
 
-A verb may be shared by packages that do not know each other: names with the same first part before
-a dot become one verb with sub-verbs. `emulate.desert` is called by `zacoustic emulate desert`.
+Packages that do not know each other may share a verb: names with the same part before a dot become
+one verb with sub-verbs. `zacoustic emulate desert` runs `emulate.desert`.
 """
 
 import argparse
@@ -13,31 +13,32 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Final
 
 EXIT_OK: Final = 0
-"""The verb did what it was asked."""
+"""The verb has done its work."""
 EXIT_FAILED: Final = 1
-"""It tried, and it did not work; the reason is on standard error."""
+"""The verb tried and failed; the reason is on standard error."""
 EXIT_USAGE: Final = 2
-"""The arguments or a file that they name are wrong; nothing was tried."""
+"""The arguments, or a file that they name, are wrong; the verb tried nothing."""
 EXIT_TIMED_OUT: Final = 3
-"""No answer within the time that the user gave."""
+"""No answer came within the time that the user gave."""
 EXIT_INTERRUPTED: Final = 130
-"""Ended by Ctrl-C before it was done: 128 and the number of SIGINT, as shells have it."""
+"""Ctrl-C ended the verb: 128 plus the number of SIGINT, as in shells."""
 
 
 class Command(ABC):
     """One verb of the command line; built without arguments.
 
-    Must define: `name`, `summary`, `add_arguments`, `run`. Heavy imports belong into `run`: every
+    Must define: `name`, `summary`, `add_arguments`, `run`. Heavy imports belong in `run`: every
     start of the command line builds every verb.
     """
 
     name: ClassVar[str]
-    """What the user types; of a sub-verb the last word."""
+    """The word that the user types; for a sub-verb the last one."""
     summary: ClassVar[str]
     """One line for the list of verbs, without a full stop."""
 
     prints_late: ClassVar[bool] = False
-    """It prints when its work is done: until then the terminal shows how long it runs."""
+    """Whether it prints only when its work is done; until then the terminal shows its running
+    time."""
 
     @abstractmethod
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
@@ -45,7 +46,7 @@ class Command(ABC):
 
     @abstractmethod
     def run(self, arguments: argparse.Namespace) -> int:
-        """Do it, and return the exit code; called once, on the main thread.
+        """Run the verb and return the exit code; called once, on the main thread.
 
         Raises:
             ZacousticError: The command line prints it, with its hint, and exits with 1, or with 2
@@ -57,13 +58,13 @@ class CommandGroup(Command):
     """A verb with sub-verbs, each of which may come from another package.
 
     Args:
-        name: What the user types.
-        members: Sub-verbs by name: all of them for a list, the one that is called otherwise.
+        name: The word that the user types.
+        members: Sub-verbs by name: all of them for a list, otherwise the one that is called.
         known: Names of all sub-verbs.
     """
 
     def __init__(self, name: str, members: Mapping[str, Command], known: tuple[str, ...]) -> None:
-        # Of this verb alone, not of the class: each stands for another one.
+        # Of this instance, not of the class: each one is another verb.
         self.name = name  # type: ignore[misc]
         self.summary = f"{', '.join(known)}: see zacoustic {name} --help"  # type: ignore[misc]
         self._members = members
@@ -84,7 +85,7 @@ class CommandGroup(Command):
 
 
 def add_command(choices: "argparse._SubParsersAction[Any]", name: str, command: Command) -> None:
-    """Add a verb to those of a parser, under a name."""
+    """Add a verb to a parser, under a name."""
     summary = command.summary
     parser: argparse.ArgumentParser = choices.add_parser(
         name,

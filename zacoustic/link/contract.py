@@ -1,25 +1,23 @@
-"""The link contract: what a driver of an acoustic modem implements, and what it may call.
+"""The link contract: the methods that a modem driver implements, and those that it may call.
 
-A link turns a `Transmission` into sound and sound into `ReceivedFrame`; it knows its device and
-nothing about streams. Rules, all proven by the conformance battery
-(`zacoustic.testing.conformance`):
+A link turns a `Transmission` into sound and sound into a `ReceivedFrame`; it knows its device and
+nothing about streams. The conformance battery (`zacoustic.testing.conformance`) proves these rules:
 
-- Everything runs on one asyncio loop. The receiver is called on that loop only, never from
+- Everything runs on one asyncio loop. A link calls the receiver only on that loop, and never from
   `transmit` itself.
-- `transmit` returns at once. One transmission is outstanding at most. Exactly one `TransmitReport`
-  follows each: also for a frame that is empty, above the MTU, or comes while another is outstanding
-  (REJECTED, with the reason in `detail`), and when the link is lost or closed meanwhile (ABORTED).
-- `capabilities` are set before `state_changed(UP)`, and may be others at a later UP.
-- A lost device is reported as DOWN first, then the ABORTED report of what was under way.
-- A link reconnects by itself and says so (`LinkState`); it queues no frames of its own.
-- After `close` has returned no callback is made; `close` may be called again. A link that was
-  closed, or whose `open` has raised, can be opened again: a node does so until each of its further
-  links is open.
-- `received_at` is stamped where the bytes are read, and never decreases.
-- `measured` reports what the device measures, once it is known. With `measures_range`, that
-  includes the propagation delay of each transmission that ended DELIVERED, measured in this very
-  exchange and not in an earlier one; an unknown delay is not reported.
-- Bytes from the device never raise; what cannot be understood is ignored and counted in
+- `transmit` returns at once. At most one transmission is outstanding. Exactly one `TransmitReport`
+  follows each, also if the frame is empty, above the MTU, or comes while another one is outstanding
+  (REJECTED, with the reason in `detail`), or if the link is lost or closed meanwhile (ABORTED).
+- `capabilities` are set before `state_changed(UP)`, and may differ at a later UP.
+- A link reports a lost device as DOWN first, then the outstanding transmission as ABORTED.
+- A link reconnects by itself and reports it (`LinkState`); it queues no frames.
+- After `close` has returned, a link calls nobody; `close` may be called again. A link that was
+  closed, or whose `open` has raised, can be opened again: a node with several links does so.
+- The link stamps `received_at` where it reads the bytes; it never decreases.
+- `measured` reports measurements of the device once they are known. With `measures_range`, they
+  include the propagation delay of each transmission that ended DELIVERED, measured in this very
+  exchange and not in an earlier one; a link does not report an unknown delay.
+- Bytes from the device never raise; the link ignores those that it cannot parse, and counts them in
   `diagnostics`.
 """
 
@@ -51,7 +49,7 @@ from zacoustic.core.base.linktypes import (
 from zacoustic.errors import ConfigError, LinkOpenError
 
 LINK_API: Final = 1
-"""Version of this contract; the registry refuses a link that was written for another."""
+"""Version of this contract; the registry refuses a link for another version."""
 
 
 class LinkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -59,80 +57,79 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that is wrong, or will be at sea; `zacoustic doctor` collects them."""
+    """A fault, present or expected at sea; `zacoustic doctor` collects them."""
 
     what: str
-    """What was found, with the values."""
+    """The fault, with values."""
     why: str
-    """What it does at sea."""
+    """Its effect at sea."""
     cure: str
-    """What to do about it."""
+    """Its cure."""
 
 
 class LoggedFrame(msgspec.Struct, frozen=True, kw_only=True):
-    """A frame in a log of what went to a device and came from it."""
+    """A frame in a log of the bytes to and from a device."""
 
     frame_bytes: bytes
     """The frame."""
     source: int
-    """Its sender; 0: the log does not have it."""
+    """Address of the source; 0: the log does not have it."""
     destination: int
-    """Whom it is for; 255: everybody."""
+    """Address of the destination; 255: broadcast."""
     is_sent: bool
-    """It went to the device; otherwise it was received."""
+    """Whether it went to the device; otherwise it was received."""
 
 
 class LinkReceiver(Protocol):
-    """Who hears from a link; called on the loop only. The runtime implements it."""
+    """Receives the reports of a link, only on the loop. The runtime implements it."""
 
     def frame_received(self, frame: ReceivedFrame) -> None:
-        """A frame, or a piece of the byte stream, arrived."""
+        """Take a received frame, or a piece of the byte stream."""
         ...
 
     def transmit_finished(self, report: TransmitReport) -> None:
-        """A transmission has ended."""
+        """Take the report of a transmission that has ended."""
         ...
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:
-        """The link went up or down; `detail` names what it waits for."""
+        """Note that the link went up or down; `detail` says what it waits for."""
         ...
 
     def carrier_changed(self, busy: bool) -> None:
-        """Somebody else's transmission began or ended; only where `senses_carrier`."""
+        """Note that another node's transmission began or ended; only with `senses_carrier`."""
         ...
 
     def measured(self, measurement: Measurement) -> None:
-        """The device has measured another modem, or reports values of itself."""
+        """Take values that the device has measured of another modem, or reports of itself."""
         ...
 
 
 class Link(ABC):
     """One acoustic modem, or something that behaves like one.
 
-    Must implement: `config_type`, `capabilities`, `from_locator`, `open`, `close`, `transmit`.
-    May override: `diagnostics`, `examine`, `assess`, `read_log`. Everything else has its default
-    here.
+    Must implement: `config_type`, `capabilities`, `from_locator`, `open`, `close`, `transmit`. May
+    override: `diagnostics`, `examine`, `assess`, `read_log`, which have defaults here.
     """
 
     link_api: ClassVar[int] = LINK_API
     config_type: ClassVar[type[LinkConfig]] = LinkConfig
-    """What the settings in the locator are converted to."""
+    """Record of the settings in the locator."""
 
     capabilities: LinkCapabilities
-    """Valid after `open` has returned."""
+    """Capabilities of the link; valid after `open` has returned."""
 
     @classmethod
     @abstractmethod
     def from_locator(cls, address: str, config: LinkConfig, *, node_address: int) -> Self:
-        """Build a link that is not open yet.
+        """Create a link that is not open yet.
 
         Args:
             address: The part of the locator between `NAME/` and `#`.
-            config: The settings behind `#`, as `config_type`.
+            config: The settings after `#`, as `config_type`.
             node_address: Acoustic address of this node, 1…254.
 
         Raises:
-            ConfigError: The address cannot be one of this link.
+            ConfigError: The address is not valid for this link.
         """
 
     @abstractmethod
@@ -140,34 +137,34 @@ class Link(ABC):
         """Open the device; returns when the link is UP or keeps trying in the background.
 
         Raises:
-            LinkOpenError: The device cannot be opened and waiting will not help, or has not come
-                within the time that the link's config allows.
+            LinkOpenError: The device cannot be opened and waiting will not help, or it has not
+                appeared within the time that the settings allow.
         """
 
     @abstractmethod
     async def close(self) -> None:
-        """Release everything; after it no callback is made. May be called again."""
+        """Release everything, and call nobody afterwards. May be called again."""
 
     @abstractmethod
     def transmit(self, transmission: Transmission) -> None:
-        """Start a transmission; does not block; exactly one report follows.
+        """Start a transmission without blocking; exactly one report follows.
 
         Raises:
             LinkClosedError: The link has not been opened, or has been closed.
         """
 
     def diagnostics(self) -> dict[str, int | float | str]:
-        """Counters and readings of the device for the health report, by name."""
+        """Return counters and readings of the device for the health report, by name."""
         return {}
 
     async def examine(self, patience_s: float) -> list[Finding]:
         """Look for faults of the device; for `zacoustic doctor`, in place of `open`.
 
-        Nothing is transmitted, and no other program has the device. The default opens the
-        link, waits until it is UP, and closes it.
+        It transmits nothing. No other program has the device. The default opens the link, waits
+        until it is UP, and closes it.
 
         Args:
-            patience_s: How long the device may take to answer, s.
+            patience_s: Time for the device to answer, s.
         """
         watcher = _UpWatcher()
         try:
@@ -188,10 +185,11 @@ class Link(ABC):
         return []
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
-        """Find faults in a running gateway's health report of its link; not open.
+        """Find faults in a running gateway's health report; the link is not open.
 
         Args:
-            health: The documents below `@acoustic/ADDRESS/`, by name: `link`, `dropped`, `modem`, …
+            health: The health keys below `@acoustic/ADDRESS/`, by name: `link`, `dropped`, `modem`,
+                …
         """
         return []
 
@@ -200,13 +198,13 @@ class Link(ABC):
         """Find the frames in a log of the port of such a device; for `zacoustic decode --log`.
 
         Args:
-            log: Bytes of both directions as they were, perhaps with something in between.
+            log: The bytes of both directions, perhaps with something else between them.
         """
         return iter(())
 
 
 class _UpWatcher:
-    """Hears from a link whether it is UP, and nothing else."""
+    """Notes only whether a link is UP."""
 
     def __init__(self) -> None:
         self.up = asyncio.Event()
@@ -233,7 +231,7 @@ class _UpWatcher:
 def convert_config(
     config_type: type[LinkConfig], settings: dict[str, str], *, source: str
 ) -> LinkConfig:
-    """Convert the settings of a locator to the config of its link.
+    """Convert the settings of a locator to the record of its link.
 
     Args:
         config_type: The link's `config_type`.
@@ -241,7 +239,8 @@ def convert_config(
         source: The locator, for the message.
 
     Raises:
-        ConfigError: Unknown key or a value of the wrong kind; names both and the allowed values.
+        ConfigError: A key is unknown, or a value is of the wrong kind; the message names both and
+            the allowed values.
     """
     kinds = get_type_hints(config_type, include_extras=True)
     for name, text in settings.items():
@@ -261,7 +260,7 @@ def convert_config(
 
 
 def _allowed_values(kind: object) -> str:
-    """Return in words what a setting of that kind can be; empty if there are no words for it."""
+    """Return the allowed values of a setting in words; empty if there are no words for its kind."""
     if get_origin(kind) is Literal:
         return ", ".join(map(str, get_args(kind)))
     members = [each for each in get_args(kind) if each is not type(None)]

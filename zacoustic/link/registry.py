@@ -1,10 +1,10 @@
 """Links and verbs by name: the installed ones, found through entry points.
 
-Nothing in `zacoustic` names a link. A package, ours or anybody's, registers a class in the group
-`zacoustic.links` and, if it brings verbs for the command line, in `zacoustic.commands`. Our own
-links go the same way, so the way of third parties is the tested one.
+Nothing in `zacoustic` names a link. Any package registers a class in the group `zacoustic.links`
+and, if it has verbs for the command line, in `zacoustic.commands`. Our own links do the same, so
+the way for third parties is tested.
 
-A link is addressed by a locator::
+A locator names a link::
 
     NAME/ADDRESS#key=value&key=value        evologics/serial:/dev/ttyUSB0#baudrate=19200
 """
@@ -29,14 +29,14 @@ _INSTALL_HINT: Final = "pip install zacoustic, or in a checkout: pip install -e 
 
 
 class Locator(msgspec.Struct, frozen=True):
-    """A locator, taken apart; what the address and the settings mean is the link's."""
+    """The parts of a locator; the link defines the meaning of address and settings."""
 
     name: str
     """Name of the link."""
     address: str
-    """What stands between `NAME/` and `#`."""
+    """The text between `NAME/` and `#`."""
     settings: dict[str, str]
-    """What stands behind `#`, as text."""
+    """The settings after `#`, as text."""
 
 
 class LinkDescription(msgspec.Struct, frozen=True, kw_only=True):
@@ -45,20 +45,20 @@ class LinkDescription(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """Name in the locator."""
     package: str
-    """Distribution that brings it, and its version."""
+    """Distribution that has it, and its version."""
     summary: str = ""
-    """First line of the class's docstring; empty when it cannot be imported."""
+    """First line of the class's docstring; empty if it cannot be imported."""
     settings: dict[str, str] = {}
-    """Settings of the locator with their default values as text; `required` where there is none."""
+    """Settings of the locator with their defaults as text, or `required`."""
     error: str = ""
-    """Why it cannot be used; empty when it can."""
+    """Why it is not usable; empty if it is."""
 
 
 def parse_locator(locator: str) -> Locator:
-    """Take a locator apart.
+    """Split a locator into its parts.
 
     Raises:
-        ConfigError: It has no name, or a setting is not `key=value` or is given twice.
+        ConfigError: The locator has no name, or a setting is not `key=value` or is given twice.
     """
     head, _, tail = locator.partition("#")
     name, slash, address = head.partition("/")
@@ -79,7 +79,7 @@ def parse_locator(locator: str) -> Locator:
 
 
 def names() -> list[str]:
-    """Names of all installed links, sorted; imports none of them."""
+    """Return the names of all installed links, sorted; import none."""
     return sorted({point.name for point in metadata.entry_points(group=LINK_GROUP)})
 
 
@@ -87,8 +87,8 @@ def load(name: str) -> type[Link]:
     """Import the class of a link.
 
     Raises:
-        LinkUnavailableError: Not installed, not importable, no `Link`, or written for another
-            contract.
+        LinkUnavailableError: The link is not installed, not importable, not a `Link`, or written
+            for another version of the contract.
     """
     points = metadata.entry_points(group=LINK_GROUP, name=name)
     if not points:
@@ -109,7 +109,7 @@ def load(name: str) -> type[Link]:
 
 
 def create(locator: str, node_address: int) -> Link:
-    """Build the link that a locator names; it is not open yet.
+    """Create the link that a locator names; it is not open yet.
 
     Args:
         locator: `NAME/ADDRESS#key=value&key=value`.
@@ -117,7 +117,7 @@ def create(locator: str, node_address: int) -> Link:
 
     Raises:
         ConfigError: The locator, its address or a setting is wrong.
-        LinkUnavailableError: No such link, or it cannot be used.
+        LinkUnavailableError: There is no such link, or it is not usable.
     """
     parts = parse_locator(locator)
     link_type = load(parts.name)
@@ -126,21 +126,21 @@ def create(locator: str, node_address: int) -> Link:
 
 
 def describe() -> list[LinkDescription]:
-    """Describe all installed links, sorted; an unusable one is described by its error."""
+    """Describe all installed links, sorted; an unusable one by its error."""
     return [_describe(name) for name in names()]
 
 
 def commands() -> Mapping[str, Command]:
-    """All installed verbs by name, sorted; each is imported when it is looked up.
+    """Return all installed verbs by name, sorted; a look-up imports the verb.
 
-    One that cannot be used is an `UnavailableCommand`.
+    An unusable verb is an `UnavailableCommand`.
     """
     points = sorted(metadata.entry_points(group=COMMAND_GROUP), key=lambda point: point.name)
     return _InstalledCommands({point.name: point for point in points})
 
 
 class _InstalledCommands(Mapping[str, Command]):
-    """Verbs that are imported when they are looked up."""
+    """Verbs that are imported on look-up."""
 
     def __init__(self, points: Mapping[str, metadata.EntryPoint]) -> None:
         self._points = points
@@ -156,20 +156,20 @@ class _InstalledCommands(Mapping[str, Command]):
 
 
 class UnavailableCommand(Command):
-    """Stands for a verb that is installed and cannot be imported, so that all others still work."""
+    """An installed verb that cannot be imported; with it, all others still work."""
 
     def __init__(self, name: str, error: ZacousticError) -> None:
-        # Of this verb alone, not of the class: each stands for another one.
+        # Of this instance, not of the class: each one is another verb.
         self.name = name  # type: ignore[misc]
         self.summary = f"not available: {error}"  # type: ignore[misc]
         self.error = error
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Accept anything, to show the error and not a complaint about arguments."""
+        """Accept any arguments, so that the user sees the import error first."""
         parser.add_argument("ignored", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Raise why it cannot be used."""
+        """Raise the error that says why the verb is not usable."""
         raise self.error
 
 
@@ -184,7 +184,7 @@ def _load_command(point: metadata.EntryPoint) -> Command:
 
 
 def _import(point: metadata.EntryPoint, what: str) -> object:
-    """Import the object of an entry point, with an error that names what to install."""
+    """Import the object of an entry point; an error names the package to install."""
     try:
         loaded: object = point.load()
     except ImportError as error:
@@ -194,7 +194,7 @@ def _import(point: metadata.EntryPoint, what: str) -> object:
         raise LinkUnavailableError(f"{what} {needs}", hint=hint) from error
     except AttributeError as error:
         raise LinkUnavailableError(f"{what}: {point.value} does not exist: {error}") from error
-    except Exception as error:  # the package's own fault must not take the other packages with it
+    except Exception as error:  # a fault of this package must not disable the others
         reason = f"{type(error).__name__}: {error}".partition("\n")[0]
         raise LinkUnavailableError(f"{what}: {point.value} cannot be imported: {reason}") from error
     return loaded
@@ -216,7 +216,7 @@ def _describe(name: str) -> LinkDescription:
 
 
 def _default(field: msgspec.structs.FieldInfo) -> str:
-    """The default value as one would write it in a locator."""
+    """Return the default value as written in a locator."""
     if field.default is not msgspec.NODEFAULT:
         default = field.default
     else:

@@ -1,4 +1,4 @@
-"""What verbs that serve until they are interrupted share: where, how fast, until when, lines."""
+"""Parts shared by verbs that serve until they are interrupted: place, time scale, stop, lines."""
 
 import asyncio
 import contextlib
@@ -18,19 +18,19 @@ from zacoustic.errors import ConfigError, LinkOpenError
 T = TypeVar("T")
 
 LINES_LIMIT: Final = 10_000
-"""Lines that may wait for a reader."""
+"""Most lines that wait for a reader."""
 
 _LAST_PORT: Final = 65_535
 _MOST_SCALED: Final = 1e6
-# How long the last lines may take when the verb ends, s.
+# Time for the last lines when the verb ends, s.
 _LAST_LINES_S: Final = 1.0
 
 
 def parse_place(place: str) -> tuple[str, int]:
-    """Return host and port of ``HOST:PORT``; brackets around an IPv6 host are taken off.
+    """Return host and port of ``HOST:PORT``; remove the brackets of an IPv6 host.
 
     Raises:
-        ConfigError: It is no such place; port 0 is one, any that is free.
+        ConfigError: The text is not a place. Port 0 is allowed: any free port.
     """
     host, colon, port = place.rpartition(":")
     if not (colon and host and port.isascii() and port.isdigit() and int(port) <= _LAST_PORT):
@@ -44,13 +44,13 @@ def place_name(host: str, port: int) -> str:
 
 
 def cannot_listen(host: str, port: int, error: OSError, *, rival: str) -> LinkOpenError:
-    """Return what to raise when a place cannot be listened at.
+    """Return the error for a place at which the program cannot listen.
 
     Args:
         host: As given.
         port: As given.
         error: The operating system's error.
-        rival: Who may have the port.
+        rival: Program that may have the port.
     """
     is_name = isinstance(error, socket.gaierror)
     reason = error.strerror if is_name else os.strerror(error.errno or 0)
@@ -61,11 +61,11 @@ def cannot_listen(host: str, port: int, error: OSError, *, rival: str) -> LinkOp
 
 
 class ScaledClock:
-    """The time of something emulated, ns: begins at 0 when it is made, and may run faster.
+    """The time of an emulation, ns: starts at 0 on construction, and may run faster.
 
     Args:
-        time_scale: How many times faster than real, > 0.
-        clock: Where instants come from.
+        time_scale: How many times faster than real time, > 0.
+        clock: Source of instants.
 
     Raises:
         ConfigError: The time scale is not above 0.
@@ -82,15 +82,15 @@ class ScaledClock:
         self._origin_at = clock()
 
     def now(self) -> int:
-        """Instant of the emulation."""
+        """Return the present instant of the emulation."""
         return round((self._clock() - self._origin_at) * self.time_scale)
 
 
 @contextlib.contextmanager
 def stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
-    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals; on the loop.
+    """Set `stop` on SIGINT and SIGTERM, even if the loop does not support signals; on the loop.
 
-    Only the main thread can take signals: in another one nothing sets it.
+    Only the main thread receives signals: in another thread nothing sets `stop`.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -98,7 +98,7 @@ def stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
     loop = asyncio.get_running_loop()
     numbers = (signal.SIGINT, signal.SIGTERM)
     if sys.platform == "win32":
-        # A handler runs between two turns of the loop there, and must wake it by itself.
+        # There, a handler runs between two turns of the loop and must wake the loop itself.
         previous = {
             number: signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop.set))
             for number in numbers
@@ -118,10 +118,10 @@ def stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
 
 
 async def until_stopped(stop: asyncio.Event, work: Coroutine[Any, Any, T]) -> T | None:
-    """Wait for some work, or for `stop`, which cancels it and waits until it has ended.
+    """Wait for the end of some work; `stop` cancels the work and waits until it has ended.
 
     Returns:
-        What came of it; None: it was stopped.
+        The result; None: it was stopped.
     """
     task, stopped = asyncio.ensure_future(work), asyncio.ensure_future(stop.wait())
     try:
@@ -134,16 +134,16 @@ async def until_stopped(stop: asyncio.Event, work: Coroutine[Any, Any, T]) -> T 
 
 
 def run_until_stopped(work: Callable[[asyncio.Event], Coroutine[Any, Any, T]]) -> T | None:
-    """Run some work on a loop of its own, until it ends or SIGINT or SIGTERM stops it.
+    """Run some work on a new loop, until it ends or SIGINT or SIGTERM stops it.
 
-    Signals that a shell had ignored for this process, as it does for a job in the background of a
-    script, stop it as well: there is no other way to ask it.
+    The signals stop it even if a shell had this process ignore them, as for a background job of a
+    script: there is no other way to stop it.
 
     Args:
-        work: Takes the event that stops it, which it may set itself; it is cancelled then.
+        work: Takes the event that stops it, which it may set itself; it is then cancelled.
 
     Returns:
-        What came of it; None: it was stopped.
+        The result; None: it was stopped.
     """
 
     async def run() -> T | None:
@@ -157,10 +157,10 @@ def run_until_stopped(work: Callable[[asyncio.Event], Coroutine[Any, Any, T]]) -
 
 
 class LineWriter:
-    """Writes lines to standard output from a thread: a reader who stops does not stop the verb.
+    """Writes lines to standard output from a thread: a reader that stops does not stop the verb.
 
     Args:
-        name: The verb, for what it complains about.
+        name: The verb, for messages.
         stop: Set when the reader has gone.
     """
 
@@ -170,7 +170,7 @@ class LineWriter:
         self._loop = asyncio.get_running_loop()
         self._lines: queue.Queue[str | None] = queue.Queue(LINES_LIMIT)
         self._dropped = 0
-        # A daemon: a write that the reader blocks cannot be interrupted.
+        # A daemon, because nothing can interrupt a write that the reader blocks.
         self._thread = threading.Thread(target=self._run, name="output", daemon=True)
 
     def __enter__(self) -> Self:
@@ -183,7 +183,7 @@ class LineWriter:
         self._thread.join(_LAST_LINES_S)
 
     def write(self, line: str) -> None:
-        """Write a line soon; drop it, with one note on standard error, when too many wait."""
+        """Write a line soon; if too many wait, drop it with one note on standard error."""
         try:
             self._lines.put_nowait(line)
         except queue.Full:
@@ -195,8 +195,8 @@ class LineWriter:
         try:
             while (line := self._lines.get()) is not None:
                 sys.stdout.write(line + "\n")
-                sys.stdout.flush()  # a reader of a pipe wants each line when it happens
+                sys.stdout.flush()  # a reader of a pipe wants each line at once
         except BrokenPipeError:
-            # The interpreter flushes once more at its end.
+            # The interpreter flushes again at its end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             self._loop.call_soon_threadsafe(self._stop.set)

@@ -223,7 +223,10 @@ class AuditLog:
                 yield self._of_own_goal(event.goal, "failed", event.text)
             case SealAlarm():
                 text = f"{event.frames} frames"
-                yield self._entry(event.address, "seal", event.refusal.value, text=text)
+                about = self._name(event.stream_id)
+                yield self._entry(
+                    event.address, "seal", event.refusal.value, about=about, text=text
+                )
             case _:
                 pass
 

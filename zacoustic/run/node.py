@@ -86,18 +86,22 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
                 hint='give "journal": a folder, where it keeps which frames it has opened; or '
                 '"seal": "receive", and it opens frames and transmits none',
             )
+        journal = self.journal
+        if seal is not None and journal is not None:
+            journal = seal.keep_lives(journal)
         async with AsyncExitStack() as failing:
-            if self.journal is None:
+            if journal is None:
                 state = MemoryJournal().recover()
             else:
-                failing.push_async_callback(release, self.journal)
-                state = await recover(self.journal)
+                failing.push_async_callback(release, journal)
+                state = await recover(journal)
             recording = None if record is None else await record()
             if recording is not None:
                 failing.push_async_callback(recording.close)
             permit_log = open_permit_log(self.permits)
             failing.pop_all()
-        return PreparedNode(self, state, permit_log, recording, seal, self._open_audit())
+        audit = self._open_audit()
+        return PreparedNode(self, state, journal, permit_log, recording, seal, audit)
 
     def _open_audit(self) -> AuditLog | None:
         """Open the audit log beside a journal that is a file."""
@@ -118,6 +122,7 @@ class PreparedNode:
     Args:
         parts: What it is made of.
         state: What the journal has kept.
+        journal: Where the engine's writes go, or None.
         permit_log: Takes each emission, or None.
         recording: Makes its engines, or None.
         seal: Seals its frames, or None.
@@ -128,6 +133,7 @@ class PreparedNode:
         self,
         parts: LinkNode,
         state: JournalState,
+        journal: Journal | None,
         permit_log: PermitLog | None,
         recording: "LiveRecording | None",
         seal: NodeSeal | None = None,
@@ -137,6 +143,7 @@ class PreparedNode:
         self.seal = seal
         """Seals its frames, or None."""
         self._state = state
+        self._journal = journal
         self._permit_log = permit_log
         self._audit = audit
         self.recording = recording
@@ -151,17 +158,15 @@ class PreparedNode:
         """
         parts = self.parts
         renew = partial(self._renew, trace)
-        epoch, journal = self._state.boot_epoch, parts.journal
+        epoch = self._state.boot_epoch
         if self.seal is not None:
-            epoch = self.seal.epoch
-            journal = None if journal is None else self.seal.keep_lives(journal)
             self.seal.begin(asyncio.get_running_loop())
         runner = LinkRunner(
             Intact(renew, epoch, self._state.entries),
             parts.link,
             beside=parts.beside,
             clocks=NodeClocks(parts.clock, parts.host, stated_error_s=parts.rules.clock_error_s),
-            journal=journal,
+            journal=self._journal,
             permit_log=self._permit_log,
         )
         self._has_runner = True
@@ -186,13 +191,14 @@ class PreparedNode:
                 each.push_async_callback(recording.close)
             if self._has_runner:
                 return
-            if self.parts.journal is not None:
-                each.push_async_callback(release, self.parts.journal)
+            if self._journal is not None:
+                each.push_async_callback(release, self._journal)
             if self._permit_log is not None:
                 each.push_async_callback(self._permit_log.close)
 
     def _renew(self, trace: TraceSink | None, epoch: int, stored: Mapping[str, bytes]) -> Engine:
         parts, seed = self.parts, random.SystemRandom().getrandbits(64)
+        epoch = epoch if self.seal is None else self.seal.epoch(epoch)
         _logger.info("node %d: epoch %d, seed %d", parts.address, epoch, seed)
         make = Engine if self.recording is None else self.recording.make
         engine = make(

@@ -12,11 +12,12 @@ from zacoustic.core.wire.seal import LAST_LIFE, Cipher
 from zacoustic.run.journal.lives import LifeJournal
 from zacoustic.run.journal.port import Journal
 from zacoustic.seal.keyring import Keyring, open_keyring
-from zacoustic.seal.lives import LifeError
 from zacoustic.seal.spec import SecuritySpec
 
 _NO_LIFE: Final = LAST_LIFE + 1
-"""The epoch of an engine that seals nothing."""
+"""The epoch of each engine that seals nothing."""
+OLD_JOURNAL: Final = "frames that were recorded since then can be opened once more"
+"""What that means."""
 _logger = logging.getLogger(__name__)
 
 
@@ -25,17 +26,15 @@ class NodeSeal:
 
     Args:
         spec: What the config says.
+        address: The node, 1…254.
         ring: The key, and what is made of it.
-        life: The life that has begun; None: none has.
-        failure: Why none has, one line.
     """
 
-    def __init__(self, spec: SecuritySpec, ring: Keyring, life: int | None, failure: str) -> None:
+    def __init__(self, spec: SecuritySpec, address: int, ring: Keyring) -> None:
         self._spec = spec
+        self._address = address
         self._ring = ring
-        self._life = life
-        self.failure = failure
-        """Why this node seals no frame, one line; empty: it seals them."""
+        self._lives: LifeJournal | None = None
 
     @property
     def source(self) -> str:
@@ -53,17 +52,44 @@ class NodeSeal:
         return self._ring.cipher
 
     @property
-    def epoch(self) -> int:
-        """Boot epoch of the first engine."""
-        return _NO_LIFE if self._life is None else self._life
+    def life(self) -> int | None:
+        """The life that has begun; None: none has."""
+        return None if self._lives is None else self._lives.life
+
+    @property
+    def failure(self) -> str:
+        """Why this node seals no frame, one line; empty: it seals them."""
+        if self._lives is None:
+            return "it only listens, as the configuration says"
+        return self._lives.failure
+
+    def epoch(self, journalled: int) -> int:
+        """Return the boot epoch of an engine.
+
+        Args:
+            journalled: What the journal has for it.
+        """
+        return _NO_LIFE if self.life is None else journalled
 
     def keep_lives(self, journal: Journal) -> Journal:
-        """Return a journal that writes down the lives of further engines first."""
-        return LifeJournal(journal, self._ring.lives, self._life)
+        """Return a journal whose epochs are lives, each written down before it is used."""
+        if self._spec.only_opens:
+            return journal
+        self._lives = LifeJournal(journal, self._ring.lives)
+        return self._lives
 
     def begin(self, loop: asyncio.AbstractEventLoop) -> None:
         """The node starts: the former key is opened for as long as the config says."""
-        if self._ring.key.former is not None:
+        key, lives = self._ring.key, self._lives
+        if lives is not None and lives.failure:
+            _logger.error(
+                "node %d seals no frame, and transmits none: %s", self._address, lives.failure
+            )
+        elif lives is not None:
+            _logger.info("node %d: sealed with %r, life %s", self._address, key, lives.life)
+        if lives is not None and lives.age:
+            _logger.error("node %d: %s; %s", self._address, lives.age, OLD_JOURNAL)
+        if key.former is not None:
             loop.call_later(self._spec.overlap_s, self._ring.cipher.end_overlap)
 
     def report(self) -> dict[str, object]:
@@ -74,13 +100,13 @@ class NodeSeal:
             "generation": key.generation,
             "fingerprint": key.fingerprint,
             "mode": self._spec.mode.value,
-            "life": self._life,
+            "life": self.life,
             "failure": self.failure,
         }
 
 
 def open_seal(spec: SecuritySpec, address: int) -> NodeSeal:
-    """Read the key file, and begin a life.
+    """Read the key file; a life begins when the journal is recovered.
 
     Args:
         spec: What the config says.
@@ -89,13 +115,4 @@ def open_seal(spec: SecuritySpec, address: int) -> NodeSeal:
     Raises:
         ConfigError: The key file cannot be used, or the extra `secure` is missing.
     """
-    ring = open_keyring(spec, address)
-    if spec.only_opens:
-        return NodeSeal(spec, ring, None, "it only listens, as the configuration says")
-    try:
-        life = ring.lives.begin()
-    except LifeError as error:
-        _logger.error("node %d seals no frame, and transmits none: %s", address, error)
-        return NodeSeal(spec, ring, None, str(error))
-    _logger.info("node %d: sealed with %r, life %d", address, ring.key, life)
-    return NodeSeal(spec, ring, life, "")
+    return NodeSeal(spec, address, open_keyring(spec, address))

@@ -50,6 +50,24 @@ class Generation(Protocol):
         """Of its keys."""
 
 
+class Start(msgspec.Struct, frozen=True, order=True, array_like=True):
+    """One start of a node, in order of time."""
+
+    generation: int
+    """Of the key."""
+    life: int
+    """Counted from 0 in each generation."""
+
+    @property
+    def next(self) -> "Start":
+        """The one behind it, with the same key."""
+        return Start(self.generation, self.life + 1)
+
+
+NO_START: Final = Start(-1, -1)
+"""Before all others."""
+
+
 class Found(msgspec.Struct, frozen=True, kw_only=True):
     """What the copies say."""
 
@@ -58,6 +76,13 @@ class Found(msgspec.Struct, frozen=True, kw_only=True):
     life: int | None
     faults: tuple[str, ...]
     """What is wrong with single copies, a line each."""
+
+    @property
+    def last(self) -> Start | None:
+        """The last start; None: no copy can be read."""
+        if self.generation is None or self.life is None:
+            return None
+        return Start(self.generation, self.life)
 
 
 class Lives:
@@ -73,8 +98,19 @@ class Lives:
         self._folder = folder
         self._key = key
         self._address = address
+        self._reached: int | None = None
         named = f"{key.network}\0{address}".encode()
         self._name = hashlib.sha256(named).digest()[:_NAME_BYTES]
+
+    @property
+    def network(self) -> str:
+        """Name of the network."""
+        return self._key.network
+
+    @property
+    def generation(self) -> int:
+        """Of the key."""
+        return self._key.generation
 
     @property
     def paths(self) -> Sequence[Path]:
@@ -99,11 +135,27 @@ class Lives:
         generation, life = max(known, default=(None, None))
         return Found(generation=generation, life=life, faults=tuple(faults))
 
-    def begin(self) -> int:
+    def begin(self, journalled: Start | None = None) -> int:
         """Begin a life: its number is on the disk, three times, when this returns.
+
+        Args:
+            journalled: The last start that the journal knows of; None: it knows of none.
 
         Raises:
             LifeError: No copy can be read, or one cannot be written, or all lives are used up.
+        """
+        start = self.upcoming(journalled)
+        self._write(start.life)
+        return start.life
+
+    def upcoming(self, journalled: Start | None = None) -> Start:
+        """Return the start that `begin` makes; changes nothing.
+
+        Args:
+            journalled: As for `begin`.
+
+        Raises:
+            LifeError: No copy can be read, or all lives are used up.
         """
         found = self.find()
         if found.generation is None or found.life is None:
@@ -112,24 +164,27 @@ class Lives:
                 + "; ".join(found.faults),
                 hint=f"zacoustic key rejoin {self._address}; until then it seals no frame",
             )
-        if found.generation > self._key.generation:
+        # Behind the journal they can only be if old copies of all of them were put back.
+        last = max(Start(found.generation, found.life), journalled or NO_START)
+        if last.generation > self._key.generation:
             raise LifeError(
-                f"{self._folder}: the last start had generation {found.generation} of the key, "
+                f"{self._folder}: the last start had generation {last.generation} of the key, "
                 f"and the key file has {self._key.generation}",
                 hint="put the present key file on this computer",
             )
-        is_new_key = found.generation < self._key.generation
-        life = 0 if is_new_key else found.life + 1
+        is_new_key = last.generation < self._key.generation
+        life = 0 if is_new_key else last.life + 1
         if life > LAST_LIFE:
             raise LifeError(
                 f"{self._folder}: all {LAST_LIFE + 1} lives of this generation are used up",
                 hint="zacoustic key rotate",
             )
-        self._write(life)
-        return life
+        return Start(self._key.generation, life)
 
     def reach(self, life: int) -> None:
         """Write down that a later life has begun, in a process that has begun one before.
+
+        What could not be written may be tried again.
 
         Raises:
             LifeError: It is none that comes later, or cannot be written.
@@ -138,7 +193,9 @@ class Lives:
         is_later = (
             found.generation == self._key.generation
             and found.life is not None
-            and found.life < life <= LAST_LIFE
+            # A copy may have it from an attempt of this process that failed behind that.
+            and (found.life < life or found.life == life == self._reached)
+            and life <= LAST_LIFE
         )
         if not is_later:
             raise LifeError(
@@ -147,6 +204,7 @@ class Lives:
                 hint="restart the node; behind life "
                 f"{LAST_LIFE} the key is to be rotated: zacoustic key rotate",
             )
+        self._reached = life
         self._write(life)
 
     def join(self, after: int | None = None) -> int:

@@ -1,15 +1,15 @@
-"""The conformance battery: what every link must do, as plain async functions.
+"""The conformance battery: the rules for every link, as plain async functions.
 
-An author of a link writes a `LinkHarness`: two links that hear each other, through a simulator, an
+The author of a link writes a `LinkHarness`: two links that hear each other, through a simulator, an
 emulator or two modems in a bucket, and the means to disturb them. Then, with pytest or without::
 
     @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
     def test_conformance(check):
         asyncio.run(check(MyHarness()))
 
-The channel of a harness is quiet and loses nothing: a lost frame fails a check. A failed check
-is an `AssertionError` that names the broken rule of `zacoustic.link.contract`. All waits
-have a limit, derived from the link's capabilities.
+The channel of a harness must be quiet and lose nothing: a lost frame fails a check. A failed check
+is an `AssertionError` that names the broken rule of `zacoustic.link.contract`. Every wait has a
+limit, which follows from the link's capabilities.
 """
 
 import asyncio
@@ -41,7 +41,7 @@ GARBAGE: Final = bytes(range(256)) + b"\r\n\x00\xff" * 64
 """Nonsense for the byte stream of a device."""
 
 Check: TypeAlias = Callable[[LinkHarness], Coroutine[Any, Any, None]]
-"""One rule; raises `AssertionError` when a link breaks it."""
+"""One rule; raises `AssertionError` if a link breaks it."""
 
 
 async def closes_twice_and_unopened(harness: LinkHarness) -> None:
@@ -57,7 +57,7 @@ async def closes_twice_and_unopened(harness: LinkHarness) -> None:
 
 
 async def says_what_it_can_do(harness: LinkHarness) -> None:
-    """Capabilities are in range after `open`, and the same on both sides in what concerns both."""
+    """Capabilities are in range after `open`, and those that concern both sides are equal."""
     async with pair(harness) as (near, far):
         for side in (near, far):
             told = side.link.capabilities
@@ -92,7 +92,7 @@ async def carries_frames_both_ways(harness: LinkHarness) -> None:
 
 
 async def carries_a_frame_of_mtu_bytes(harness: LinkHarness) -> None:
-    """The largest frame arrives, addressed to one and to all, whole where the link has frames."""
+    """The largest frame arrives, unicast and broadcast, in one piece if the link has frames."""
     async with pair(harness) as (near, far):
         limit = near.link.capabilities.mtu_bytes
         frame_bytes = bytes(at % 251 for at in range(limit))
@@ -105,7 +105,7 @@ async def carries_a_frame_of_mtu_bytes(harness: LinkHarness) -> None:
 
 
 async def rejects_what_it_cannot_send(harness: LinkHarness) -> None:
-    """A frame above the MTU and an empty one are REJECTED by report, and do no harm."""
+    """A frame above the MTU and an empty frame are REJECTED by report and do no harm."""
     async with pair(harness) as (near, far):
         limit = near.link.capabilities.mtu_bytes
         for frame_bytes in (bytes(limit + 1), b"", bytes(100 * limit)):
@@ -120,7 +120,7 @@ async def rejects_what_it_cannot_send(harness: LinkHarness) -> None:
 
 
 async def reports_each_transmission_once(harness: LinkHarness) -> None:
-    """Also one that comes while another is outstanding, which is REJECTED at worst."""
+    """One report for each, even if another one is outstanding: then REJECTED at worst."""
     async with pair(harness) as (near, _):
         ids = [near.transmit(b"first"), near.transmit(b"second"), near.transmit(b"third")]
         reports = [await near.report(transmission_id) for transmission_id in ids]
@@ -137,7 +137,7 @@ async def reports_each_transmission_once(harness: LinkHarness) -> None:
 
 
 async def lasts_as_long_as_it_says(harness: LinkHarness) -> None:
-    """The airtime is that of the capabilities, within a quarter and 50 ms."""
+    """The airtime is that of the capabilities, within a quarter plus 50 ms."""
     async with pair(harness) as (near, _):
         told = near.link.capabilities
         for size in (1, told.mtu_bytes):
@@ -153,7 +153,7 @@ async def lasts_as_long_as_it_says(harness: LinkHarness) -> None:
 
 
 async def aborts_what_is_on_the_air_when_closed(harness: LinkHarness) -> None:
-    """A transmission that is outstanding at `close` is reported before `close` returns."""
+    """An outstanding transmission is reported before `close` returns."""
     async with pair(harness) as (near, far):
         transmission_id = near.transmit(bytes(near.link.capabilities.mtu_bytes))
         await near.close()
@@ -163,7 +163,7 @@ async def aborts_what_is_on_the_air_when_closed(harness: LinkHarness) -> None:
 
 
 async def is_silent_after_close(harness: LinkHarness) -> None:
-    """After `close` has returned no callback is made, also while the other side goes on."""
+    """After `close` has returned, no callback comes, even while the other side goes on."""
     async with pair(harness) as (near, far):
         await far.close()
         await near.send(b"nobody")
@@ -171,7 +171,7 @@ async def is_silent_after_close(harness: LinkHarness) -> None:
 
 
 async def measures_what_it_says(harness: LinkHarness) -> None:
-    """Metrics named in `reports` are filled."""
+    """Every received frame has the metrics named in `reports`."""
     async with pair(harness) as (near, far):
         await near.send(b"measure")
         await far.hears(b"measure")
@@ -181,7 +181,7 @@ async def measures_what_it_says(harness: LinkHarness) -> None:
 
 
 async def measures_ranges(harness: LinkHarness) -> None:
-    """If it claims so: an acknowledged exchange is followed by its propagation delay."""
+    """With `measures_range`: the propagation delay of an acknowledged exchange follows it."""
     async with pair(harness) as (near, far):
         told = near.link.capabilities
         if not told.measures_range:
@@ -191,7 +191,7 @@ async def measures_ranges(harness: LinkHarness) -> None:
             called_at = time.monotonic_ns()
             report = await near.report(near.transmit(b"far?", far.address, acknowledge=True))
             require(report.outcome is TransmitOutcome.DELIVERED, f"a frame in order was {report}")
-            # A report now may come from the exchange before.
+            # A report now may belong to the exchange before.
             await near.receiver.wait(
                 "propagation delay of this exchange",
                 lambda called_at=called_at: any(  # type: ignore[misc]
@@ -214,7 +214,7 @@ async def measures_ranges(harness: LinkHarness) -> None:
 
 
 async def senses_the_carrier(harness: LinkHarness) -> None:
-    """If it claims so: busy while the other side is heard, free afterwards; else never."""
+    """With `senses_carrier`: busy while the other side is heard, then free; otherwise never."""
     async with pair(harness) as (near, far):
         await near.send(bytes(near.link.capabilities.mtu_bytes))
         await far.hears(bytes(near.link.capabilities.mtu_bytes))
@@ -226,7 +226,7 @@ async def senses_the_carrier(harness: LinkHarness) -> None:
 
 
 async def comes_back_after_a_cut(harness: LinkHarness) -> None:
-    """A lost stream leads to DOWN, by itself to UP; transmissions meanwhile are ABORTED."""
+    """A lost stream leads to DOWN, then by itself to UP; transmissions meanwhile are ABORTED."""
     async with pair(harness) as (near, far):
         if not await harness.cut():
             return
@@ -246,7 +246,7 @@ async def comes_back_after_a_cut(harness: LinkHarness) -> None:
 
 
 async def reports_what_a_cut_interrupts(harness: LinkHarness) -> None:
-    """A transmission that is outstanding when the stream is lost has one report as well."""
+    """A transmission that is outstanding when the stream is lost also has one report."""
     async with pair(harness) as (near, far):
         transmission_id = near.transmit(bytes(near.link.capabilities.mtu_bytes))
         if not await harness.cut():
@@ -266,7 +266,7 @@ async def survives_garbage(harness: LinkHarness) -> None:
         content = b"after"
         async with asyncio.timeout(near.limit_s):
             while content not in far.receiver.received_bytes:
-                # The stream may have been given up and made again, once or more often.
+                # The link may have dropped and reopened the stream, once or more often.
                 await near.receiver.wait("UP", lambda: near.is_up, near.limit_s)
                 await far.receiver.wait("UP", lambda: far.is_up, far.limit_s)
                 await near.report(near.transmit(content))
@@ -290,7 +290,7 @@ CHECKS: Final[tuple[Check, ...]] = (
     reports_what_a_cut_interrupts,
     survives_garbage,
 )
-"""All of them."""
+"""All checks."""
 
 
 def _delay_in(measurement: Measurement) -> TypeGuard[PeerMeasured]:
@@ -308,7 +308,7 @@ def _require_closed(side: Side) -> None:
 
 
 def _require_sender(near: Side, far: Side) -> None:
-    """The source is right where the link carries addresses, and 0 where not."""
+    """The source is right if the link carries addresses, otherwise 0."""
     expected = near.address if far.link.capabilities.addressed else 0
     sources = {frame.source for frame in far.receiver.frames}
     require(sources == {expected}, f"source is {sources}; the sender was {expected}")
@@ -323,7 +323,7 @@ def _has(side: Side, state: LinkState) -> Callable[[], bool]:
 
 
 async def _turn(receiver: RecordingReceiver, limit_s: float) -> None:
-    """Wait for anything to happen at a receiver, for some time."""
+    """Wait until anything happens at a receiver, up to a limit."""
     seen = len(receiver.frames) + len(receiver.states)
     try:
         await receiver.wait(

@@ -1,4 +1,4 @@
-"""Counts what comes of a run on a `VirtualNetwork`: per stream, per cause, per kind of loss."""
+"""Counts the results of a run on a `VirtualNetwork`: by stream, by cause, by kind of loss."""
 
 from collections.abc import Mapping
 
@@ -14,29 +14,28 @@ from zacoustic.testing.virtual import VirtualNetwork
 
 
 class StreamResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of one stream."""
+    """The results of one stream."""
 
     stream_id: int
     """The stream."""
     name: str
     """Its name."""
     published: int
-    """Samples or calls that the traffic made."""
+    """Samples or calls of the traffic."""
     expected: int
-    """Samples that would arrive if nothing were lost, at all subscribers together; calls that
-    were taken."""
+    """Samples that would arrive without losses, at all subscribers together; accepted calls."""
     delivered: int
-    """Samples that arrived, at all subscribers together, each once; calls that were answered."""
+    """Samples that arrived, at all subscribers together, each once; answered calls."""
     late: int
-    """How many of them came later than they were worth having."""
+    """Delivered samples that came too late."""
     duplicate: int
-    """Samples that arrived another time."""
+    """Samples that arrived again."""
     out_of_order: int
-    """Samples that arrived after a younger one of the same key and source."""
+    """Samples that arrived after a newer one of the same key and source."""
     failed: int
     """Calls that ended without an answer."""
     refused: int
-    """Samples or calls that the engine did not take, or whose node was down."""
+    """Samples or calls that the engine refused, or whose node was down."""
     mean_s: float | None
     """Mean time from publication to arrival, or from call to answer, s."""
     p50_s: float | None
@@ -46,15 +45,15 @@ class StreamResult(msgspec.Struct, frozen=True, kw_only=True):
     p99_s: float | None
     """99th percentile, s."""
     transmitted_bytes: int
-    """Bytes given to the links for it."""
+    """Bytes of the stream given to the links."""
     airtime_share: float
-    """Its share of the bytes of all streams, 0…1."""
+    """The stream's share of the bytes of all streams, 0…1."""
     airtime_s: dict[str, float]
-    """Airtime of its bytes by cause, s; preambles are shared out by bytes."""
+    """Airtime of the stream by cause, s; streams share preambles by their bytes."""
 
 
 class SimulationResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a scenario."""
+    """The results of a scenario."""
 
     seed: int
     """The seed."""
@@ -67,25 +66,33 @@ class SimulationResult(msgspec.Struct, frozen=True, kw_only=True):
     airtime_s: float
     """Airtime of all frames, s."""
     airtime_by_cause_s: dict[str, float]
-    """The same by what the bytes are for, s."""
+    """The same by cause, s."""
     losses: dict[str, int]
-    """Arrivals that were lost, by outcome."""
+    """Lost arrivals, by outcome."""
     dropped: dict[str, int]
-    """What engines dropped, by reason."""
+    """Input that engines dropped, by reason."""
     crashes: dict[int, int]
-    """Crashes by node; without nodes that had none."""
+    """Crashes by node, only of nodes that crashed."""
+    mean_s: float | None
+    """Mean time from publication to arrival, or from call to answer, of all streams together, s."""
+    p50_s: float | None
+    """Median of the same, s."""
+    p95_s: float | None
+    """95th percentile, s."""
+    p99_s: float | None
+    """99th percentile, s."""
     streams: tuple[StreamResult, ...]
-    """By stream."""
+    """Results of each stream."""
     digest: str
-    """SHA-256 of the trace: equal for equal runs; empty if none was made."""
+    """SHA-256 of the trace: equal for equal runs; empty if not computed."""
 
 
 class Counters(Checker):
-    """Counts.
+    """A checker that counts.
 
     Args:
         tables: The table of each node.
-        late_after_s: When a sample of a stream is late, s, where that is not its lifespan.
+        late_after_s: Age above which a sample of a stream is late, s; default: its lifespan.
     """
 
     def __init__(
@@ -99,7 +106,7 @@ class Counters(Checker):
         self._counts: dict[int, _Counts] = {}
 
     def published(self, publication: Publication) -> None:
-        """Count it, and who should get it."""
+        """Count it, and its receivers."""
         counts = self._of(publication.stream)
         counts.published += 1
         for node, table in self._tables.items():
@@ -120,7 +127,7 @@ class Counters(Checker):
         counts.refused += 1
 
     def received(self, arrived: Arrived) -> None:
-        """Count it as what it is."""
+        """Count it by its kind."""
         publication = arrived.publication
         counts = self._of(publication.stream)
         got = (arrived.node, publication.number)
@@ -154,10 +161,11 @@ class Counters(Checker):
         """Sum up.
 
         Args:
-            network: Where it has happened.
-            until_s: How long, s of virtual time.
+            network: The network of the run.
+            until_s: Length of the run, s of virtual time.
         """
         ledger = _Ledger(network)
+        took = sorted(took_ns for counts in self._counts.values() for took_ns in counts.took_ns)
         return SimulationResult(
             seed=network.scenario.seed,
             until_s=until_s,
@@ -168,6 +176,10 @@ class Counters(Checker):
             losses=dict(sorted(network.losses.items())),
             dropped=dict(sorted(ledger.dropped.items())),
             crashes=dict(sorted(self.crashes.items())),
+            mean_s=_mean_s(took),
+            p50_s=_percentile_s(took, 50),
+            p95_s=_percentile_s(took, 95),
+            p99_s=_percentile_s(took, 99),
             streams=tuple(counts.result(ledger) for _, counts in sorted(self._counts.items())),
             digest=network.digest,
         )
@@ -215,7 +227,7 @@ class _Counts:
             out_of_order=self.out_of_order,
             failed=self.failed,
             refused=self.refused,
-            mean_s=sum(took) / len(took) / NS_PER_S if took else None,
+            mean_s=_mean_s(took),
             p50_s=_percentile_s(took, 50),
             p95_s=_percentile_s(took, 95),
             p99_s=_percentile_s(took, 99),
@@ -226,7 +238,7 @@ class _Counts:
 
 
 class _Ledger:
-    """The summed statistics of all engines, those of former boot epochs too."""
+    """The summed statistics of all engines, former boot epochs included."""
 
     def __init__(self, network: VirtualNetwork) -> None:
         self.frames = 0
@@ -263,6 +275,11 @@ class _Ledger:
             if stream_id in (None, each):
                 by_cause[cause] = by_cause.get(cause, 0.0) + airtime_ns / NS_PER_S
         return by_cause
+
+
+def _mean_s(took_ns: list[int]) -> float | None:
+    """Return the mean of times, s."""
+    return sum(took_ns) / len(took_ns) / NS_PER_S if took_ns else None
 
 
 def _percentile_s(took_ns: list[int], percent: int) -> float | None:

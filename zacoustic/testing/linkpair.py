@@ -1,7 +1,7 @@
 """Two links that hear each other, and receivers that keep their reports, for checks.
 
-The receiver watches the rules about *when* a link may call; `Side` waits, with limits that follow
-from what the link says of itself. `zacoustic.testing.conformance` says what must come out.
+The receiver checks *when* a link calls; `Side` waits, with limits that follow from the link's
+capabilities. `zacoustic.testing.conformance` checks the results.
 """
 
 import asyncio
@@ -26,12 +26,12 @@ from zacoustic.link.contract import Link
 ON_AIR: Final = frozenset(
     {TransmitOutcome.SENT, TransmitOutcome.DELIVERED, TransmitOutcome.NOT_DELIVERED}
 )
-"""Outcomes of a frame that was on the air completely."""
+"""Outcomes of a frame that was completely on the air."""
 PATIENCE_S: Final = 10.0
-"""Beyond the airtime of what is waited for, s: the longest back-off of a stream and room for a busy
-machine."""
+"""Patience beyond the airtime of an awaited frame, s: the longest back-off of a stream, and room
+for a busy machine."""
 AT_ONCE_S: Final = 0.05
-"""What `transmit` may take, s: five frames of a display; anything that waits for a device takes
+"""Longest time for `transmit`, s: five frames of a display; anything that waits for a device takes
 longer."""
 
 
@@ -39,10 +39,10 @@ class LinkHarness(Protocol):
     """Two links that hear each other, and the means to disturb them."""
 
     addresses: tuple[int, int]
-    """Acoustic addresses of the two."""
+    """Acoustic addresses of the two links."""
 
     async def set_up(self) -> tuple[Link, Link]:
-        """Start what they need and return them, not open yet."""
+        """Start what the links need and return them, not open yet."""
         ...
 
     async def tear_down(self) -> None:
@@ -50,16 +50,16 @@ class LinkHarness(Protocol):
         ...
 
     async def cut(self) -> bool:
-        """Cut the byte streams to the devices, so that they can be made again; False: has none."""
+        """Cut the byte streams to the devices, which can reconnect; False: there are none."""
         ...
 
     async def inject(self, nonsense: bytes) -> bool:
-        """Let the devices talk nonsense; False: it cannot be done."""
+        """Make the devices send nonsense; False: they cannot."""
         ...
 
 
 class RecordingReceiver:
-    """Keeps all reports of a link, and checks the rules about their instants."""
+    """Keeps all reports of a link, and checks when they come."""
 
     def __init__(self) -> None:
         self.frames: list[ReceivedFrame] = []
@@ -75,7 +75,7 @@ class RecordingReceiver:
 
     @property
     def received_bytes(self) -> bytes:
-        """All frames, joined."""
+        """All received frames, joined."""
         return b"".join(frame.frame_bytes for frame in self.frames)
 
     def frame_received(self, frame: ReceivedFrame) -> None:
@@ -100,7 +100,7 @@ class RecordingReceiver:
         self.states.append((state, detail))
 
     def carrier_changed(self, busy: bool) -> None:
-        """Keep what the carrier does."""
+        """Keep a change of the carrier."""
         self._watch("carrier_changed")
         self.carrier.append(busy)
 
@@ -118,7 +118,7 @@ class RecordingReceiver:
         """Wait until a condition about this receiver holds.
 
         Raises:
-            AssertionError: It does not, within the limit; names the awaited condition.
+            AssertionError: It does not hold within the limit; the message names the condition.
         """
         try:
             async with asyncio.timeout(limit_s):
@@ -131,7 +131,7 @@ class RecordingReceiver:
         self.raise_faults()
 
     def raise_faults(self) -> None:
-        """Raise the errors of callbacks; there an exception would get lost in the loop.
+        """Raise the errors of callbacks; in a callback an exception would get lost in the loop.
 
         Raises:
             AssertionError: A callback broke a rule.
@@ -170,7 +170,7 @@ class Side:
         await self.receiver.wait("UP", lambda: self.is_up, PATIENCE_S)
 
     async def close(self) -> None:
-        """Close; from then on any callback is a fault."""
+        """Close; any later callback is a fault."""
         await self.link.close()
         self.receiver.is_closed = True
 
@@ -182,7 +182,7 @@ class Side:
 
     @property
     def limit_s(self) -> float:
-        """How long one frame may take until all its reports are there, s."""
+        """Time limit for all reports of one frame, s."""
         told = self.link.capabilities
         airtime_s = ns_to_seconds(told.airtime_ns(told.mtu_bytes))
         return PATIENCE_S + 4 * (airtime_s + told.gap_s + told.propagation_s)
@@ -190,7 +190,7 @@ class Side:
     def transmit(
         self, frame_bytes: bytes, destination: int = BROADCAST, *, acknowledge: bool = False
     ) -> int:
-        """Transmit, and see that it returns at once without calling back; returns the id."""
+        """Transmit, check that this returns at once without a callback, and return the id."""
         transmission_id = self._next_id
         self._next_id += 1
         self.receiver.is_in_transmit = True
@@ -227,14 +227,14 @@ class Side:
         return found[0]
 
     async def send(self, frame_bytes: bytes, destination: int = BROADCAST) -> TransmitReport:
-        """Transmit, wait until the device takes the next frame; the frame was on the air."""
+        """Transmit, check that the frame was on the air, and wait for the pause after it."""
         report = await self.report(self.transmit(frame_bytes, destination))
         require(report.outcome in ON_AIR, f"a frame in order was {report}")
         await self.gap(report)
         return report
 
     async def hears(self, content: bytes) -> None:
-        """Wait until exactly this was received, in order."""
+        """Wait until exactly these bytes have been received, in order."""
         receiver = self.receiver
 
         def is_there() -> bool:
@@ -246,7 +246,7 @@ class Side:
             require(all(frame.frame_bytes for frame in receiver.frames), "an empty frame arrived")
 
     async def gap(self, report: TransmitReport) -> None:
-        """Let the pause pass that the device needs behind a frame."""
+        """Wait for the pause that the device needs after a frame."""
         ready_at = report.finished_at + round(self.link.capabilities.gap_s * NS_PER_S)
         delay_ns = ready_at - time.monotonic_ns()
         if delay_ns > 0:
@@ -257,7 +257,7 @@ class Side:
 
 @asynccontextmanager
 async def pair(harness: LinkHarness, *, is_open: bool = True) -> AsyncIterator[tuple[Side, Side]]:
-    """Set the two links up, open them by default, and close and watch them at the end.
+    """Set up the two links and open them by default; at the end close and check them.
 
     Raises:
         AssertionError: A callback broke a rule.
@@ -271,7 +271,7 @@ async def pair(harness: LinkHarness, *, is_open: bool = True) -> AsyncIterator[t
         yield near, far
         await near.close()
         await far.close()
-        # A late callback has a last chance to be detected.
+        # The last chance to detect a late callback.
         await asyncio.sleep(0)
         near.receiver.raise_faults()
         far.receiver.raise_faults()
@@ -282,6 +282,6 @@ async def pair(harness: LinkHarness, *, is_open: bool = True) -> AsyncIterator[t
 
 
 def require(condition: bool, rule: str) -> None:
-    """Like `assert`, and not left out by ``python -O``."""
+    """Like `assert`, but ``python -O`` does not remove it."""
     if not condition:
         raise AssertionError(rule)

@@ -1,4 +1,4 @@
-"""A TCP proxy between a link and its device that can cut the line and talk nonsense on it."""
+"""A TCP proxy between a link and its device that can cut the line and send nonsense on it."""
 
 import asyncio
 
@@ -6,10 +6,10 @@ from zacoustic.errors import LinkOpenError
 
 
 class StreamProxy:
-    """Passes bytes between its clients and a target, one connection there for each client.
+    """Passes bytes between its clients and a target, with one connection for each client.
 
     Args:
-        host: Where the target listens.
+        host: Host at which the target listens.
         port: Its port.
     """
 
@@ -22,10 +22,10 @@ class StreamProxy:
 
     @property
     def address(self) -> str:
-        """`HOST:PORT` where the proxy listens.
+        """`HOST:PORT` at which the proxy listens.
 
         Raises:
-            LinkOpenError: It does not listen.
+            LinkOpenError: The proxy does not listen.
         """
         if self._server is None:
             raise LinkOpenError("the proxy is not open")
@@ -33,11 +33,11 @@ class StreamProxy:
         return f"{host}:{port}"
 
     async def open(self) -> None:
-        """Listen at 127.0.0.1, at any port that is free."""
+        """Listen at 127.0.0.1, at any free port."""
         self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
 
     async def close(self) -> None:
-        """Cut all lines and stop listening; may be called again."""
+        """Cut all lines and stop listening. May be called again."""
         server, self._server = self._server, None
         if server is not None:
             server.close()
@@ -48,14 +48,14 @@ class StreamProxy:
             await server.wait_closed()
 
     async def wait_connected(self) -> None:
-        """Wait until a client is connected to the target, which `cut` and `inject` can then reach.
+        """Wait until a client is connected to the target, so that `cut` and `inject` reach it.
 
-        A client on TCP may believe so before: to the client, the kernel's word is enough.
+        A TCP client may believe that earlier, because the kernel accepts the connection.
         """
         await self._connected.wait()
 
     def cut(self) -> None:
-        """Cut all lines; clients may come back."""
+        """Cut all lines; clients may reconnect."""
         for line in tuple(self._lines):
             line.cut()
             self._remove(line)
@@ -100,7 +100,7 @@ class _Line:
         self.to_target = to_target
 
     async def pass_on(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Pass bytes on in one direction; when it ends, the other one ends too."""
+        """Pass bytes on in one direction; if it ends, the other one ends, too."""
         try:
             while data := await reader.read(65_536):
                 writer.write(data)

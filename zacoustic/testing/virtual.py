@@ -1,9 +1,9 @@
 """`VirtualNetwork`: many real engines on the simulated channel, in virtual time.
 
-The engines are the ones that run at sea, byte for byte; only the clock is another. One heap holds
-everything that is to come, the instants of all nodes are those of the heap, and time jumps from one
-entry to the next. There is no thread, no loop and no sleep, so a day takes seconds, and one seed
-gives one trace: `digest` identifies a run in 32 bytes.
+The engines are those that run at sea, byte for byte; only the clock differs. One heap holds all
+future actions, its instants hold for all nodes, and time jumps from one entry to the next. There is
+no thread, no loop and no sleep, so a day takes seconds. One seed gives one trace, and `digest`
+identifies a run in 32 bytes.
 
 ::
 
@@ -12,16 +12,16 @@ gives one trace: `digest` identifies a run in 32 bytes.
     network.run(until_s=3600)
     network.samples(1)
 
-What goes wrong is in the scenario (`faults`, `loss`, `links`), or done by hand: `crash`, `start`,
+Faults come from the scenario (`faults`, `loss`, `links`) or from calls: `crash`, `start`,
 `set_link`. A node that crashes loses its engine and keeps its journal (`virtualjournal`), its
-clocks (`virtualclock`) and its modem (`virtualmodems`). Its next engine gets what the journal has,
-and the boot epoch after the last one that was committed.
+clocks (`virtualclock`) and its modem (`virtualmodems`). Its next engine gets the content of the
+journal, and the boot epoch after the last committed one.
 
-The modem of a node is what the scenario's profile says. `Modem` takes from it what the tests want
-to be without: addresses, the check, frames.
+The scenario's profile describes the modem of a node. `Modem` removes features that a test wants to
+be without: addresses, the check, frames.
 
-Instants of the network are those of its agenda. What an engine sees, and what is in its events, is
-the monotonic clock of its node, which is the same thing unless the scenario says otherwise.
+Instants of the network are those of its agenda. An engine and its events use the monotonic clock of
+their node, which is the same unless the scenario says otherwise.
 """
 
 import hashlib
@@ -52,7 +52,7 @@ from zacoustic.testing.virtualjournal import FULL, VirtualJournal
 from zacoustic.testing.virtualmodems import Disturb, Modem, VirtualModems
 from zacoustic.testing.virtualnode import NodeDownError, VirtualNode
 
-# A network may need the lacks of its modems, and the times when a node is down.
+# Users of a network may need `Modem`, and the error of a node that is down.
 __all__ = ["Deliver", "Disturb", "Modem", "NodeDownError", "VirtualNetwork"]
 
 T = TypeVar("T")
@@ -60,10 +60,10 @@ T = TypeVar("T")
 _FREE: Final = TransmitRules()
 
 Deliver = Callable[[int, Event], None]
-"""``(address, event)``: takes the events of all engines as they happen."""
+"""``(address, event)``: receives the events of all engines as they happen."""
 
 Lives = Callable[[int, bool], None]
-"""``(address, is_alive)``: a node is about to start, or has crashed."""
+"""``(address, is_alive)``: called before a node starts, and after it has crashed."""
 
 
 class VirtualNetwork:
@@ -72,19 +72,19 @@ class VirtualNetwork:
     Args:
         scenario: The channel, the nodes and the faults.
         table: The stream table of all nodes, or one for each address.
-        modem: What the modems do by themselves.
+        modem: Features of the modems.
         seed: Replaces the seed of the scenario.
-        deliver: Takes each event; without it they are kept in `events`.
-        trace: Takes each trace record.
-        digest: Make the digest of the trace; a tenth of the time of a run goes into it.
+        deliver: Receives each event; None: `events` keeps them.
+        trace: Receives each trace record.
+        digest: Compute the digest of the trace, which takes a tenth of a run's time.
         disturb: Loses, delays and repeats frames in addition to the scenario.
-        lives: Called when a node has crashed, and before it starts again: it may call `set_table`.
-        rules: What the nodes heed when they transmit, one for all or by address; a node without is
-            free.
-        build: Makes the engines.
+        lives: Called when a node has crashed, and before it starts again; may call `set_table`.
+        rules: Rules of transmission, one for all nodes or by address; a node without them transmits
+            freely.
+        build: Creates the engines.
 
     Raises:
-        ValueError: A table for a node that the scenario does not have.
+        ValueError: There is a table for a node that the scenario does not have.
     """
 
     def __init__(
@@ -142,15 +142,15 @@ class VirtualNetwork:
 
     @property
     def now(self) -> int:
-        """The instant, ns since the beginning."""
+        """The present instant, ns since the start."""
         return self._agenda.now
 
     def at(self, instant_s: float, action: Callable[[], object]) -> None:
-        """Do something at an instant, s since the beginning; at once if that is over."""
+        """Run an action at an instant, s since the start; at once if that is past."""
         self._agenda.at(instant_s, action)
 
     def every(self, period_s: float, action: Callable[[], object], *, first_s: float = 0.0) -> None:
-        """Repeat an action; the agenda never runs dry then, so `run` needs an end."""
+        """Repeat an action; the agenda then never runs dry, so `run` needs an end."""
         self._agenda.every(period_s, action, first_s=first_s)
 
     def run(self, *, until_s: float | None = None) -> None:
@@ -159,18 +159,18 @@ class VirtualNetwork:
 
     @property
     def is_quiet(self) -> bool:
-        """Nothing more will happen: no sound on the channel, no timer armed."""
+        """Whether nothing more will happen: no sound on the channel, no timer armed."""
         return not len(self._agenda)
 
     # Nodes
 
     @property
     def addresses(self) -> tuple[int, ...]:
-        """Addresses of all nodes with an engine, in order; it may be down."""
+        """Addresses of all nodes of the network, in order, also of those that are down."""
         return tuple(self._nodes)
 
     def engine(self, address: int) -> Engine:
-        """Return the engine of a node, for its getters; commands go by `apply`.
+        """Return the engine of a node, for its getters; use `apply` for commands.
 
         Raises:
             NodeDownError: The node is down.
@@ -182,7 +182,7 @@ class VirtualNetwork:
         return self._nodes[address].engine is not None
 
     def life(self, address: int) -> int:
-        """Count the starts of a node."""
+        """Return how often a node has started."""
         return self._nodes[address].lives
 
     def apply(self, address: int, command: Callable[[Engine, int], T]) -> T:
@@ -199,7 +199,7 @@ class VirtualNetwork:
     def publish(
         self, address: int, stream_id: int, value: object, *, instance: Instance = ()
     ) -> int:
-        """Publish a sample from a node; returns and raises what `Engine.publish` does.
+        """Publish a sample from a node; result and errors as for `Engine.publish`.
 
         Raises:
             NodeDownError: The node is down.
@@ -221,11 +221,11 @@ class VirtualNetwork:
         ]
 
     def capabilities(self, address: int, link: str | None = None) -> LinkCapabilities:
-        """Return what the modem of a node can do, that of its first link if none is named."""
+        """Return the capabilities of a node's modem, by default of its first link."""
         return self._on(link).capabilities(address)
 
     def stats(self) -> Iterator[EngineStats]:
-        """Yield the statistics of all engines, those of former boot epochs too."""
+        """Yield the statistics of all engines, former boot epochs included."""
         for node in self._nodes.values():
             yield from node.past
             if node.engine is not None:
@@ -236,11 +236,11 @@ class VirtualNetwork:
         return self._nodes[address].journal
 
     def wall_ns(self, address: int) -> int:
-        """Return what the wall clock of a node shows now, ns since 1970."""
+        """Return the wall clock of a node, ns since 1970."""
         return self._nodes[address].clock.wall(self.now)
 
     def local_ns(self, address: int) -> int:
-        """Return what the monotonic clock of a node shows now, ns: the `now` of its engine."""
+        """Return the monotonic clock of a node, ns: the `now` of its engine."""
         return self._nodes[address].clock.local(self.now)
 
     # Further links
@@ -253,12 +253,12 @@ class VirtualNetwork:
         modem: Modem | None = None,
         disturb: Disturb | None = None,
     ) -> None:
-        """Plug in another modem at all nodes, on a medium of its own, such as a radio.
+        """Add another modem to all nodes, on a separate medium, such as a radio.
 
         Args:
-            link: Its name in the `TransmitRules` of the engines.
+            link: Name of the link in the `TransmitRules` of the engines.
             scenario: The medium, and all nodes.
-            modem: What its modems do by themselves.
+            modem: Features of its modems.
             disturb: Loses, delays and repeats frames in addition to the scenario.
         """
         medium = VirtualModems(
@@ -274,11 +274,11 @@ class VirtualNetwork:
     # What goes wrong by hand
 
     def crash(self, address: int, *, reboots: bool = False) -> None:
-        """Take a node's engine away; what its journal has committed stays. No effect if it is down.
+        """Crash a node: its engine goes, committed journal writes stay. No effect if it is down.
 
         Args:
-            address: Of the node.
-            reboots: The whole computer has lost power: its monotonic clock starts again.
+            address: Address of the node.
+            reboots: The whole computer has lost power, so its monotonic clock starts again.
         """
         node = self._nodes[address]
         if node.engine is None:
@@ -294,7 +294,7 @@ class VirtualNetwork:
             self._lives(address, False)
 
     def start(self, address: int) -> None:
-        """Start a node that is down; no effect if it is not."""
+        """Start a node that is down. No effect if it is not."""
         node = self._nodes[address]
         if node.engine is not None:
             return
@@ -330,7 +330,7 @@ class VirtualNetwork:
         self.start(address)
 
     def set_link(self, address: int, *, up: bool, link: str | None = None) -> None:
-        """Unplug or plug in the modem of a node, that of its first link if none is named."""
+        """Unplug or plug in the modem of a node, by default that of its first link."""
         node, medium = self._nodes[address], self._on(link)
         medium.stations[address].is_up = up
         if node.engine is None:
@@ -342,11 +342,11 @@ class VirtualNetwork:
             self._service(node)
 
     def move(self, address: int, position: Position) -> None:
-        """Tell where a node is from now on: x east, y north, z down, m."""
+        """Move a node: x east, y north, z down, m."""
         self._medium.medium.move(address, position, self.now)
 
     def tell_clock(self, address: int) -> None:
-        """Tell an engine what its node believes of the wall clock; no effect if it is down."""
+        """Tell an engine the time and error of its node's wall clock. No effect if it is down."""
         node = self._nodes[address]
         if node.engine is not None:
             self._tell_clock(node, node.engine)
@@ -356,12 +356,12 @@ class VirtualNetwork:
 
     @property
     def digest(self) -> str:
-        """Hexadecimal SHA-256 of the trace so far; empty if none is made."""
+        """Hexadecimal SHA-256 of the trace so far; empty if not computed."""
         return self._hash.hexdigest() if self._hash else ""
 
     @property
     def losses(self) -> dict[str, int]:
-        """What became of the frames that did not arrive, by outcome."""
+        """Frames that did not arrive, by outcome."""
         return self._medium.losses
 
     # Below the methods above
@@ -370,7 +370,7 @@ class VirtualNetwork:
         return self._medium if link is None else self._beside.get(link, self._medium)
 
     def _connect(self, medium: VirtualModems, node: VirtualNode, engine: Engine) -> None:
-        """Tell an engine that its modem is there, once that is free."""
+        """Tell an engine that its modem is there, once the modem is free."""
         device = medium.stations[node.address]
         if node.engine is not engine or not device.is_up:
             return
@@ -405,7 +405,7 @@ class VirtualNetwork:
             self._on(transmission.link).send(node.address, transmission)
         while (event := engine.poll_event()) is not None:
             self._deliver(node.address, event)
-            if node.engine is not engine:  # a handler of the events may crash the node
+            if node.engine is not engine:  # a handler of an event may crash the node
                 return
         due_at = engine.poll_timeout()
         if due_at != node.armed_at:
@@ -421,7 +421,7 @@ class VirtualNetwork:
             self._service(node)
 
     def _commit(self, node: VirtualNode, engine: Engine) -> None:
-        """Begin to commit what waits; what comes meanwhile is for the next time."""
+        """Begin to commit the waiting writes; later ones wait for the next commit."""
         journal = node.journal
         if not journal.begin():
             return

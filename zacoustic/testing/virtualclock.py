@@ -1,8 +1,8 @@
 """The clocks of a node in a `VirtualNetwork`: one that drifts, and one that people set.
 
-The monotonic clock is what the engine gets as `now`. It goes as fast as the crystal does, and
-starts again with the computer, so an instant of it means nothing after a reboot. The wall clock is
-what people set, forward and back, by years if they like; no engine may depend on it.
+The engine gets the monotonic clock as `now`. It runs as fast as its crystal and starts again with
+the computer, so its instants mean nothing after a reboot. People set the wall clock, forward and
+back, even by years; no engine may depend on it.
 """
 
 from typing import Final
@@ -11,19 +11,19 @@ from zacoustic.channel.faults.nodefaults import ClockSpec
 from zacoustic.core.base.clock import seconds_to_ns
 
 _PARTS: Final = 10**12
-"""Drift is counted in parts of this: integers, so that nothing is lost in a year."""
+"""Drift is counted in parts of this number: integers, so that nothing is lost in a year."""
 WALL_BEGINS_NS: Final = 1_767_225_600 * 10**9
 """Wall clock at the beginning of a scenario: 2026-01-01."""
 _TELL_EVERY_NS: Final = 10 * 10**9
 _BOOT_NS: Final = 10**9
-"""What the monotonic clock shows when a computer has started again."""
+"""Monotonic clock after a reboot, ns."""
 
 
 class NodeClock:
     """Both clocks of one node.
 
     Args:
-        spec: What is wrong with them; None: nothing.
+        spec: Faults of the clocks; None: none.
     """
 
     def __init__(self, spec: ClockSpec | None = None) -> None:
@@ -40,23 +40,23 @@ class NodeClock:
         self.boots = 0
         """How often the computer has started again."""
         self.is_true = not self._excess
-        """The monotonic clock shows the time of the network."""
+        """Whether the monotonic clock shows the time of the network."""
 
     def reboot(self, now: int) -> None:
-        """Start again."""
+        """Start the computer again."""
         self._began_at, self._shows = now, _BOOT_NS
         self.boots += 1
         self.is_true = False
 
     def local(self, now: int) -> int:
-        """Return what the monotonic clock shows at an instant, ns."""
+        """Return the monotonic clock at an instant, ns."""
         if self.is_true:
             return now
         passed = now - self._began_at
         return self._shows + passed + passed * self._excess // _PARTS
 
     def instant(self, local: int) -> int:
-        """Return the first instant at which the monotonic clock shows that or more, ns."""
+        """Return the first instant at which the monotonic clock shows `local` or more, ns."""
         if self.is_true:
             return local
         wanted = local - self._shows
@@ -66,24 +66,24 @@ class NodeClock:
         return instant
 
     def wall(self, now: int) -> int:
-        """Return what the wall clock shows at an instant, ns since 1970."""
+        """Return the wall clock at an instant, ns since 1970."""
         drifted = now + now * self._excess // _PARTS
         set_by = sum(by_ns for at, by_ns in self._jumps if at <= now)
         return WALL_BEGINS_NS + self._offset_ns + drifted + set_by
 
     @property
     def is_told(self) -> bool:
-        """The engine hears of the wall clock."""
+        """Whether the engine learns of the wall clock."""
         return self._error_ns is not None
 
     def is_due(self, now: int) -> bool:
-        """Tell whether the engine is to hear of it again: ten seconds are over."""
+        """Tell whether the engine should learn of it again, ten seconds after the last time."""
         if not self.is_told:
             return False
         return self._told_at is None or now - self._told_at >= _TELL_EVERY_NS
 
     def told(self, now: int) -> None:
-        """Note that the engine has heard of it."""
+        """Note that the engine has learnt of it."""
         self._told_at = now
 
     def error(self, now: int) -> int:

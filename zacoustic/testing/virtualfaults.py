@@ -11,24 +11,24 @@ from zacoustic.core.base.clock import NS_PER_S
 
 
 class FaultyNetwork(Protocol):
-    """What faults need of a network."""
+    """The methods of a network that faults need."""
 
     @property
     def addresses(self) -> tuple[int, ...]:
-        """Addresses of all nodes with an engine, in order; it may be down."""
+        """Addresses of all nodes of the network, in order, also of those that are down."""
 
     @property
     def now(self) -> int:
-        """The instant, ns since the beginning."""
+        """The present instant, ns since the start."""
 
     def at(self, instant_s: float, action: Callable[[], object]) -> None:
-        """Do something at an instant, s since the beginning."""
+        """Run an action at an instant, s since the start."""
 
     def is_running(self, address: int) -> bool:
         """Tell whether a node has an engine now."""
 
     def crash(self, address: int, *, reboots: bool = False) -> None:
-        """Take a node's engine away."""
+        """Crash a node."""
 
     def start(self, address: int) -> None:
         """Start a node that is down."""
@@ -37,7 +37,7 @@ class FaultyNetwork(Protocol):
         """Unplug or plug in the modem of a node."""
 
     def tell_clock(self, address: int) -> None:
-        """Tell an engine what its node believes of the wall clock."""
+        """Tell an engine the time and error of its node's wall clock."""
 
 
 def schedule_faults(network: FaultyNetwork, scenario: Scenario) -> None:

@@ -1,8 +1,8 @@
 """The journal of a node in a `VirtualNetwork`: a dictionary that survives its engine.
 
-It behaves like a real one: writes during a commit wait for the next commit, a commit takes its
-time, and it is there all or none. A crash before its end loses it; with a probability
-(`JournalSpec.untold`) it had been written all the same, without a report.
+It behaves like a real one: writes during a commit wait for the next one, a commit takes time, and
+is complete or absent. A crash during a commit loses it, unless it was written without a report
+(probability `JournalSpec.untold`).
 """
 
 import random
@@ -16,10 +16,10 @@ from zacoustic.core.base.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalW
 _EPOCHS: Final = 1 << 16
 
 Told = Callable[[list[JournalWrite]], None]
-"""Takes the writes that have been committed."""
+"""Receives the committed writes."""
 
 FULL: Final = "no space left on the device"
-"""A node's error while nothing can be written."""
+"""The error of a node while nothing can be written."""
 
 
 class VirtualJournal:
@@ -27,16 +27,16 @@ class VirtualJournal:
 
     Args:
         node: Address.
-        spec: How long a commit takes, and what goes wrong.
+        spec: Time of a commit, and faults.
     """
 
     def __init__(self, node: int, spec: JournalSpec) -> None:
         self.entries: dict[str, bytes] = {}
-        """What has been committed."""
+        """The committed entries."""
         self.handed_out = 0
         """Writes taken from engines so far, in all boot epochs."""
         self.committed = 0
-        """How many of them are settled: committed, or lost in a crash."""
+        """How many of those are settled: committed, or lost in a crash."""
         self.commit_ns = seconds_to_ns(spec.commit_s)
         self._spec = spec
         self._fails = [
@@ -52,28 +52,28 @@ class VirtualJournal:
 
     @property
     def is_idle(self) -> bool:
-        """No commit is under way."""
+        """Whether no commit is under way."""
         return not self._group
 
     def is_journalled(self, number: int) -> bool:
-        """Tell whether the write of that number, counted by `handed_out`, has been committed."""
+        """Tell whether the write with this number, as counted by `handed_out`, is committed."""
         lost = any(first <= number <= last for first, last in self._lost)
         return number <= self.committed and not lost
 
     def put_back(self, entries: Mapping[str, bytes], doubt: str = "") -> None:
-        """Put an old copy of the entries in the place of the present ones; the node is down.
+        """Restore an old copy of the entries while the node is down.
 
         Args:
             entries: The copy.
-            doubt: What the store finds out about it; empty: nothing, as of an image of the disk.
+            doubt: What the store detects; empty: nothing, as for an image of the disk.
         """
         self.entries = dict(entries)
         self._doubt = doubt
 
     def begin_life(self) -> int:
-        """Begin a boot epoch, as a store in a file does; return it.
+        """Begin a boot epoch as a store in a file does, and return it.
 
-        But that the next epoch is the one after the last, unless an old copy was put back.
+        Unlike there, the next epoch is the one after the last, unless an old copy was restored.
         """
         doubt, self._doubt = self._doubt, None
         kept = self.entries.get(EPOCH_KEY)
@@ -94,26 +94,26 @@ class VirtualJournal:
         self._waiting.append(write)
 
     def begin(self) -> bool:
-        """Begin to commit what waits; False when nothing does."""
+        """Begin to commit the waiting writes; False: there are none."""
         self._group, self._waiting = self._waiting, []
         return bool(self._group)
 
     def fails_until(self, now: int) -> int | None:
-        """Return when writing works again, ns, if it does not now."""
+        """Return when writing works again, ns; None: it works now."""
         return next((end for begin, end in self._fails if begin <= now < end), None)
 
     def finish(self) -> list[JournalWrite]:
-        """Complete the commit that is under way, and return its writes."""
+        """Complete the commit under way and return its writes."""
         group, self._group = self._group, []
         self._keep(group)
         self.committed += len(group)
         return group
 
     def crash(self, draw: float) -> None:
-        """Forget what is not committed.
+        """Forget uncommitted writes.
 
         Args:
-            draw: Decides whether a commit that is under way has been written, 0…1.
+            draw: Decides whether a commit under way was written, 0…1.
         """
         if self._group and draw < self._spec.untold:
             self._keep(self._group)

@@ -1,7 +1,7 @@
-"""The modems of a `VirtualNetwork` on one medium, and how they tell the engines of their nodes.
+"""The modems of a `VirtualNetwork` on one medium, and their reports to the engines.
 
-What modems do is in `zacoustic.channel.modems`. They outlive the engines: a modem ends what it has
-begun, also after a crash of its node.
+`zacoustic.channel.modems` has the behaviour of modems. They outlive the engines: after a crash of
+its node, a modem still ends the transmission that it has begun.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,8 +28,8 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.testing.virtualnode import VirtualNode
 
 Disturb = Callable[[int, int, int], Sequence[float]]
-"""``(source, node, now)``: what becomes of a frame that arrives: it is handed over after each of
-these times, s; ``(0.0,)`` is as it should be, ``()`` a loss, more than one a repetition."""
+"""``(source, node, now)``: returns the delays after which an arriving frame is handed over, s:
+``(0.0,)`` is normal, ``()`` a loss, more than one a repetition."""
 
 
 MEASURED: Final = frozenset({"snr_db", "propagation_s", "range_m"})
@@ -40,8 +40,8 @@ class Device(Station[Transmission]):
     """The modem of one node.
 
     Args:
-        node: The computer that it belongs to.
-        profile: What modem it is.
+        node: The computer to which it belongs.
+        profile: The kind of modem.
     """
 
     __slots__ = ("is_unserved", "node")
@@ -50,11 +50,11 @@ class Device(Station[Transmission]):
         super().__init__(node.address, profile)
         self.node = node
         self.is_unserved = False
-        """The engine has got an input, and was not polled since."""
+        """Whether the engine has had an input and was not polled since."""
 
 
 class Modem(msgspec.Struct, frozen=True, kw_only=True):
-    """What the modems of a network do by themselves."""
+    """Features of the modems of a network."""
 
     addressed: bool = True
     """Frames carry their addresses."""
@@ -63,14 +63,14 @@ class Modem(msgspec.Struct, frozen=True, kw_only=True):
     framed: bool = True
     """Frames arrive as frames; otherwise as a byte stream."""
     senses_carrier: bool = True
-    """It reports the beginning and the end of a reception."""
+    """The modem reports the beginning and the end of a reception."""
     acknowledges: bool = False
-    """Frames that ask for it are acknowledged, and the range is measured by that."""
+    """The modem acknowledges frames on request and measures the range by that."""
     mtu_bytes: int | None = None
     """Largest frame, bytes; None: the profile's."""
 
     def capabilities(self, profile: ModemProfile, propagation_s: float) -> LinkCapabilities:
-        """Return what a modem of that profile can do then.
+        """Return the capabilities of a modem with this profile.
 
         Args:
             profile: The modem.
@@ -93,7 +93,7 @@ class Modem(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def answers(self, transmission: Transmission) -> bool:
-        """Tell whether a frame is acknowledged by the modem that receives it."""
+        """Tell whether the receiving modem acknowledges a frame."""
         asks = transmission.acknowledge and transmission.destination != BROADCAST
         return self.acknowledges and asks
 
@@ -111,11 +111,11 @@ class VirtualModems(Modems[Device, Transmission]):
 
     Args:
         agenda: Virtual time.
-        medium: What sound does.
-        modem: What the modems do by themselves.
-        link: Name that the engines have for the link; None: it is their first one.
+        medium: The channel.
+        modem: Features of the modems.
+        link: Name of the link in the engines; None: their first one.
         disturb: Loses, delays and repeats frames in addition to the scenario.
-        serve: Called after each input that an engine has got.
+        serve: Called after each input of an engine.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class VirtualModems(Modems[Device, Transmission]):
         self.stations[node.address] = Device(node, self.medium.profile(node.address))
 
     def capabilities(self, address: int) -> LinkCapabilities:
-        """Return what the modem of a node can do."""
+        """Return the capabilities of a node's modem."""
         return self.modem.capabilities(self.stations[address].profile, self.farthest_s)
 
     def connect(self, node: VirtualNode, engine: Engine) -> None:
@@ -157,7 +157,7 @@ class VirtualModems(Modems[Device, Transmission]):
     # What a driver says
 
     def asks(self, frame: Transmission) -> bool:
-        """Tell whether a frame wants to be acknowledged, and the modems do that."""
+        """Tell whether a frame asks for an acknowledgement that the modems can give."""
         return self.modem.answers(frame)
 
     def carrier(self, station: Device, is_heard: bool) -> None:
@@ -168,13 +168,13 @@ class VirtualModems(Modems[Device, Transmission]):
             node.engine.handle_carrier(is_heard, node.clock.local(self.agenda.now), *self._by)
 
     def settle(self, station: Device) -> None:
-        """Serve an engine that has got an input."""
+        """Serve an engine that has had an input."""
         if station.is_unserved:
             station.is_unserved = False
             self._serve(station.node)
 
     def delays_s(self, reception: Reception) -> Sequence[float]:
-        """Lose what is damaged, unless modems do not notice; then disturb the rest."""
+        """Lose damaged frames, unless the modems do not check; disturb the others."""
         if reception.outcome is not Outcome.RECEIVED:
             return ()
         if reception.corrupt_seed is not None and self.modem.checked:
@@ -217,7 +217,7 @@ class VirtualModems(Modems[Device, Transmission]):
         started_at: int,
         answer: Arrival | None,
     ) -> None:
-        """Report a frame to its engine, then the range that its acknowledgement tells."""
+        """Report a frame to its engine, then the range from its acknowledgement."""
         node, engine = station.node, station.node.engine
         if engine is None:
             return

@@ -1,4 +1,4 @@
-"""One node of a `VirtualNetwork`: its present engine, and what survives it."""
+"""One node of a `VirtualNetwork`: its present engine, and the parts that outlive it."""
 
 import random
 
@@ -20,7 +20,7 @@ class VirtualNode:
     Args:
         address: Address.
         table: Streams of its engines.
-        journal: What survives a crash.
+        journal: Survives a crash.
         clock: Its clocks.
         rng: Decides what a crash leaves of a commit.
     """
@@ -44,13 +44,13 @@ class VirtualNode:
         self.clock = clock
         self.rng = rng
         self.engine: Engine | None = None
-        """None while the node is down."""
+        """The engine; None while the node is down."""
         self.lives = 0
-        """How often it has been started."""
+        """How often the node has started."""
         self.past: list[EngineStats] = []
         """The counters of former boot epochs."""
         self.armed_at: int | None = None
-        """For when the engine's timer is set, on the node's own clock, ns."""
+        """Instant to which the engine's timer is set, on the node's own clock, ns."""
 
     @property
     def running(self) -> Engine:

@@ -47,7 +47,7 @@ _ROOMS: Final = {
     "watch": ("topics", "monitor", "dashboard"),
     "remote": ("silence", "resume", "stream"),
     "recordings": ("journal", "decode", "record", "replay", "report"),
-    "design": ("demo", "check", "plan", "sim", "init", "schema", "fit", "bench"),
+    "design": ("demo", "check", "plan", "sim", "campaign", "init", "schema", "fit", "bench"),
     "host": ("doctor", "predive", "links", "completion"),
     "security": ("key", "acl", "audit"),
 }
@@ -60,11 +60,15 @@ BUILT_IN: Final = (
     "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order of the help."""
+_SUB_VERBS: Final = {"sim": ("campaign",)}
+"""Sub-verbs of our verbs, where the verb alone takes a file."""
 
 _PACKAGES: Final = {
-    "cryptography": "'zacoustic[secure]'",
+    "cryptography": "'zacoustic[secure]'", "dask": "'zacoustic[campaign]'",
+    "distributed": "'zacoustic[campaign]'",
     "matplotlib": "'zacoustic[report]'", "mcap": "'zacoustic[recording]'",
     "nicegui": "'zacoustic[console]'", "prometheus_client": "'zacoustic[metrics]'",
+    "pyarrow": "'zacoustic[campaign]'",
     "rich": "'zacoustic[terminal]'", "rosbags": "'zacoustic[ros]'", "serial": "pyserial",
     "shtab": "'zacoustic[completion]'", "xxhash": "'zacoustic[ros]'", "zenoh": "eclipse-zenoh",
 }  # fmt: skip
@@ -160,7 +164,7 @@ def complete_parser() -> argparse.ArgumentParser:
     """Return a parser with all verbs and all sub-verbs; those that cannot be imported stay out."""
     from zacoustic.link import registry
 
-    verbs: dict[str, Command] = {name: _built_in(name) for name in BUILT_IN}
+    verbs: dict[str, Command] = {name: _with_sub_verbs(name) for name in BUILT_IN}
     usable = {
         name: command
         for name, command in registry.commands().items()
@@ -195,7 +199,7 @@ def _path(arguments: Sequence[str]) -> Sequence[str]:
     """The words that name the call: a verb, a verb and its sub-verb, or none for the list."""
     words = [word for word in arguments if not word.startswith("-")]
     if not words or words[0] in BUILT_IN:
-        return words[:1]
+        return words[: 2 if words[1:] and words[1] in _SUB_VERBS.get(words[0], ()) else 1]
     from zacoustic.link import registry
 
     return words[: 2 if _sub_verbs(words[0], registry.commands()) else 1]
@@ -209,7 +213,9 @@ def _verbs(path: Sequence[str]) -> Mapping[str, Command]:
         ZacousticError: It is there and cannot be imported.
     """
     if path and path[0] in BUILT_IN:
-        return {path[0]: _built_in(path[0])}
+        verb, *sub_verb = path
+        members = {each: _built_in(each) for each in sub_verb}
+        return {verb: CommandGroup(verb, members, tuple(members)) if members else _built_in(verb)}
     from zacoustic.link import registry
 
     installed = registry.commands()
@@ -260,6 +266,32 @@ def _built_in(name: str) -> Command:
     module = importlib.import_module(f"{__name__}.{_ROOM_OF[name]}.{name}")
     command_type: type[Command] = getattr(module, f"{name.capitalize()}Command")
     return command_type()
+
+
+def _with_sub_verbs(name: str) -> Command:
+    members = {each: _built_in(each) for each in _SUB_VERBS.get(name, ())}
+    return _AloneOrGroup(_built_in(name), members) if members else _built_in(name)
+
+
+class _AloneOrGroup(CommandGroup):
+    """A verb that takes a file, or a sub-verb in its place: for completion, which shows both.
+
+    Argparse cannot tell the two apart; whoever calls a verb gets a parser of the one or the other.
+    """
+
+    def __init__(self, alone: Command, members: Mapping[str, Command]) -> None:
+        super().__init__(alone.name, members, tuple(members))
+        self._alone = alone
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments of both."""
+        self._alone.add_arguments(parser)
+        epilog = parser.epilog
+        super().add_arguments(parser)
+        parser.epilog = epilog
+        for action in parser._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                action.required = False
 
 
 def _parser(verbs: Mapping[str, Command]) -> Parser:

@@ -24,7 +24,9 @@ def configs_of(scenario: Scenario, path: Path) -> dict[int, Config]:
     return {node.address: read_config(file, address=node.address) for node in scenario.nodes}
 
 
-def tables_of(scenario: Scenario, configs: dict[int, Config], path: Path) -> dict[int, StreamTable]:
+def tables_of(
+    scenario: Scenario, configs: dict[int, Config], source: str
+) -> dict[int, StreamTable]:
     """Return the table of each node: the config's, or one of opaque topics.
 
     Raises:
@@ -35,7 +37,7 @@ def tables_of(scenario: Scenario, configs: dict[int, Config], path: Path) -> dic
     topics = dict.fromkeys(traffic.topic for traffic in scenario.traffic if traffic.topic)
     if any(traffic.service for traffic in scenario.traffic):
         raise ConfigError(
-            f"{path}: traffic calls a service, but the scenario names no config",
+            f"{source}: traffic calls a service, but the scenario names no config",
             hint='add config: "fleet.json5"',
         )
     specs = [

@@ -1,1 +1,1 @@
-"""What every layer stands on: instants, the link's types, QoS, journal, statistics, trace."""
+"""The base of every layer: instants, the link's types, QoS, journal, statistics, trace."""

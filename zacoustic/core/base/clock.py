@@ -15,15 +15,15 @@ from typing import Final, Protocol
 NS_PER_S: Final = 1_000_000_000
 """Nanoseconds in a second."""
 SHORTEST_S: Final = 1e-6
-"""Shortest duration that users may write, s."""
+"""The shortest duration that users may write, s."""
 LONGEST_S: Final = 1e9
-"""Longest one, s; beyond both arithmetic ends, and no use is known."""
+"""The longest one, s; beyond these bounds the arithmetic fails, and no use is known."""
 DURATIONS: Final = f"{SHORTEST_S:g}..{LONGEST_S:g} s"
-"""The same in words."""
+"""The bounds in words."""
 
 
 class Clock(Protocol):
-    """What a shell calls to learn the instant that it passes on to an engine."""
+    """Called by a shell to learn the instant that it passes to an engine."""
 
     def __call__(self) -> int:
         """Return the current instant, ns; never smaller than the one before."""
@@ -31,7 +31,7 @@ class Clock(Protocol):
 
 
 def is_duration(duration_s: float, *, or_zero: bool = False) -> bool:
-    """Tell whether a user may write a duration, s; NaN is none."""
+    """Return whether a user may write a duration, s; False for NaN."""
     return SHORTEST_S <= duration_s <= LONGEST_S or (or_zero and duration_s == 0)
 
 

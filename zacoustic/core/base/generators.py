@@ -1,7 +1,7 @@
 """Random generators: each component of an engine has its own.
 
-So the draws of one component change nothing in those of another one. Code can be moved, and a draw
-can be added or left out, without a change in the trace of everything else.
+So the draws of one component do not affect those of another. Code can move, and draws can be added
+or removed, without a change in the trace of everything else.
 """
 
 import random
@@ -11,7 +11,7 @@ _SEED_BITS = 128
 
 
 class Generators:
-    """Makes the generators of one engine.
+    """Makes the random generators of one engine.
 
     Args:
         rng: Seeds them; one number is drawn from it.
@@ -21,7 +21,7 @@ class Generators:
         self._seed = str(rng.getrandbits(_SEED_BITS))
 
     def apart(self, owner: str) -> "Generators":
-        """Return what makes the generators of another owner of such components."""
+        """Return a factory whose generators belong to another owner of such components."""
         others = copy(self)
         others._seed = f"{owner} {self._seed}"
         return others
@@ -31,7 +31,7 @@ class Generators:
 
         Args:
             component: Name of the component that draws from it. The same name gives the same
-                numbers, so each is asked for once.
+                numbers, so request each once.
         """
-        # A string is hashed with SHA-512: unlike `hash`, that is the same in every process.
+        # Seeding with a string uses SHA-512: unlike `hash`, that is the same in every process.
         return random.Random(f"{component} {self._seed}")

@@ -1,4 +1,4 @@
-"""The ids that the links of one engine give away, as the application sees them."""
+"""The ids that the links of one engine assign, as the application sees them."""
 
 from typing import Final, TypeVar
 
@@ -7,19 +7,19 @@ import msgspec
 from zacoustic.core.base.linktypes import ONE_LINK
 
 _IDS: Final = ("delivery_id", "call_id", "object_id")
-"""Fields of events with what a command has returned."""
+"""Fields of events that hold a command's return value."""
 _ID_BITS: Final = 60
-"""Of an id, what the link has given; above that stands which link it is."""
+"""The bits of an id that the link assigns; the bits above hold the link's index."""
 _ID_MASK: Final = (1 << _ID_BITS) - 1
 EventT = TypeVar("EventT", bound=msgspec.Struct)
 
 
 class LinkIds:
-    """The ids of one link: no two links give the same to the application.
+    """The ids of one link: no two links give the application the same id.
 
     Args:
         link: Name of the link.
-        index: Which link it is, from 0.
+        index: Index of the link, from 0.
     """
 
     def __init__(self, link: str, index: int) -> None:
@@ -27,11 +27,11 @@ class LinkIds:
         self._index = index
 
     def outer(self, inner: int) -> int:
-        """Return the id for the application; 0 names nothing, and stays 0."""
+        """Return the id for the application; 0 identifies nothing and stays 0."""
         return inner | self._index << _ID_BITS if inner else 0
 
     def inner(self, outer: int) -> int | None:
-        """Return the id of the link; None: another link has given it away."""
+        """Return the id on this link; None: another link has assigned it."""
         return outer & _ID_MASK if outer >> _ID_BITS == self._index else None
 
     def of_event(self, event: EventT) -> EventT:

@@ -1,4 +1,4 @@
-"""The parts of a frame: what is offered for it, and who is told what becomes of it."""
+"""The parts of a frame: the offers for it, and the callbacks about its transmission."""
 
 from collections.abc import Callable
 from typing import Final
@@ -9,7 +9,7 @@ from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.stats import Cause
 
 FIRST_BUT_URGENT: Final = -(1 << 61)
-"""Rank of what goes before everything but REAL_TIME payloads."""
+"""Rank of what goes before everything except REAL_TIME payloads."""
 BESIDE_PAYLOAD: Final = 1 << 62
 """Rank of what goes just before the best payload, unless that is a REAL_TIME one."""
 
@@ -20,36 +20,35 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
     destination: int
     """Address, or `BROADCAST`."""
     rank: int = BESIDE_PAYLOAD
-    """Of several offers the smallest is taken: for payloads the instant of queueing and patience,
-    ns."""
+    """Of several offers the smallest rank wins; for payloads queueing instant plus patience, ns."""
     must_go: Cause | None = None
-    """The frame goes even where nothing has to be said in it, on this account."""
+    """The cause for which the frame goes even if it would be empty; None: there is none."""
     owed_first: bool = False
-    """What is owed to the hearers goes before payloads."""
+    """Whether what is owed to the hearers goes before payloads."""
     rides: bool = False
-    """It goes to everybody where the best payload does."""
+    """Whether it becomes a broadcast if the best payload is one."""
     is_answer: bool = False
-    """Somebody listens for it, for as long as a short frame takes: no payload beside it."""
+    """Whether a node listens for it for as long as a short frame takes: no payload beside it."""
     is_fragment: bool = False
-    """It shows no end, and needs the frame for itself."""
+    """Whether it shows no end and needs the frame for itself."""
     ignores_hold: bool = False
-    """It may go while an answer about an object is awaited."""
+    """Whether it may go while an answer about an object is awaited."""
     lane: tuple[int, ...] = ()
-    """Payloads beside it are of lanes whose key begins so."""
+    """First parts of the lane keys of payloads beside it."""
 
 
 def _begin(now: int) -> None:
-    """Nobody asks when a transmission begins."""
+    """Ignore the begin of a transmission."""
 
 
 def _end(report: TransmitReport, now: int) -> None:
-    """Nobody asks how a transmission has ended."""
+    """Ignore the end of a transmission."""
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True):
-    """A record, or whatever else a frame does, whose owner is told of each transmission of it."""
+    """A record, or another effect of a frame, that follows each of its transmissions."""
 
     transmitted: Callable[[int], None] = _begin
-    """Takes the instant at which a transmission begins, ns."""
+    """Called with the instant at which a transmission begins, ns."""
     reported: Callable[[TransmitReport, int], None] = _end
-    """Takes how that has ended, and the instant, ns; called exactly once for each."""
+    """Called with the report of a transmission and the instant, ns; exactly once for each."""

@@ -1,10 +1,10 @@
-"""Quality of service of a stream: the words of ROS 2 and Zenoh, and their meaning for the queue.
+"""Quality of service of a stream: the terms of ROS 2 and Zenoh, and their meaning for the queue.
 
 Priorities are Zenoh's seven. `real_time` is absolute: such a sample is in the next frame, whatever
-waits. Among the other six, waiting raises value: a payload is ranked by the instant at which it was
-queued plus the *patience* of its priority, smallest first. So a fresh urgent sample overtakes a
-fresh slow one by the difference of their patience, and no payload starves: after at most that
-difference nothing new can get in front of it.
+waits. Among the other six, waiting raises the value: a payload is ranked by its queueing instant
+plus the *patience* of its priority, smallest first. So a fresh urgent sample overtakes a fresh slow
+one by the difference of their patience, and no payload starves: after at most that difference no
+new payload can get in front of it.
 """
 
 import enum
@@ -16,7 +16,7 @@ from zacoustic.core.base.clock import DURATIONS, LONGEST_S, is_duration, seconds
 
 
 class Priority(enum.IntEnum):
-    """Zenoh's priorities, with Zenoh's numbers: the smaller, the sooner."""
+    """Zenoh's priorities with Zenoh's numbers: the smaller, the sooner."""
 
     REAL_TIME = 1
     INTERACTIVE_HIGH = 2
@@ -44,83 +44,83 @@ PATIENCE_NS: Final = {
 
 
 LEAST_DEADLINE_S: Final = 0.1
-"""Shorter than any frame; so a missed deadline is reported at most ten times a second."""
+"""Shorter than any frame, so that a missed deadline is reported at most ten times a second."""
 
 
 class Reliability(enum.Enum):
-    """What becomes of a sample that is lost."""
+    """What happens to a lost sample."""
 
     BEST_EFFORT = "best_effort"
     """It is lost."""
     RELIABLE = "reliable"
-    """It is repeated until every subscriber has acknowledged it, a newer one pushes it out, or it
-    is too old (`zacoustic.core.transport.reliable`)."""
+    """It is repeated until every subscriber has acknowledged it, a newer one replaces it, or it is
+    too old (`zacoustic.core.transport.reliable`)."""
 
 
 class Stamp(enum.Enum):
-    """How the far side learns a sample's age."""
+    """How the receiver learns a sample's age."""
 
     NONE = "none"
-    """Nothing."""
+    """It does not."""
     AGE = "age"
-    """One byte, written when the frame is composed; see `zacoustic.core.values.age`."""
+    """By one byte, written when the frame is composed; see `zacoustic.core.values.age`."""
 
 
 class Durability(enum.Enum):
-    """What late local subscribers get of earlier samples."""
+    """Which earlier samples late local subscribers get."""
 
     VOLATILE = "volatile"
-    """It has gone by."""
+    """None."""
     TRANSIENT_LOCAL = "transient_local"
-    """The local gateway keeps the last ones, `Qos.depth` of each key."""
+    """The last ones, `Qos.depth` of each key, which the local gateway keeps."""
 
 
 class Forward(enum.Enum):
     """When samples cross the channel."""
 
     ALWAYS = "always"
-    """Whoever listens, and whether anybody does."""
+    """Always, whether any node listens or not."""
     ON_DEMAND = "on_demand"
     """Only to nodes that have subscribed (`zacoustic.core.transport.subscriptions`)."""
 
 
 class Qos(msgspec.Struct, frozen=True, kw_only=True):
-    """How a stream's payloads wait, and for how long they are worth sending."""
+    """How a stream's payloads wait, and how long they are worth sending."""
 
     priority: Priority = Priority.DATA
-    """Zenoh's priority."""
+    """The Zenoh priority."""
     reliability: Reliability = Reliability.BEST_EFFORT
-    """What becomes of a sample that is lost."""
+    """What happens to a lost sample."""
     durability: Durability = Durability.VOLATILE
-    """What late joiners get. Local to each side: it changes nothing on the channel."""
+    """Which samples late joiners get. Local to each side: it changes nothing on the channel."""
     depth: int = 1
-    """Samples kept per key while they wait, or while a subscriber has not acknowledged them, ≥ 1;
-    a newer one pushes out the oldest."""
+    """Samples kept per key while they wait, or while a subscriber has not acknowledged them, ≥ 1; a
+    newer one displaces the oldest."""
     lifespan_s: float | None = None
-    """A sample older than this is not sent any more, s, > 0; None: never too old."""
+    """A sample older than this is no longer sent, s, > 0; None: never too old."""
     deadline_s: float | None = None
-    """A sample of each key is promised at least so often, s, ≥ 0.1, > min_interval_s; None: no
+    """Longest promised period between two samples of a key, s, ≥ 0.1, > min_interval_s; None: no
     promise (`zacoustic.core.transport.topics.deadlines`)."""
     min_interval_s: float = 0.0
     """Minimum time between two transmitted samples of one key, s, ≥ 0; the newest wins."""
     linger_s: float = 0.0
     """How long a sample may wait for others in its frame, s, ≥ 0; REAL_TIME never lingers."""
     stamp: Stamp = Stamp.NONE
-    """How the far side learns the age."""
+    """How the receiver learns the age."""
     forward: Forward = Forward.ALWAYS
     """When samples cross the channel."""
     exclusive: bool = False
-    """A payload larger than a frame is sent without listen windows: about a tenth sooner, but
-    nobody else is heard meanwhile."""
+    """Whether a payload larger than a frame is sent without listen windows: about a tenth sooner,
+    but no other node is heard meanwhile."""
 
     max_airtime: float | None = None
-    """Share of the time that the stream may be on the air, above 0, at most 1; None: no cap."""
+    """Share of the time that the stream may transmit, above 0, at most 1; None: no cap."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
 
         Raises:
-            ValueError: Names field, value and the allowed values.
+            ValueError: States field, value and the allowed values.
         """
         if not 1 <= self.depth <= 65535:
             raise ValueError(f"depth is {self.depth}; allowed: 1..65535")
@@ -146,7 +146,7 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def deadline_ns(self) -> int | None:
-        """How often a sample of each key is promised, ns; None: no promise."""
+        """Longest promised period between two samples of a key, ns; None: no promise."""
         return None if self.deadline_s is None else seconds_to_ns(self.deadline_s)
 
     @property
@@ -156,24 +156,24 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Override(msgspec.Struct, frozen=True, kw_only=True):
-    """The override of a topic by a remote command, over its QoS; None: as the QoS says."""
+    """A remote command's override of a topic's QoS; None: as the QoS says."""
 
     on: bool = True
-    """Its samples go; otherwise they wait, expire and are superseded."""
+    """Whether its samples are sent; otherwise they wait, expire and are superseded."""
     min_interval_s: float | None = None
     """Minimum time between two transmitted samples of one key, s, ≥ 0."""
     priority: Priority | None = None
-    """Zenoh's priority."""
+    """The Zenoh priority."""
 
     def over(self, qos: Qos) -> Qos:
-        """Return what holds of a QoS then."""
+        """Return a QoS with the override applied."""
         interval_s = qos.min_interval_s if self.min_interval_s is None else self.min_interval_s
         priority = qos.priority if self.priority is None else self.priority
-        # The promise was made before, and a deadline missed because of a command is missed.
+        # The promise was made before: a deadline that is missed because of a command is missed.
         return msgspec.structs.replace(
             qos, min_interval_s=interval_s, priority=priority, deadline_s=None
         )
 
 
 NO_OVERRIDE: Final = Override()
-"""Everything as the QoS says."""
+"""No override: everything as the QoS says."""

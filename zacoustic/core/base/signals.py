@@ -1,4 +1,4 @@
-"""Signals: somebody tells that something has happened, and does not know who has to do with it."""
+"""Signals: a component announces that something has happened, without knowing who acts on it."""
 
 from collections.abc import Callable
 from typing import Generic, ParamSpec
@@ -7,16 +7,16 @@ Told = ParamSpec("Told")
 
 
 class Signal(Generic[Told]):
-    """One kind of event; to be called with what is told of it."""
+    """One kind of event; call it with the event's arguments."""
 
     def __init__(self) -> None:
         self._hearers: list[Callable[Told, None]] = []
 
     def connect(self, hearer: Callable[Told, None]) -> None:
-        """Tell somebody of each event, after those that have asked before."""
+        """Call a hearer for each event, after those that were connected before."""
         self._hearers.append(hearer)
 
     def __call__(self, *args: Told.args, **keywords: Told.kwargs) -> None:
-        """Tell all of them."""
+        """Call all hearers."""
         for hearer in self._hearers:
             hearer(*args, **keywords)

@@ -20,9 +20,9 @@ class Cause(enum.Enum):
     ENVELOPE = "envelope"
     """Addresses, check and delimiting that the link lacks."""
     SEAL = "seal"
-    """Head and tag of a sealed frame, and what pads it."""
+    """Head, tag and padding of a sealed frame."""
     HELLO = "hello"
-    """HELLO and TAG: who sends, with which table."""
+    """HELLO and TAG: the sender and its table."""
     CONFIRM = "confirm"
     """Confirmation of a table."""
     ASK = "ask"
@@ -32,19 +32,19 @@ class Cause(enum.Enum):
     ACK = "ack"
     """Acknowledgement of reliable samples."""
     REPEAT = "repeat"
-    """A reliable sample that was sent before."""
+    """A record that was sent before."""
     REPAIR = "repair"
     """Repair fragments of objects, and receivers' feedback."""
     RANGE = "range"
-    """Padding of a frame that goes for its range alone."""
+    """Padding of a frame that is sent only for ranging."""
     ACCESS = "access"
     """Medium access: turns, pauses, the time."""
     SUBSCRIBE = "subscribe"
     """Subscriptions to on-demand topics, and their answers."""
     HEARTBEAT = "heartbeat"
-    """A frame that only shows that the node is there."""
+    """A frame that only shows that the node is present."""
     EXTENSION = "extension"
-    """What a transport of somebody else says."""
+    """Extensions of third-party transports."""
 
 
 NO_STREAM: Final = 0
@@ -57,17 +57,17 @@ class LedgerEntry(msgspec.Struct, frozen=True, kw_only=True):
     stream_id: int
     """The stream, or `NO_STREAM`."""
     cause: Cause
-    """Why."""
+    """The cause."""
     transmitted_bytes: int
     """Bytes given to the link."""
 
 
 class EngineStats:
-    """What one engine has counted since it started, on all of its links."""
+    """The counters of one engine since it started, on all of its links."""
 
     def __init__(self) -> None:
         self.links: dict[str, LinkStats] = {}
-        """The same of each link, by its name."""
+        """The counters of each link, by its name."""
         self.frames_transmitted = 0
         self.bytes_transmitted = 0
         self.airtime_ns = 0
@@ -80,20 +80,20 @@ class EngineStats:
         self.published: dict[int, int] = {}
         """Payloads accepted from the application, by stream."""
         self.unsubscribed: dict[int, int] = {}
-        """Samples of on-demand topics that were not sent for want of a subscriber, by stream."""
+        """Samples of on-demand topics that were not sent for lack of a subscriber, by stream."""
         self.transmitted: dict[int, int] = {}
         """Records transmitted, by stream."""
         self.received: dict[int, int] = {}
         """Records delivered to the application, by stream."""
         self.deadlines_missed: dict[int, int] = {}
-        """Periods without a promised sample, of all keys, by stream."""
+        """Periods without a promised sample, over all keys, by stream."""
         self.round_trips_ns: dict[int, int] = {}
-        """How long a node takes to acknowledge a reliable sample, from the end of its frame to that
-        of the answer, smoothed, by address."""
+        """Smoothed time that a node takes to acknowledge a reliable sample, from the end of the
+        frame to the end of the ACK's frame, ns, by address."""
         self._ledger: dict[tuple[int, Cause], int] = {}
 
     def on(self, link: str) -> "LinkStats":
-        """Begin to count on a link."""
+        """Add the counters of a link."""
         self.links[link] = LinkStats(self)
         return self.links[link]
 
@@ -104,7 +104,7 @@ class EngineStats:
         self.airtime_ns += airtime_ns
 
     def heard(self, frame_bytes: int) -> None:
-        """Count what has arrived."""
+        """Count a frame that has arrived."""
         self.frames_received += 1
         self.bytes_received += frame_bytes
 
@@ -132,10 +132,10 @@ class EngineStats:
 
 
 class LinkStats(EngineStats):
-    """What an engine has counted on one link; all of it counts for the engine as well.
+    """The counters of one link; each count is added to the engine's as well.
 
     Args:
-        whole: Counts for all links. What belongs to a stream is counted there alone.
+        whole: Counters for all links. Counts by stream are kept there alone.
     """
 
     def __init__(self, whole: EngineStats) -> None:
@@ -147,7 +147,7 @@ class LinkStats(EngineStats):
         self.received = whole.received
         self.deadlines_missed = whole.deadlines_missed
         if not whole.links:
-            # Others have their own: a node answers on each link in another time.
+            # Other links have their own: a node's round trip differs between links.
             self.round_trips_ns = whole.round_trips_ns
 
     def sent(self, frame_bytes: int, airtime_ns: int) -> None:
@@ -156,7 +156,7 @@ class LinkStats(EngineStats):
         self._whole.sent(frame_bytes, airtime_ns)
 
     def heard(self, frame_bytes: int) -> None:
-        """Count what has arrived."""
+        """Count a frame that has arrived."""
         super().heard(frame_bytes)
         self._whole.heard(frame_bytes)
 
@@ -177,5 +177,5 @@ class LinkStats(EngineStats):
 
 
 def count(counter: dict[int, int], key: int, times: int = 1) -> None:
-    """Add one, or more, to a counter by key."""
+    """Add to a counter by key."""
     counter[key] = counter.get(key, 0) + times

@@ -2,12 +2,12 @@
 
 A component arms a timer under a key, and arms it again or cancels it when its state changes. The
 engine's time-out is the earliest instant in the heap. Timers that are due at one call fire in the
-order of `Due`, and within one component in the order of arming. So the engine stays a function of
-its inputs when several timers fall on one instant, or are late together.
+order of `Due`, and within one purpose in the order of arming. So the engine stays a function of its
+inputs when several timers fall on one instant, or are late together.
 
-Some instants follow from much that changes often, such as the pauses of all repetitions to all
-nodes. Their components only say that something has `changed`; the instant is found once, when it is
-needed next.
+Some instants depend on much that changes often, such as the pauses of all repetitions to all nodes.
+Their components only report that something has `changed`; the instant is computed once, when it is
+next needed.
 
 The instant of the next *frame* is no timer: `zacoustic.core.schedule.transmitter` computes it.
 """
@@ -18,32 +18,32 @@ from heapq import heapify, heappop, heappush
 from typing import Final
 
 _WORTH_A_SWEEP: Final = 64
-"""The heap may hold this many stale entries, and as many again as timers are armed."""
+"""The heap may hold this many stale entries, plus as many as timers are armed."""
 
 
 class Due(enum.IntEnum):
-    """What a timer is for: the first part of its key. Timers due together fire in this order."""
+    """The purpose of a timer: the first part of its key. Timers due together fire in this order."""
 
     SILENCE = enum.auto()
-    """An order to be silent ends."""
+    """A commanded silence ends."""
     CALL = enum.auto()
-    """An own call gets no answer."""
+    """An own call times out."""
     SERVED_CALL = enum.auto()
-    """A call that was served is forgotten."""
+    """A served call is forgotten."""
     GOAL = enum.auto()
-    """An own goal is asked after, or given up."""
+    """An own goal is claimed or given up."""
     SERVED_GOAL = enum.auto()
-    """A goal that was served is forgotten."""
+    """A served goal is forgotten."""
     COPY = enum.auto()
-    """A best-effort sample goes again."""
+    """A best-effort sample is sent again."""
     SENDING = enum.auto()
-    """Reliable samples go again, or are too old."""
+    """Reliable samples are sent again or expire."""
     RECEIVING = enum.auto()
-    """Samples that have not come are asked for."""
+    """A receiver asks for overdue samples."""
     REPETITION = enum.auto()
-    """Records go again, or no more."""
+    """Records are sent again or given up."""
     OBJECT = enum.auto()
-    """An own object is too old."""
+    """An outgoing object expires."""
     RANGE = enum.auto()
     """A range was not measured in time."""
     CONTACT = enum.auto()
@@ -51,23 +51,23 @@ class Due(enum.IntEnum):
     DEADLINE = enum.auto()
     """No sample of a key came in time."""
     DESERT_SERVED_CALL = enum.auto()
-    """A call that was served on the wire of rmw_desert is forgotten."""
+    """A served call on the wire of rmw_desert is forgotten."""
     DESERT_CALL = enum.auto()
-    """An own call there gets no answer."""
+    """An own call on that wire times out."""
     PACKET = enum.auto()
-    """Part of a packet is given up."""
+    """An incomplete packet is given up."""
     CLOCK = enum.auto()
     """The host is asked for the time."""
     SUBSCRIBER = enum.auto()
-    """A subscription that nobody has proved ends."""
+    """An unproved subscription ends."""
     UNPROVED = enum.auto()
-    """What nobody has proved to have commanded ends."""
+    """The effect of an unproved command ends."""
     TRANSPORT = enum.auto()
-    """A transport of somebody else is called back; its name follows in the key."""
+    """A third-party transport is called back; its name follows in the key."""
 
 
 Key = tuple[Due, *tuple[Hashable, ...]]
-"""Names a timer: what it is for, and which of those it is."""
+"""Identifies a timer: its purpose, and which timer of that purpose."""
 _Entry = tuple[int, Due, int, Key, Callable[[int], None]]
 """Instant, purpose, count of all armings, key, callback. No two have the same first three."""
 
@@ -78,15 +78,15 @@ class Timers:
     def __init__(self) -> None:
         self._armed: dict[Key, _Entry] = {}
         self._heap: list[_Entry] = []
-        """Armed timers, and stale entries of those that were cancelled or armed again."""
+        """Armed timers, and stale entries of timers that were cancelled or armed again."""
         self._changed: dict[Key, tuple[Callable[[], int | None], Callable[[int], None]]] = {}
         self._armings = 0
 
     def at(self, key: Key, instant: int, callback: Callable[[int], None]) -> None:
-        """Call back once, at an instant, ns; replaces the armed timer of this key.
+        """Call back once at an instant; this replaces the armed timer of the key.
 
         Args:
-            key: Names the timer.
+            key: Identifies the timer.
             instant: When, ns; an instant in the past is due at once.
             callback: Takes the instant at which it is called.
         """
@@ -99,27 +99,27 @@ class Timers:
             heappush(self._heap, entry)
 
     def cancel(self, key: Key) -> None:
-        """Do not call back; a key that is not armed is no error."""
+        """Cancel a timer; a key that is not armed is no error."""
         self._armed.pop(key, None)
 
     def changed(
         self, key: Key, find: Callable[[], int | None], callback: Callable[[int], None]
     ) -> None:
-        """Find the instant of a timer again, when it is needed next.
+        """Compute the instant of a timer again when it is next needed.
 
         Args:
-            key: Names the timer.
+            key: Identifies the timer.
             find: Returns when to call back, ns; None cancels the timer.
             callback: Takes the instant at which it is called.
         """
         self._changed[key] = find, callback
 
     def apart(self, owner: str) -> "Timers":
-        """Return these timers for another owner, whose keys are no one else's."""
+        """Return these timers for a separate owner with keys of its own."""
         return _TimersOf(self, owner)
 
     def next_at(self) -> int | None:
-        """Return the earliest instant, ns, or None: nothing is armed."""
+        """Return the earliest instant, ns; None: no timer is armed."""
         self._find()
         heap, armed = self._heap, self._armed
         while heap and armed.get(heap[0][3]) is not heap[0]:

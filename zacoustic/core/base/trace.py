@@ -1,6 +1,6 @@
-"""The structured trace: a record of each thing an engine does, at the injected instant.
+"""The structured trace: a record of each action of an engine, at the injected instant.
 
-A trace has no wall clock and no object identity in it, so two runs with the same inputs write the
+A trace contains no wall clock and no object identity, so two runs with the same inputs write the
 same trace, byte for byte, and a trace from the sea can be compared with a replay of it.
 """
 
@@ -13,7 +13,7 @@ from zacoustic.core.base.linktypes import ONE_LINK
 
 
 class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One thing an engine did."""
+    """One action of an engine."""
 
     at: int
     """Instant, ns."""
@@ -23,11 +23,11 @@ class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     """``transmit``, ``report``, ``receive``, ``drop``, ``link``, ``journal``, ``peer``, ``differ``,
     ``measure``."""
     peer: int = 0
-    """The other node, where there is one."""
+    """The other node, if there is one."""
     size_bytes: int = 0
-    """Size of the frame."""
+    """Size of the frame, bytes."""
     streams: tuple[int, ...] = ()
-    """Streams of the records in it."""
+    """The streams of its records."""
     detail: str = ""
     """Outcome or reason, one word."""
     frame: str = ""
@@ -51,7 +51,7 @@ TraceSink = Callable[[TraceRecord], None]
 
 
 class Tracer:
-    """Writes what one engine does, if anybody wants to read it.
+    """Writes the trace of one engine, if it has a sink.
 
     Args:
         node: Address of the engine.
@@ -73,7 +73,7 @@ class Tracer:
         detail: str = "",
         link: str = ONE_LINK,
     ) -> None:
-        """Write a record; see `TraceRecord` for the words."""
+        """Write a record; `TraceRecord` lists the words."""
         if self._sink is not None:
             self._sink(
                 TraceRecord(

@@ -1,1 +1,1 @@
-"""The contract for whoever drives a node: inputs, commands, outputs; and its wiring."""
+"""The contract for the shell that drives a node: inputs, commands, outputs; and its wiring."""

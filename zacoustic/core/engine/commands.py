@@ -11,11 +11,11 @@ from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
 from zacoustic.errors import UnknownStreamError
 
 StackOf = Callable[[int], LinkStack]
-"""Returns the stack of the link that a stream goes by."""
+"""Returns the stack of the link that a stream uses."""
 
 
 class GoalCommands:
-    """Commands about goals; each is described at `Actions`."""
+    """Commands about goals; `Actions` describes each."""
 
     def __init__(self, stack_of: StackOf) -> None:
         self._stack_of = stack_of
@@ -48,11 +48,11 @@ class GoalCommands:
         text: str = "",
         failure: GoalFailure = GoalFailure.REJECTED,
     ) -> bool:
-        """Refuse a goal."""
+        """Reject a goal."""
         return self._of(goal.stream_id).reject(goal, now, text=text, failure=failure)
 
     def publish_feedback(self, goal: GoalKey, value: object, now: int) -> bool:
-        """Report the progress of a goal."""
+        """Send feedback on a goal."""
         return self._of(goal.stream_id).publish_feedback(goal, value, now)
 
     def finish(self, goal: GoalKey, status: GoalStatus, value: object, now: int) -> bool:
@@ -71,7 +71,7 @@ class GoalCommands:
 
 
 class SubscriptionCommands:
-    """Commands and getters about on-demand topics; each is described at `Subscriptions`."""
+    """Commands and getters about on-demand topics; `Subscriptions` describes each."""
 
     def __init__(self, stack_of: StackOf) -> None:
         self._stack_of = stack_of
@@ -103,5 +103,5 @@ class AwaitedSamples:
         self._stacks = stacks
 
     def awaited(self) -> list[Awaited]:
-        """Return the awaited samples of this node and of others; read only."""
+        """Return the awaited samples of this node and of others; treat them as read-only."""
         return [each for stack in self._stacks for each in stack.protocols.deadlines.awaited()]

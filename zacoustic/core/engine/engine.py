@@ -1,6 +1,6 @@
 """The engine: one node's protocol as a function of its inputs. This file holds only the wiring.
 
-Contract for whoever drives an engine (the runtime, the virtual network, a test):
+Contract for the shell that drives an engine (the runtime, the virtual network, a test):
 
 - Four kinds of methods. *Inputs* ``handle_*`` and *commands* (`publish`, `call`, …) change state;
   *outputs* ``poll_*`` take what the engine wants; *getters* change nothing.
@@ -8,12 +8,12 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
   None; then re-arm one timer from `poll_timeout`.
 - ``now`` is an instant in ns of one monotonic clock and never decreases. A timer that fires early
   is handed the instant that was asked for.
-- After a transmission nothing goes by its link until `handle_transmit_report` has been called.
-- An input from a link has the link's name; without one it is from the first link. A transmission
-  has the name of the link that it is for.
-- A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
-- Inputs from the channel never raise; any exception from them is a bug, and another engine goes on
-  from the journal then (`zacoustic.run.replacement`). Commands raise `LocalError`s.
+- After a transmission its link sends nothing until `handle_transmit_report` has been called.
+- An input from a link carries the link's name; without one it is from the first link. A
+  transmission carries the name of its link.
+- Call `handle_journal_committed` once a journal write from `poll_journal` is safe.
+- Inputs from the channel never raise; any exception from them is a bug, and a new engine then
+  continues from the journal (`zacoustic.run.replacement`). Commands raise `LocalError`s.
 
 Who does what, on each link (`zacoustic.core.engine.linkstack`)::
 
@@ -21,14 +21,14 @@ Who does what, on each link (`zacoustic.core.engine.linkstack`)::
                                            ▲ Handshake (may it be decoded, what is owed)
     poll_event ◄── Receiver ◄── Envelope ◄── handle_frame
                                 MediumAccess: when a frame may start
-    ranging.request, .repeat ──► Composer: frames for the sake of the range
+    ranging.request, .repeat ──► Composer: frames sent to measure a range
     measurements ◄── handle_measurement, handle_frame
 
 A stream goes by the link that `TransmitRules.routes` names, else by the first one; so do remote
 commands and ranges. The handshake is one for all links.
 
 The wire profile of the stream table (`StreamTable.wire`) decides what is transmitted and
-understood. When a frame may go, and what is booked for it, is the same for all.
+understood. Medium access and airtime caps are the same for all profiles.
 """
 
 import random
@@ -79,15 +79,15 @@ class Engine:
     Args:
         address: Address of this node, 1…254.
         table: Its streams.
-        epoch: Boot epoch, 0…65535: another one in each life of the node.
+        epoch: Boot epoch, 0…65535; different after each start of the node.
         rng: Source of all randomness; one number is drawn from it.
-        stored: What the journal has kept from earlier lives.
-        rules: What the config says of transmitting.
-        trace: Takes a record of each thing done, or None.
-        transports: Make transports of somebody else, one for each link
+        stored: The content of the journal, from earlier boot epochs.
+        rules: The rules of the config for transmission.
+        trace: Takes a record of each action, or None.
+        transports: Make third-party transports, one for each link
             (`zacoustic.core.transport.contract`).
-        cipher: Has the keys of the fleet; `epoch` is the node's life then, which no start before
-            or after has. None: frames are not sealed.
+        cipher: Has the keys of the fleet; then `epoch` must be a number that no other start of the
+            node uses. None: frames are not sealed.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Engine:
         self.table = table
         self.stored = {key: each for key, each in stored.items() if key != BOOT_KEY}
         self.journal_failure = ""
-        """Why the journal cannot be written now; empty: it can. Read only."""
+        """Why the journal cannot be written now; empty: it can. Read-only."""
         self._trace = Tracer(address, trace)
         self._now = 0
         self._events: deque[Event] = deque()
@@ -120,19 +120,19 @@ class Engine:
         self._seal = node.seal
         self._journal, self._timers = journal, timers = node.journal, node.timers
         self.measurements = node.measurements
-        """What was measured of peers and modems; read only."""
+        """Measurements of peers and modems; read-only."""
         self.doubt = node.doubt
-        """Whether something of former lives is forgotten; read only."""
+        """Whether something from earlier boot epochs is forgotten; read-only."""
         self.contact = node.contact
-        """Which nodes are lost; read only."""
+        """Which nodes are lost; read-only."""
         self.clock = HostTime(
             rules.schedule, bool(rules.quiet), stored, journal=journal, timers=timers, emit=emit
         )
-        """What is known of UTC; read only."""
+        """What is known of UTC; read-only."""
         self.silence = Silence(
             rules.quiet, stored, host=self.clock, journal=journal, timers=timers, emit=emit
         )
-        """Commands to be silent: `begin` and `resume`."""
+        """Commands about transmit silence: `begin` and `resume`."""
         self._routes = rules.routes
         self._stacks: dict[str, LinkStack] = {}
         for index, own in enumerate(rules.of_links):
@@ -146,9 +146,9 @@ class Engine:
         self.actions = GoalCommands(self._stack_of)
         """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
         self.subscriptions = SubscriptionCommands(self._stack_of)
-        """Commands about on-demand topics: `want`; and who wants them of this node."""
+        """Commands and getters about on-demand topics: `want`, `subscribers` and others."""
         self.deadlines = AwaitedSamples(self._stacks.values())
-        """The awaited samples; read only."""
+        """The awaited samples; read-only."""
         overrides = Overrides(
             address, table, override=self._override, stored=stored, journal=journal
         )
@@ -174,7 +174,7 @@ class Engine:
     def handle_transmit_report(
         self, report: TransmitReport, now: int, link: str | None = None
     ) -> None:
-        """A transmission has ended."""
+        """Take the report of a transmission that has ended."""
         self._now = now
         self._stack(link).handle_report(report, now)
 
@@ -185,7 +185,7 @@ class Engine:
         capabilities: LinkCapabilities | None = None,
         link: str | None = None,
     ) -> None:
-        """The link went up or down; `capabilities` come with UP, and when they change."""
+        """Take a link's state; `capabilities` come with UP, and when they change."""
         self._now = now
         self._begin(now)
         stack = self._stack(link)
@@ -194,17 +194,17 @@ class Engine:
             self._trace.note(now, "link", detail=state.value, link=stack.name)
 
     def handle_carrier(self, busy: bool, now: int, link: str | None = None) -> None:
-        """Another node's transmission began or ended at this node."""
+        """Record the begin or end of another node's transmission at this node."""
         self._now = now
         port = self._stack(link).transmitter.port
         if port is not None:
             port.handle_carrier(busy, now)
 
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
-        """The host says that UTC is `now + offset_ns`, wrong by `error_ns` at most; None: unknown.
+        """Take the host's time: UTC is `now + offset_ns`, within `error_ns`; None: error unknown.
 
         Call it once before the link is up, when the offset has changed by more than the driver's
-        jitter, and every ten seconds at least while the engine is driven.
+        jitter, and at least every ten seconds while the engine is driven.
         """
         self._now = now
         self._begin(now)
@@ -230,7 +230,7 @@ class Engine:
         self._trace.note(now, "measure", peer=peer)
 
     def handle_timeout(self, now: int) -> None:
-        """The instant that `poll_timeout` named has come."""
+        """Fire the timers at the instant that `poll_timeout` returned."""
         self._now = now
         self.silence.keep(now)
         for stack in self._stacks.values():
@@ -240,15 +240,15 @@ class Engine:
             stack.transmitter.handle_timeout(now)
 
     def handle_journal_committed(self, write_id: int, now: int) -> None:
-        """A journal write is safe."""
+        """Record that a journal write is safe."""
         self._now = now
         for stack in self._stacks.values():
             stack.protocols.note(now)
         self._journal.committed(write_id, now)
-        self._tell_news(now)  # a sealed frame is read when the journal has its number
+        self._tell_news(now)  # a sealed frame is read once the journal has its number
 
     def handle_journal_state(self, failure: str, now: int) -> None:
-        """The journal cannot be written, for this reason; empty: it can be again."""
+        """Record why the journal cannot be written; empty: it can again."""
         self._now = now
         if failure != self.journal_failure:
             self.journal_failure = self._journal.failure = failure
@@ -285,12 +285,12 @@ class Engine:
 
         Args:
             stream_id: The topic's stream.
-            value: As the stream's type says; bytes for an opaque stream; ignored for a delete.
+            value: The value in the stream's type; bytes for an opaque stream; ignored for a delete.
             now: The instant.
             instance: One value number for each wildcard of the topic's name.
-            encoding: Zenoh encoding, where it is not the stream's.
+            encoding: The Zenoh encoding, where it is not the stream's.
             delete: Delete the key instead.
-            queued_at: Instant at which the sample was made, ns, where it is before `now`.
+            queued_at: Instant at which the sample was made, ns, if that was before `now`.
 
         Returns:
             For a reliable topic the delivery id that `DeliveryEnded` will name, else 0.
@@ -308,47 +308,47 @@ class Engine:
         return stack.ids.outer(delivery_id)
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
-        """Give up a reliable sample; False when it is not on its way.
+        """Cancel a reliable sample; return False when it is not under way.
 
-        `DeliveryEnded` follows; receivers that have part of a large one are told.
+        `DeliveryEnded` follows; receivers that have part of a large one are informed.
         """
         self._now = now
         found = self._given_by(delivery_id)
         return found is not None and found[0].protocols.cancel_delivery(found[1], now)
 
     def refuse_object(self, source: int, transfer: int, now: int, link: str | None = None) -> bool:
-        """Refuse the rest of an object that `ObjectProgress` has told of; False when it is over."""
+        """Refuse the rest of an object named by `ObjectProgress`; return False if it has ended."""
         self._now = now
         return self._stack(link).protocols.refuse_object(source, transfer, now)
 
     def call(
         self, stream_id: int, value: object, now: int, *, timeout_s: float | None = None
     ) -> int:
-        """Call a service; returns the call id that the answer will name.
+        """Call a service; return the call id that the answer will name.
 
         Raises:
             UnknownStreamError: No such service.
             LocalError: This node is the server.
             PayloadInvalidError: The request's type does not allow the value.
             PayloadTooLargeError: It fits no frame of this link.
-            QueueFullError: 16 calls to this service are under way, or have been just now.
+            QueueFullError: 16 calls to this service are under way or ended too recently.
         """
         self._now = now
         stack = self._stack_of(stream_id)
         return stack.ids.outer(stack.protocols.call(stream_id, value, now, timeout_s=timeout_s))
 
     def cancel(self, call_id: int, now: int) -> None:
-        """Give up a call: its request is not sent if it still waits, and no event follows."""
+        """Cancel a call: its request is not sent if it still waits, and no event follows."""
         self._now = now
         found = self._given_by(call_id)
         if found is not None:
             found[0].protocols.cancel(found[1], now)
 
     def reply(self, call: CallKey, value: object, now: int) -> bool:
-        """Answer a request; False when it is too late or was answered before.
+        """Answer a request; return False when it is too late or was answered before.
 
-        A response that cannot be sent is an error of the service, and the caller is told so
-        before it is raised here.
+        A response that cannot be sent is an error of the service: the caller gets that error before
+        it is raised here.
 
         Raises:
             PayloadInvalidError: The response's type does not allow the value.
@@ -358,7 +358,7 @@ class Engine:
         return self._stack_of(call.stream_id).protocols.reply(call, value, now)
 
     def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
-        """Answer a request with an error; the text is cut to 48 bytes. False as for `reply`."""
+        """Answer a request with an error, its text cut to 48 bytes. False as for `reply`."""
         self._now = now
         return self._stack_of(call.stream_id).protocols.reply_error(call, failure, text, now)
 
@@ -384,7 +384,7 @@ class Engine:
         return self._events.popleft() if self._events else None
 
     def poll_timeout(self) -> int | None:
-        """Return the instant at which `handle_timeout` is to be called, ns.
+        """Return the instant at which to call `handle_timeout`, ns.
 
         None means that the engine waits for inputs only.
         """
@@ -397,7 +397,7 @@ class Engine:
 
     @property
     def seal_failure(self) -> str:
-        """Why no frame of this node is sealed, and none transmitted; empty: it is not so."""
+        """Why frames cannot be sealed, so that nothing is transmitted; empty: they can."""
         return self._seal.failure if self._seal is not None else ""
 
     @property
@@ -407,40 +407,40 @@ class Engine:
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Names of the links; the first one is that of whatever names none."""
+        """Names of the links; the first one serves streams that name none."""
         return tuple(self._stacks)
 
     @property
     def link_state(self) -> LinkState:
-        """What the first link last said of itself."""
+        """The last reported state of the first link."""
         return self._first.state
 
     @property
     def capabilities(self) -> LinkCapabilities | None:
-        """What the first link can do; None before it was up."""
+        """The capabilities of the first link; None before it was up."""
         return self._first.capabilities
 
     def state_of(self, link: str) -> LinkState:
-        """Return what a link last said of itself."""
+        """Return the last reported state of a link."""
         return self._stack(link).state
 
     def capabilities_of(self, link: str) -> LinkCapabilities | None:
-        """Return what a link can do; None before it was up."""
+        """Return the capabilities of a link; None before it was up."""
         return self._stack(link).capabilities
 
     def link_of(self, stream_id: int) -> str:
-        """Return the name of the link that a stream goes by."""
+        """Return the name of the link that a stream uses."""
         return self._stack_of(stream_id).name
 
     @property
     def is_idle(self) -> bool:
-        """Nothing waits, nothing is under way, no timer is armed."""
+        """Whether nothing waits, nothing is under way, and no timer is armed."""
         is_idle = all(stack.is_idle for stack in self._stacks.values())
         return is_idle and self.poll_timeout() is None
 
     @property
     def owes_acknowledgement(self) -> bool:
-        """An acknowledgement waits, and this node may transmit."""
+        """Whether an acknowledgement waits and this node may transmit."""
         now = self._now
         return not self.silence.is_silent(now) and any(
             stack.state is LinkState.UP and stack.protocols.owes_acknowledgement(now)
@@ -448,7 +448,7 @@ class Engine:
         )
 
     def transport(self, kind: type[OtherTransport], link: str | None = None) -> OtherTransport:
-        """Return the external transport of a class; each link has its own.
+        """Return the third-party transport of a class; each link has its own.
 
         Raises:
             LocalError: This engine was made without it.
@@ -461,24 +461,24 @@ class Engine:
         raise LocalError(f"no transport {kind.name}; this engine has: {names}")
 
     def delivering(self, stream_id: int) -> int:
-        """Count the reliable samples of a stream that have not ended."""
+        """Return how many reliable samples of a stream have not ended."""
         return self._stack_of(stream_id).protocols.delivering(stream_id)
 
     def is_delivering(self, delivery_id: int) -> bool:
-        """Tell whether a reliable sample has not ended."""
+        """Return whether a reliable sample has not ended."""
         found = self._given_by(delivery_id)
         return found is not None and found[0].protocols.is_delivering(found[1])
 
     def pending(self, stream_id: int) -> int:
-        """Count the payloads of a stream that wait."""
+        """Return how many payloads of a stream wait."""
         return self._stack_of(stream_id).protocols.pending(stream_id)
 
     def forget(self, address: int, now: int) -> None:
         """Free everything that is kept of another node, in the journal as well.
 
         For a node that has left the fleet and will not return: the state of its calls and goals,
-        and of the samples that it sent, is lost. Calls to it end as cancelled; what waits for it in
-        the queue stays.
+        and of the samples that it sent, is lost. Calls to it end as cancelled; payloads that wait
+        for it in the queue stay.
 
         Args:
             address: The node.
@@ -488,7 +488,7 @@ class Engine:
         self._peers.forget(address, now)
 
     def expire(self, now: int) -> int | None:
-        """Drop what waits and is too old; returns when something else will be, ns, or None."""
+        """Drop expired payloads; return when the next one expires, ns, or None."""
         instants = (each.protocols.queue.drop_expired(now) for each in self._stacks.values())
         return min((at for at in instants if at is not None), default=None)
 
@@ -503,7 +503,7 @@ class Engine:
         return _sum(each.protocols.queue.superseded for each in self._stacks.values())
 
     def peers(self) -> dict[int, bool]:
-        """Return the nodes heard so far, and whether each has confirmed our table."""
+        """Return the nodes heard so far, and whether each has confirmed this node's table."""
         known = self._handshake.peers()
         if self._handshake.is_sealed:
             return {each: peer.shares(self._handshake.digest) for each, peer in known.items()}
@@ -512,7 +512,7 @@ class Engine:
     # Below the methods above
 
     def _begin(self, now: int) -> None:
-        """Take note of the first instant of the life; no effect later on."""
+        """Record the first instant since the restart; later calls have no effect."""
         self.contact.begin(now)
         self._handshake.begin(now)
         for stack in self._stacks.values():
@@ -538,7 +538,7 @@ class Engine:
         self._stack_of(stream.stream_id).protocols.override(stream, override)
 
     def _tell_news(self, now: int) -> None:
-        """Hand out what a frame has said of its sender."""
+        """Emit the events about the sender of a frame."""
         for news in self._handshake.news:
             self._events.append(news)
             self._trace_news(news, now)

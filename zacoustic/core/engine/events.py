@@ -109,24 +109,25 @@ class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """The journal cannot be written, or can be again."""
 
     failure: str
-    """Why it cannot, one line; empty: it can. Until then no promise is made that needs it."""
+    """Why it cannot, one line; empty: it can. Until it can, no promise is made that depends on
+    it."""
     changed_at: int
     """Instant of the change, ns."""
 
 
 class EngineRestarted(msgspec.Struct, frozen=True, kw_only=True):
-    """An internal error has ended the engine of this node; a new one goes on from the journal.
+    """An internal error has ended the engine of this node; a new one continues from the journal.
 
-    The runner emits it. Best-effort samples that waited are lost; further events report how
-    everything else ended that was under way.
+    The runner emits it. Waiting best-effort samples are lost; further events report how everything
+    else ended that was under way.
     """
 
     faults: int
     """Internal errors of this process so far."""
     cause: str
-    """What was raised, one line."""
+    """The exception, one line."""
     changed_at: int
-    """Instant, ns."""
+    """Instant of the restart, ns."""
 
 
 Event = (

@@ -1,9 +1,8 @@
-"""What an engine is on one link: its transports, the port of the link, and what it transmits there.
+"""An engine on one link: its transports, the link's port, and its transmitter.
 
-Each link has transports of its own: airtimes, pauses, windows and runs of two links have nothing to
-do with each other, so the loss of one disturbs nothing on the other one. What is agreed with other
-nodes is common to all links (`zacoustic.core.schedule.context`). The engine knows which of them a
-stream goes by.
+Each link has transports of its own: airtimes, pauses, windows and runs of two links are unrelated,
+so the loss of one link disturbs nothing on the other. Agreement with other nodes is common to all
+links (`zacoustic.core.schedule.context`). The engine knows which link a stream uses.
 """
 
 from collections.abc import Sequence
@@ -46,11 +45,11 @@ class LinkStack:
 
     Args:
         context: The node on this link.
-        rules: What the config says of the node.
-        own: What it says of the link.
-        silence: When nothing may be transmitted.
-        trace: Takes what is done.
-        transports: Make transports of somebody else.
+        rules: The rules of the config for the node.
+        own: The rules for this link.
+        silence: The transmit silence.
+        trace: Takes a record of each action.
+        transports: Make third-party transports.
     """
 
     def __init__(
@@ -67,7 +66,7 @@ class LinkStack:
         self.ids = context.ids
         """The ids that the application sees."""
         self.stats = context.stats
-        """Counts on this link."""
+        """The link's counters."""
         self._context = context
         self._seal = context.node.seal
         self._silence = silence
@@ -85,19 +84,19 @@ class LinkStack:
             self._make_port,
             context.emit,
         )
-        """What goes when."""
+        """Decides when a frame goes."""
         context.peers.forgotten.connect(self.transmitter.peer_forgotten)
         for stream in context.table:
             self.declared(stream)
 
     def declared(self, stream: Stream) -> None:
-        """A stream is in the table."""
+        """Apply the airtime cap of a stream in the table."""
         self.transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
 
     # Inputs
 
     def handle_frame(self, frame: ReceivedFrame, now: int) -> None:
-        """A frame, or a piece of a byte stream, arrived."""
+        """Take a frame, or a piece of a byte stream."""
         port = self.transmitter.port
         if port is None:
             self.stats.drop("link_down")
@@ -116,7 +115,7 @@ class LinkStack:
                 )  # fmt: skip
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
-        """A transmission has ended."""
+        """Take the report of a transmission that has ended."""
         if self.transmitter.finish(report, now):
             self._trace.note(now, "report", detail=report.outcome.value, link=self.name)
         else:
@@ -125,7 +124,7 @@ class LinkStack:
     def handle_state(
         self, state: LinkState, capabilities: LinkCapabilities | None, now: int
     ) -> bool:
-        """The link went up or down; returns whether its state is another one now."""
+        """Take the link's state; return whether it has changed."""
         if capabilities is not None and capabilities != self.capabilities:
             self.transmitter.use_link(capabilities, now)
         if state is self.transmitter.link_state:
@@ -158,18 +157,18 @@ class LinkStack:
 
     @property
     def state(self) -> LinkState:
-        """What the link last said of itself."""
+        """The last reported state of the link."""
         return self.transmitter.link_state
 
     @property
     def capabilities(self) -> LinkCapabilities | None:
-        """What the link can do; None before it was up."""
+        """The link's capabilities; None before it was up."""
         port = self.transmitter.port
         return port.capabilities if port else None
 
     @property
     def is_idle(self) -> bool:
-        """Nothing waits, and nothing is under way."""
+        """Whether nothing waits and nothing is under way."""
         port = self.transmitter.port
         return not (port is not None and port.is_busy) and self.protocols.is_idle
 
@@ -178,7 +177,7 @@ class LinkStack:
     def _take_plain(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
     ) -> str | None:
-        """Take a frame that is not sealed; returns why it is dropped, or None."""
+        """Take a frame on a link without a seal; return why it is dropped, or None."""
         if reason is None:
             self._receive(opened, frame, port, now)
         elif reason == "not_for_us":
@@ -189,9 +188,9 @@ class LinkStack:
     def _take_sealed(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
     ) -> str | None:
-        """Take a sealed frame; returns why it is dropped, or None.
+        """Take a frame on a sealed link; return why it is dropped, or None.
 
-        Of one that is for another node nothing is believed, not even who has sent it.
+        Nothing is believed of a frame for another node, not even its sender.
         """
         seal, context = self._seal, self._context
         assert seal is not None
@@ -214,7 +213,7 @@ class LinkStack:
     def _take_unsealed(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> bool:
-        """Take what the config allows of a frame that nobody has sealed; False: nothing."""
+        """Take what the config allows from an unsealed frame; return False if that is nothing."""
         allowed = self._context.node.sealing.unsealed
         plain = port.envelope.unsealed(opened) if allowed else None
         if plain is None:
@@ -224,7 +223,7 @@ class LinkStack:
     def _opened(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, inside: Inside, now: int
     ) -> None:
-        """A sealed frame was opened, and no later life of this node will open it again."""
+        """Take an opened frame, which no later start of this node will open again."""
         self._context.node.alarms.opened(opened.source)
         digest = b"" if inside.digest == NO_TABLE else inside.digest
         opened = msgspec.structs.replace(
@@ -249,7 +248,7 @@ class LinkStack:
         )
 
     def _hear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
-        """A node is there, and was heard."""
+        """Record that a node was heard."""
         if opened.source != UNKNOWN_SOURCE:
             self._context.node.contact.heard(opened.source, now)
             measurements = self._context.node.measurements

@@ -1,4 +1,4 @@
-"""The signature of a constructor of engines, for those who replace it: a recorder, a test."""
+"""The signature of a constructor of engines, for code that replaces it: a recorder, a test."""
 
 import random
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from zacoustic.core.streams.table import StreamTable
 
 
 class MakeEngine(Protocol):
-    """Makes the engine of a node for one life; `Engine` itself is one."""
+    """Makes the engine for one start of a node; `Engine` itself does."""
 
     def __call__(
         self,

@@ -1,13 +1,13 @@
 """The tap: records every call of an engine from outside, with its result.
 
-An engine is a function of its inputs. So its constructor's arguments and every call since then, in
-order, determine all that it ever did: a new engine with the same calls transmits the same bytes. A
-recording holds the calls, and a replay makes them.
+An engine is a function of its inputs. So its constructor's arguments and every later call, in
+order, determine everything that it did: a new engine with the same calls transmits the same bytes.
+A recording holds the calls, and a replay makes them.
 
-A tap wraps the methods of one engine, so whoever drives or commands it need not know. What the
-engine calls within itself is no input: only the outermost call is recorded. Polls are recorded like
-other calls, since composing a frame draws random numbers and changes queues, whatever its result.
-An engine without a tap is not touched.
+A tap wraps the methods of one engine, so the code that drives or commands the engine need not know
+of it. The engine's calls of its own methods are no inputs: only the outermost call is recorded.
+Polls are recorded like other calls, since composing a frame draws random numbers and changes
+queues, whatever its result. An engine without a tap is unchanged.
 """
 
 import functools
@@ -48,11 +48,11 @@ class EngineCall:
         self.name = name
         """One of `CALLS`."""
         self.arguments = arguments
-        """By parameter; those left to their defaults are not in it."""
+        """The arguments by parameter name, without those left at their defaults."""
         self.result: Any = None
-        """What was returned."""
+        """The return value."""
         self.error: Exception | None = None
-        """What was raised instead."""
+        """The exception, if it raised one."""
 
 
 _PARTS: Final[dict[str, type]] = {
@@ -66,16 +66,16 @@ _PARTS: Final[dict[str, type]] = {
 }
 
 TapSink = Callable[[EngineCall], None]
-"""Takes each call when it has returned; must not raise, nor call the engine."""
+"""Takes each call when it has ended; must neither raise nor call the engine."""
 
 
 class Tap:
     """Records one engine from now on.
 
     Args:
-        engine: The engine, best before it was called at all.
+        engine: The engine, preferably before its first call.
         sink: Takes the calls.
-        calls: Which of them.
+        calls: Which calls to record.
     """
 
     def __init__(self, engine: Engine, sink: TapSink, calls: Collection[str] = CALLS) -> None:
@@ -87,7 +87,7 @@ class Tap:
     def _tapped(self, name: str, method: Callable[..., Any]) -> Callable[..., Any]:
         parameters = tuple(inspect.signature(method).parameters)
 
-        @functools.wraps(method)  # a second tap has to see its parameters
+        @functools.wraps(method)  # a second tap needs its parameters
         def tapped(*args: Any, **keywords: Any) -> Any:  # noqa: ANN401 (as the method has it)
             if self._is_inside:
                 return method(*args, **keywords)
@@ -112,17 +112,17 @@ def call_engine(engine: Engine, name: str, arguments: dict[str, Any]) -> object:
     Args:
         engine: The engine.
         name: One of `CALLS`.
-        arguments: By parameter.
+        arguments: The arguments by parameter name.
 
     Raises:
-        Exception: What the call raises.
+        Exception: Whatever the call raises.
     """
     part, method = _part(engine, name)
     return getattr(part, method)(**arguments)
 
 
 def method_of(name: str) -> Callable[..., Any]:
-    """Return the method of a call as its class has it, for its parameters."""
+    """Return the method of a call as its class defines it, for its parameters."""
     path, _, method = name.rpartition(".")
     found: Callable[..., Any] = getattr(_PARTS[path], method)
     return found
@@ -137,6 +137,6 @@ def _methods(
 
 
 def _part(engine: Engine, name: str) -> tuple[object, str]:
-    """Return what has the method of a call, and the method's own name."""
+    """Return the object with the method of a call, and the method's own name."""
     path, _, method = name.rpartition(".")
     return (getattr(engine, path) if path else engine), method

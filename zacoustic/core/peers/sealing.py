@@ -67,6 +67,8 @@ class Refusal(Enum):
     """Authentic, and of a life of its source that is over."""
     CLONE = "clone"
     """Authentic, and of this node's address, but it has not sent it."""
+    FORBIDDEN = "forbidden"
+    """Authentic, but a record in it, or its command, is not for its source to give."""
 
 
 class Inside(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,1 +1,1 @@
-"""Wire profiles: which transports a node speaks, and how a frame is taken apart."""
+"""Wire profiles: the transports that a node speaks, and how a frame is decoded."""

@@ -6,7 +6,7 @@ import msgspec
 
 
 class EntityKind(IntEnum):
-    """The kind of an entity; the numbers are those of the wire."""
+    """The kind of an entity, with its number on the wire."""
 
     PUBLISHER = 0
     SUBSCRIPTION = 1
@@ -18,30 +18,30 @@ class DiscoverySpec(msgspec.Struct, frozen=True, kw_only=True):
     """Settings of discovery."""
 
     beacon_id: int | None = None
-    """Stream id of beacons, 1…255; None: none are sent or read."""
+    """Stream id of beacons, 1…255; None: no beacons are sent or read."""
     request_id: int | None = None
-    """Stream id of requests, 1…255; None: none are sent or answered."""
+    """Stream id of requests, 1…255; None: no requests are sent or answered."""
     node_name: str = "zacoustic"
     """Name of this node in its beacons."""
 
 
 class RosEntitySeen(msgspec.Struct, frozen=True, kw_only=True):
-    """A node of rmw_desert has announced an entity, or that one is gone."""
+    """A node of rmw_desert has announced an entity, or that an entity is gone."""
 
     node: str
     """Name of the node."""
     namespace: str
     """Its namespace."""
     kind: EntityKind
-    """What it is."""
+    """Its kind."""
     gid: bytes
-    """Identifies it."""
+    """Its identifier."""
     topic: str
-    """Topic or service; empty when it leaves."""
+    """The topic or service; empty when it leaves."""
     type: str
-    """Type of the samples; of requests for a client, of responses for a service; empty when it
+    """The type of the samples, of a client's requests or of a service's responses; empty when it
     leaves."""
     leaves: bool
-    """It is gone."""
+    """Whether it is gone."""
     seen_at: int
-    """Instant, ns."""
+    """Instant of the announcement, ns."""

@@ -1,8 +1,8 @@
 """What a node transmits and receives on one link: the part that all wires share.
 
 The transmit queue with its lanes, priorities and lifespans is the same on every wire. So are
-deadlines, and what is around a wire: medium access, silence and airtime caps. What a wire does not
-have is absent, and commands to it do nothing.
+deadlines and what surrounds a wire: medium access, silence and airtime caps. Mechanisms that a wire
+lacks are absent, and commands to them do nothing.
 """
 # ruff: noqa: B027
 
@@ -37,15 +37,15 @@ class Profile(ABC):
     """
 
     services: Services | None = None
-    """Carry remote commands; None: there are none on this wire."""
+    """Carry remote commands; None: this wire has none."""
     actions: Actions | None = None
-    """Commands about goals; None: there are none on this wire."""
+    """Take commands about goals; None: this wire has none."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._stats = context.stats
         self.queue = context.queue
-        """What waits."""
+        """The waiting records."""
         self.ranging = Ranging(
             context.address,
             context.table,
@@ -53,7 +53,7 @@ class Profile(ABC):
             context.generators.of("ranging"),
             context.emit,
         )
-        """The ranges that are wanted."""
+        """The wanted ranges."""
         self.repeater = Repeater(
             context.queue,
             context.peers,
@@ -61,13 +61,13 @@ class Profile(ABC):
             context.timers,
             context.generators.of("repeater"),
         )
-        """Repeats what was not answered yet."""
+        """Repeats records that have no answer yet."""
         self.subscriptions = Subscriptions(context, self.repeater)
         """On-demand topics."""
         self.deadlines = Deadlines(context, self.subscriptions)
-        """Topics of which a sample is awaited."""
+        """Watches for missing samples of topics with a deadline."""
         self.transports: MappingProxyType[str, Transport] = MappingProxyType({})
-        """Transports of somebody else, by name."""
+        """Third-party transports, by name."""
         context.peers.forgotten.connect(self.ranging.peer_forgotten)
 
     # Commands
@@ -82,7 +82,7 @@ class Profile(ABC):
 
     @abstractmethod
     def cancel(self, call_id: int, now: int) -> None:
-        """Give up a call; see `Engine.cancel`."""
+        """Cancel a call; see `Engine.cancel`."""
 
     @abstractmethod
     def reply(self, call: CallKey, value: object, now: int) -> bool:
@@ -93,7 +93,7 @@ class Profile(ABC):
         """Answer a request with an error; see `Engine.reply_error`."""
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
-        """Give up a reliable sample; see `Engine.cancel_delivery`."""
+        """Cancel a reliable sample; see `Engine.cancel_delivery`."""
         return False
 
     def refuse_object(self, source: int, transfer: int, now: int) -> bool:
@@ -109,31 +109,31 @@ class Profile(ABC):
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is journalled: no other life of the node has it."""
+        """Whether the boot epoch is journalled, so that the node will not use it again."""
         return self._context.epoch.may_speak
 
     @property
     def is_idle(self) -> bool:
-        """Nothing waits."""
+        """Whether nothing waits."""
         return not self.queue
 
     def owes_acknowledgement(self, now: int) -> bool:
-        """Tell whether an acknowledgement waits."""
+        """Return whether an acknowledgement waits."""
         return False
 
     def pending(self, stream_id: int) -> int:
-        """Count the payloads of a stream that wait."""
+        """Return how many payloads of a stream wait."""
         return self.queue.pending(stream_id)
 
     def delivering(self, stream_id: int) -> int:
-        """Count the reliable samples of a stream that have not ended."""
+        """Return how many reliable samples of a stream have not ended."""
         return 0
 
     def is_delivering(self, delivery_id: int) -> bool:
-        """Tell whether a reliable sample has not ended."""
+        """Return whether a reliable sample has not ended."""
         return False
 
-    # What is said and heard
+    # Transmission and reception
 
     @abstractmethod
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
@@ -148,31 +148,31 @@ class Profile(ABC):
         """Make the frame that is worth most now, or return None."""
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Make a frame of what waits in one lane, or return None."""
+        """Make a frame of one lane's payloads, or return None."""
         return None
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame for the medium access alone, or return None."""
+        """Make a frame with only the controls of medium access, or return None."""
         return None
 
     @property
     def is_exclusive(self) -> bool:
-        """The transfer under way needs the channel for itself."""
+        """Whether the transfer under way needs the channel to itself."""
         return False
 
     def has_fragment(self, now: int) -> bool:
-        """Whether a fragment of an object is due, which fills its frame."""
+        """Return whether a fragment of an object is due, which fills its frame."""
         return False
 
     def hold(self, stream_id: int, until: int) -> None:
-        """Send nothing of a stream before an instant."""
+        """Hold everything of a stream until an instant, ns."""
         self.queue.hold(stream_id, until)
 
     @abstractmethod
     def receive(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> tuple[int, ...]:
-        """Take a frame apart; returns the streams of what was in it."""
+        """Decode a frame; return the streams of its content."""
 
     def receive_unsealed(
         self,
@@ -182,30 +182,30 @@ class Profile(ABC):
         allowed: Set[int],
         now: int,
     ) -> tuple[int, ...]:
-        """Take samples of some topics out of a frame that is not sealed; returns their streams."""
+        """Take samples of the allowed topics from an unsealed frame; return their streams."""
         return ()
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
-        """Learn from a frame for somebody else when its sender listens."""
+        """Learn from a frame for another node when its sender listens."""
 
-    # The life of the engine
+    # Life cycle of the engine
 
     def begin(self, now: int) -> None:
-        """Take note of the first instant of the life; no effect later on."""
+        """Record the first instant since the restart; later calls have no effect."""
 
     def recover(self) -> None:
-        """Continue what a former life has left, except for its boot epoch."""
+        """Restore the journal's entries, except for the boot epoch."""
 
     @abstractmethod
     def use_link(self, port: LinkPort, now: int) -> None:
-        """Take the airtimes of a link, and drop what is too large for it."""
+        """Set the link's airtimes, and drop what is too large for it."""
 
     @abstractmethod
     def link_up(self, now: int) -> None:
-        """The link is up."""
+        """Begin or resume work: the link is up."""
 
     def note(self, now: int) -> None:
-        """A callback follows that is not given the instant: keep it."""
+        """Record the instant for a callback that follows and does not take it."""
 
     def handle_timeout(self, now: int) -> None:
-        """The node is awake, and timers may be due: do what has no timer of its own."""
+        """Do, while the node is awake, the work that has no timer of its own."""

@@ -1,4 +1,4 @@
-"""Rules of transmission from the configuration: access, silence, airtime, commands, objects."""
+"""Rules of transmission from the config: access, silence, airtime, commands, objects."""
 
 import msgspec
 
@@ -15,53 +15,54 @@ from zacoustic.errors import ConfigError
 
 
 class LinkRules(msgspec.Struct, frozen=True, kw_only=True):
-    """Rules of one link of several."""
+    """Rules of one of several links."""
 
     name: str
     """Its name."""
     access: AccessSpec | None = None
-    """Medium access; None: as the link says."""
+    """Medium access; None: chosen by the link's capabilities."""
     max_airtime: float | None = None
-    """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
-    None: all of it."""
+    """Share of the time that the node may transmit, above 0, at most 1, not counting REAL_TIME;
+    None: no cap."""
     port: int | None = None
-    """Its number in what is sealed, 0…127, the same at both ends; None: its place in the list."""
+    """The link's number in sealed frames, 0…127, the same at both ends; None: its index in the
+    list."""
 
 
 class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """When, and how much, a node may transmit."""
 
     access: AccessSpec | None = None
-    """Medium access; None: as the link says."""
+    """Medium access; None: chosen by the link's capabilities."""
     quiet: tuple[QuietWindow, ...] = ()
-    """Hours of each day in which nothing is transmitted."""
+    """Hours of each day without transmission."""
     objects: ObjectLimits = ObjectLimits()
-    """How much memory samples larger than a frame may take."""
+    """How much memory samples may take that are larger than a frame."""
     max_airtime: float | None = None
-    """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
-    None: all of it."""
+    """Share of the time that the node may transmit, above 0, at most 1, not counting REAL_TIME;
+    None: no cap."""
 
     commands_from: frozenset[int] | None = None
-    """Addresses of the nodes whose commands over the channel this one executes; None: those
-    listed."""
+    """Addresses of the nodes whose commands over the channel this one executes; None: all nodes of
+    the table."""
     contact: ContactRules = ContactRules()
-    """Heartbeats of the node, and the time after which others are lost."""
+    """Heartbeats of the node, and the time after which other nodes count as lost."""
     agreement: AgreementMethod = AgreementMethod.CONFIRM
-    """How much is said and answered to agree on tables."""
+    """How much is sent and answered to agree on tables."""
     discovery: DiscoverySpec | None = None
-    """Beacons of rmw_desert, if the wire is that; None: none."""
+    """Beacons of rmw_desert, on that wire; None: none."""
     sealing: SealRules = SealRules()
-    """Which frames get the long tag, and what is padded, where there is a key."""
+    """Which frames get the long tag and what is padded, if there is a key."""
 
     port: int | None = None
-    """As `LinkRules.port`, where there is one link."""
+    """As `LinkRules.port`, for a single link."""
     links: tuple[LinkRules, ...] = ()
-    """The links; whatever names none goes by the first. Empty: one link, with the rules above."""
+    """The links; a stream without a link uses the first. Empty: one link with the rules above."""
     routes: dict[int, str] = {}
-    """Stream id → name of its link; other streams go by the first link."""
+    """Name of the link by stream id; other streams use the first link."""
 
     def on_one_link(self) -> "TransmitRules":
-        """Return these rules for a node that has one link, by which all streams go."""
+        """Return these rules for a node with one link for all streams."""
         port = self.links[0].port if self.links else self.port
         return msgspec.structs.replace(self, links=(), routes={}, port=port)
 
@@ -70,7 +71,7 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
         """The rules of each link, at least one.
 
         Raises:
-            ConfigError: Two links have one name, or a stream goes by a link that is not there.
+            ConfigError: Two links have the same name, or a stream uses a link that does not exist.
         """
         one = LinkRules(
             name=ONE_LINK, access=self.access, max_airtime=self.max_airtime, port=self.port
@@ -89,16 +90,16 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def of_peers(self) -> PeerRules:
-        """Return how the other nodes are treated, whatever the link."""
+        """Return how to treat the other nodes, on any link."""
         return PeerRules(contact=self.contact, agreement=self.agreement)
 
     @property
     def schedule(self) -> TdmaSpec | None:
-        """The time slots that are kept on a link; None: there are none."""
+        """The TDMA schedule of the first link that has one; None: none has."""
         slots = (each.access for each in self.of_links)
         return next((each for each in slots if isinstance(each, TdmaSpec)), None)
 
     @property
     def clock_error_s(self) -> float:
-        """Largest error of the host's clock, s, as the schedule states."""
+        """Largest error of the host's clock by the schedule, s; 0: there is no schedule."""
         return self.schedule.clock_error_s if self.schedule is not None else 0.0

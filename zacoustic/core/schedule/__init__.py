@@ -1,1 +1,1 @@
-"""When a frame goes, and what is in it: queue, composer, port, medium access, silence, airtime."""
+"""When a frame goes and what it holds: queue, composer, port, medium access, silence, airtime."""

@@ -1,13 +1,13 @@
-"""Airtime caps: how much of the time a stream, or the node, may be on the air.
+"""Airtime caps: the share of the time that a stream, or the node, may transmit.
 
 A cap is a share, such as 0.1, kept as an account. The share of the passing time is paid in, up to
 the share of ten minutes, and the duration of each frame is taken out. A stream with a debt waits
 until its account is even. So a frame may cause a debt, but over a long time the share holds, and a
-photo once an hour is not slowed down by a cap that an hour allows.
+cap that allows one photo per hour does not slow that photo down.
 
-Each stream pays for its bytes in a frame; preamble, envelope and acknowledgements are shared out in
-the same proportion. Frames of no stream, such as a question about a table, are paid by the node
-alone.
+Each stream pays for its bytes in a frame; preamble, envelope and acknowledgements are divided in
+the same proportion. The node alone pays for frames without a stream, such as a question about a
+table.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ _SAVED_NS: Final = 600 * NS_PER_S
 
 
 class AirtimeAccount:
-    """One cap.
+    """The account of one cap.
 
     Args:
         share: Share of the time, above 0, at most 1.
@@ -33,12 +33,12 @@ class AirtimeAccount:
         self._reckoned_at = 0
 
     def spend(self, airtime_ns: float, now: int) -> None:
-        """Take out what a frame lasts."""
+        """Take out the airtime of a frame."""
         self._balance_ns = self._balance(now) - airtime_ns
         self._reckoned_at = now
 
     def even_at(self, now: int) -> int:
-        """Return the instant from which it is not in the red; `now` or before: it is not."""
+        """Return the instant from which it has no debt, ns; `now` if it has none."""
         balance_ns = self._balance(now)
         return now if balance_ns >= 0 else now + int(-balance_ns / self._share) + 1
 
@@ -51,7 +51,7 @@ class AirtimeCaps:
     """The caps of one node.
 
     Args:
-        total: Share of the node; None: no cap.
+        total: The node's share; None: no cap.
     """
 
     def __init__(self, total: float | None) -> None:
@@ -59,7 +59,7 @@ class AirtimeCaps:
         self._total = None if total is None else AirtimeAccount(total)
 
     def limit(self, stream_id: int, share: float | None) -> None:
-        """Give a stream a cap; None: none."""
+        """Set the cap of a stream; None: no cap."""
         if share is not None:
             self._streams[stream_id] = AirtimeAccount(share)
 
@@ -67,12 +67,12 @@ class AirtimeCaps:
         """Pay for a frame.
 
         Args:
-            record_bytes: Bytes of the records of each stream in it.
-            airtime_ns: How long it lasts.
+            record_bytes: Bytes of each stream's records in it.
+            airtime_ns: Its airtime, ns.
             now: Instant at which it starts.
 
         Returns:
-            The streams that are in the red now, each with the instant until which it has to wait.
+            The streams with a debt, each with the instant until which it must wait.
         """
         if self._total is not None:
             self._total.spend(airtime_ns, now)
@@ -88,5 +88,5 @@ class AirtimeCaps:
         return held
 
     def free_at(self, now: int) -> int:
-        """Return the instant from which the node may transmit, but for what is urgent."""
+        """Return the instant from which the node may transmit frames that are not urgent, ns."""
         return now if self._total is None else self._total.even_at(now)

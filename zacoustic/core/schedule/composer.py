@@ -2,17 +2,17 @@
 
 Order of decisions:
 
-1. The best offer decides the destination. A REAL_TIME payload goes before all, then a heartbeat,
-   then objects and payloads by their rank. What is owed to a node for too long, and a range that is
-   due, go just before the best payload. While feedback about an object is awaited, only objects and
-   REAL_TIME payloads go. What medium access has to say by itself goes when nothing else may.
+1. The best offer decides the destination. A REAL_TIME payload goes first, then a heartbeat, then
+   objects and payloads by their rank. What was owed to a node for too long, and a due ranging, go
+   just before the best payload. While feedback about an object is awaited, only objects and
+   REAL_TIME payloads go. Medium access gets a frame of its own when no other frame may go.
 2. The introduction that the hearers need (`zacoustic.core.peers.handshake`).
 3. What is owed to the hearers: confirmations, answers, questions.
-4. Further payloads by value, as long as they fit and concern the hearers: in a broadcast frame
-   all that is not meant for one node alone, in a unicast frame what that node needs.
-5. What is to be acknowledged of dense blocks, where there is room left for it.
+4. Further payloads by value, as long as they fit and concern the hearers: in a broadcast frame all
+   that is not meant for one node alone, in a unicast frame what that node needs.
+5. Acknowledgements of dense blocks, where there is room left.
 
-How records share a frame is the affair of `zacoustic.core.schedule.filling`.
+`zacoustic.core.schedule.filling` decides how records share a frame.
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,8 @@ from zacoustic.core.wire.controls import EXTENSION_HEADER_BYTES, LONGEST_EXTENSI
 from zacoustic.core.wire.frame import PADDING
 
 _GIVE_WAY_PERIODS: Final = 2
-"""For so many runs and pauses ranges wait behind what presses: it goes again in a pause."""
+"""For how many runs and pauses ranging gives way to a pressing payload, which is sent again in a
+pause."""
 
 
 class Composed(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,24 +52,24 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     frame_bytes: bytes
     """With envelope."""
     records: tuple[Waiting, ...] = ()
-    """Its records, in their order, fragments excepted."""
+    """Its records in their order, without a fragment."""
     object_stream: int | None = None
-    """Stream of the fragment that is in it, or None."""
+    """The stream of the fragment in it, or None."""
     acknowledge: bool = False
-    """The modem is to be asked for an acknowledgement."""
+    """Whether to ask the modem for an acknowledgement."""
     parts: tuple[Part, ...] = ()
-    """Who is told what becomes of it."""
+    """Receive the begin and the end of its transmission."""
 
     @property
     def streams(self) -> tuple[int, ...]:
-        """Streams of its records, in their order."""
+        """The streams of its records, in their order."""
         if self.object_stream is not None:
             return (self.object_stream,)
         return tuple(record.stream_id for record in self.records)
 
     @property
     def stream_bytes(self) -> dict[int, int]:
-        """Bytes of the records of each stream in it."""
+        """Bytes of each stream's records in it."""
         if self.object_stream is not None:
             return {self.object_stream: len(self.frame_bytes)}
         sizes: dict[int, int] = {}
@@ -78,26 +79,26 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Ingredients(msgspec.Struct, frozen=True, kw_only=True):
-    """What the frames of one node on one link are made of, beside the handshake."""
+    """The sources of the frames of one node on one link, beside the handshake."""
 
     queue: TransmitQueue
-    """What waits."""
+    """The waiting records."""
     dense: DenseSource
-    """Writes dense blocks."""
+    """Encodes dense blocks."""
     ranging: Ranging
-    """The ranges that are wanted."""
+    """The wanted ranges."""
     objects: ObjectSource
-    """Fragments, and what is to be said of those that arrived."""
+    """Fragments, and feedback about incoming ones."""
     heartbeats: Heartbeats
-    """What goes when nothing else has gone for long."""
+    """Frames for a node that has sent nothing for long."""
     seal: Unsealed
     """Closes the frames."""
     extensions: Sequence[ExtensionSource] = ()
-    """Transports of somebody else."""
+    """Third-party transports."""
 
 
 class _Owed:
-    """What is owed to other nodes on one link, as a source of frames."""
+    """What one link owes to other nodes, as a source of frames."""
 
     def __init__(self, handshake: Handshake, link: str) -> None:
         self._handshake = handshake
@@ -111,7 +112,7 @@ class _Owed:
 
 
 class _Draft:
-    """A frame while it is filled: what it says beside records, and the room that is left."""
+    """A frame while it is filled: its content beside records, and the room left."""
 
     def __init__(self, destination: int, room_bytes: int, closing: Closing) -> None:
         self.destination = destination
@@ -123,18 +124,18 @@ class _Draft:
 
     @property
     def is_empty(self) -> bool:
-        """It says nothing yet."""
+        """Whether it has no content yet."""
         return not self.introduction and not self._said
 
     def say(self, cause: Cause, said: bytes, part: Part | None = None) -> None:
-        """Put something into it."""
+        """Add content."""
         self._said.append((cause, said))
         self.room_bytes -= len(said)
         if part is not None:
             self.parts.append(part)
 
     def attribute(self, stats: EngineStats) -> None:
-        """Count its bytes."""
+        """Attribute its bytes in the statistics."""
         stats.attribute(NO_STREAM, Cause.HELLO, len(self.introduction))
         for cause, said in self._said:
             stats.attribute(NO_STREAM, cause, len(said))
@@ -149,8 +150,8 @@ class Composer:
 
     Args:
         link: Name of the link.
-        handshake: What has to be said beside the ingredients.
-        made_of: The ingredients.
+        handshake: Provides introductions and what is owed.
+        made_of: The sources of the frames.
         stats: Counts every byte.
     """
 
@@ -171,13 +172,13 @@ class Composer:
             made_of.heartbeats, made_of.objects, _Owed(handshake, link), made_of.ranging,
             *made_of.extensions, made_of.queue,
         )  # fmt: skip
-        """Of equal offers the first one is taken; the last is that of the best payload."""
+        """Of equal offers the first one wins; the last source is that of the best payload."""
         self._not_objects = tuple(each for each in self._sources if each is not made_of.objects)
         self._stats = stats
         self._since_introduction = 0
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame of what medium access has to say, and nothing else."""
+        """Make a frame with only the controls of medium access."""
         room_bytes = port.envelope.room_bytes - self._seal.overhead_bytes
         said = port.access.controls(room_bytes, now, alone=True)
         if not said:
@@ -185,7 +186,7 @@ class Composer:
         return self._controls(port, port.access.answers_to, [(Cause.ACCESS, said)], now)
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+        """Return the instant from which a frame should go, ns; None: nothing to send."""
         earliest: int | None = None
         for source in self._not_objects:  # a plain loop: simulations spend most of their time here
             at = source.due_at(now)
@@ -200,14 +201,14 @@ class Composer:
         return min(earliest, object_at)
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Make a frame of what waits in one lane, with what its hearer needs beside it."""
+        """Make a frame of one lane's payloads, with what their hearer needs beside them."""
         first = next(self._queue.candidates(now, lane), None)
         if first is None:
             return None
         return self._fill(port, Offer(destination=first[1].destination, lane=lane), now)
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
-        """Make the frame that is worth most now, or return None when nothing is to be said."""
+        """Make the frame that is worth most now; return None when there is nothing to send."""
         in_vain: list[Offer] = []
         while (offer := self._best(now, in_vain)) is not None:
             fill = self._fill_fragment if offer.is_fragment else self._fill
@@ -218,7 +219,7 @@ class Composer:
         return None
 
     def _best(self, now: int, in_vain: list[Offer]) -> Offer | None:
-        """Return the best of what is offered, but for what made no frame."""
+        """Return the best offer, except for those that made no frame."""
         *others, payload = (source.offer(now) for source in self._sources)
         rank = BESIDE_PAYLOAD if payload is None else max(payload.rank, FIRST_BUT_URGENT)
         to_all = payload is not None and payload.destination == BROADCAST
@@ -235,7 +236,7 @@ class Composer:
         return best
 
     def _fill_fragment(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
-        """Make the frame of a fragment, or the introduction that has to go before it."""
+        """Make the frame of a fragment, or the introduction that must precede it."""
         destination = offer.destination
         room_bytes = port.envelope.room_bytes - self._seal.fragment_overhead_bytes
         tells_all = self._introductions.concerns_others(destination) and port.reaches_all(
@@ -256,7 +257,7 @@ class Composer:
             if self._introductions.concerns_others(destination) and port.reaches_all(
                 len(taken.record) + self._seal.fragment_overhead_bytes
             ):
-                destination = BROADCAST  # that a pause follows concerns everybody
+                destination = BROADCAST  # the pause that follows concerns all nodes
         if taken.is_first:
             count(self._stats.transmitted, taken.stream_id)
         cause = Cause.REPAIR if taken.is_repair else Cause.PAYLOAD
@@ -274,8 +275,8 @@ class Composer:
         )
 
     def _introduces_fragment(self, port: LinkPort, destination: int, now: int) -> bool:
-        """Tell whether a frame goes before a fragment, which fills its own, to introduce us."""
-        # The last fragment of a run tells everybody of the pause, so it goes first.
+        """Return whether this node must introduce itself before a fragment goes."""
+        # The last fragment of a run announces the pause to all nodes, so it goes first.
         if not self._introductions.is_unconfirmed(destination, now) or port.ends_run_now(now):
             return False
         self._since_introduction += 1
@@ -307,18 +308,18 @@ class Composer:
         is_pressing: bool = False,
         needs_no_table: bool = False,
     ) -> Composed:
-        """Put seal and envelope around all that a frame says, and see who is told of it.
+        """Close a frame, add its envelope, and collect the parts that follow its transmission.
 
         Args:
             port: The link.
             destination: Address, or `BROADCAST`.
-            content: What stands in them.
+            content: Its content.
             now: The instant.
             closing: How it is closed.
-            records: What of it comes from the queue.
-            object_stream: Stream of the fragment that is in it.
-            parts: What else of it is told what becomes of it.
-            is_pressing: It carries what may go again before anything can have come back.
+            records: Its records from the queue.
+            object_stream: The stream of its fragment.
+            parts: Further parts that follow its transmission.
+            is_pressing: It carries a payload that may be repeated before any answer can come.
             needs_no_table: It has a HELLO, or no record of any stream.
         """
         closed = self._seal.close(
@@ -343,8 +344,8 @@ class Composer:
         )
 
     def _fill(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
-        """Make a frame of what is owed to its hearers and of payloads; None: nothing is said."""
-        # Who waits for an answer listens for as long as a short frame takes.
+        """Make a frame of what is owed to its hearers and of payloads; None: it would be empty."""
+        # A node that awaits an answer listens only for as long as a short frame takes.
         first = None if offer.is_answer else next(self._concerning(offer, now), None)
         lane, item = first or (None, None)
         priority = lane.qos.priority if lane else None
@@ -368,7 +369,7 @@ class Composer:
         self._handshake.spoken(self._link, draft.destination, now)
         items = filling.items if filling is not None else ()
         if lane and item and draft.introduction and not items and not self._queue.fits(item):
-            # Beside a TAG it has no room, ever: it gives its turn to that, as if it had been lost.
+            # It never has room beside a TAG: it gives its turn to the TAG, as if it had been lost.
             self._queue.take(lane, now)
             draft.parts += filter(None, [item.part])
         if draft.is_empty and not items:
@@ -392,7 +393,7 @@ class Composer:
         )
 
     def _answer(self, draft: "_Draft", now: int) -> None:
-        """Say what its hearer waits for while it sends an object."""
+        """Add the feedback that the hearer awaits while it sends an object."""
         if draft.destination == BROADCAST:
             return
         feedback = self._objects.take_feedback(draft.destination, draft.room_bytes, now)
@@ -402,10 +403,10 @@ class Composer:
     def _agree(
         self, draft: "_Draft", offer: Offer, first: tuple[Lane, Waiting] | None, now: int
     ) -> bool:
-        """Say who this node is and what it owes, beside the first payload of the frame.
+        """Add the introduction and what is owed, beside the first payload of the frame.
 
         Returns:
-            Whether there is a first payload, and room for it.
+            Whether there is a first payload and room for it.
         """
         destination = draft.destination
         first_bytes = first[1].size_bytes if first else 0
@@ -423,7 +424,7 @@ class Composer:
         elif offer.must_go:
             if offer.must_go is Cause.HEARTBEAT:
                 self._introduce(draft, 0, now)
-            # For a range no introduction: it would have to be answered, and that is not wanted.
+            # No introduction for ranging alone: it would require an answer, which is not wanted.
             self._owe(draft, 0, now)
         return goes
 
@@ -441,7 +442,7 @@ class Composer:
             draft.say(cause, control)
 
     def _extend(self, draft: "_Draft", reserved_bytes: int, now: int) -> None:
-        """Say what transports of somebody else have to say, as far as it fits."""
+        """Add the extensions of third-party transports, as far as they fit."""
         for source in self._extensions:
             room_bytes = draft.room_bytes - reserved_bytes - EXTENSION_HEADER_BYTES
             body_bytes = min(room_bytes, LONGEST_EXTENSION_BYTES)
@@ -452,7 +453,7 @@ class Composer:
                 draft.say(Cause.EXTENSION, said.extension.encode(), said.part)
 
     def _arrange(self, draft: "_Draft", port: LinkPort, first_bytes: int, now: int) -> None:
-        """Say what medium access has to say, and leave no more room than suits it."""
+        """Add the controls of medium access, and limit the room to the size that it prefers."""
         said = port.controls(
             draft.room_bytes - first_bytes,
             self._queue.waiting_bytes,
@@ -468,14 +469,14 @@ class Composer:
             draft.room_bytes = min(draft.room_bytes, most_bytes)
 
     def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, Waiting]]:
-        """Yield the candidates that its frame may carry."""
+        """Yield the candidates that the frame may carry."""
         to_all = offer.destination == BROADCAST
         for lane, item in self._queue.candidates(now, offer.lane):
             if item.destination == offer.destination or (to_all and not item.for_one_node):
                 yield lane, item
 
     def _choose(self, offer: Offer, draft: "_Draft", now: int, *, introduced: bool) -> Filling:
-        """Take payloads until no more fits."""
+        """Take payloads until no more fit."""
         filling = Filling(
             offer.destination, draft.room_bytes, now, self._dense, introduced=introduced
         )

@@ -1,8 +1,8 @@
 """What the components of an engine share; each takes what it needs when it is made.
 
-What a node knows of another one holds on every link: its table, its life, its presence. So do the
-journal and the boot epoch. What depends on airtimes is separate for each link: the queue,
-repetitions and their pauses, windows of numbers, runs of objects, counters.
+What a node knows of another node holds on every link: its table, its boot epoch, its presence. So
+do the journal and the node's own boot epoch. What depends on airtimes is separate for each link:
+the queue, repetitions and their pauses, number windows, runs of objects, counters.
 """
 
 import random
@@ -39,18 +39,18 @@ _SEALING = SealRules()
 
 
 class NodeContext:
-    """What a node has once, however many links it has.
+    """The components that a node has once, however many links it has.
 
     Args:
         address: Address of the node, 1…254.
         table: Its streams.
         epoch: Its boot epoch, 0…65535.
         rng: Source of all randomness; one number is drawn from it.
-        stored: What the journal has kept from earlier lives.
-        rules: How the other nodes are treated.
+        stored: The content of the journal, from earlier boot epochs.
+        rules: How to treat the other nodes.
         emit: Takes events.
         cipher: Has the keys of the fleet; None: frames are not sealed.
-        sealing: What the config says of sealing.
+        sealing: The sealing settings of the config.
     """
 
     def __init__(
@@ -71,27 +71,27 @@ class NodeContext:
         self.emit = emit
         """Takes an event for the application."""
         self.generators = Generators(rng)
-        """Random numbers, of each component its own."""
+        """Random number generators, one for each component."""
         self.journal = JournalPort()
-        """Keeps what is to survive."""
+        """Holds what must survive a restart."""
         self.timers = Timers()
-        """Call back when something is due."""
+        """Call components back when an instant has come."""
         self.stats = EngineStats()
         self.peers = Peers()
-        """The other nodes, and signals of what becomes of them."""
+        """The other nodes, and signals about them."""
         self.measurements = Measurements(self.peers)
-        """What was measured of peers and modem."""
+        """Measurements of peers and modem."""
         self.doubt = Doubt(address, table, stored, self.journal, emit)
-        """Whether something of former lives is forgotten."""
+        """Whether something from earlier boot epochs is forgotten."""
         self.seal: Seal | None = None
         """Seals and opens frames; None: they are not sealed."""
         if cipher is not None:
             self.seal = Seal(address, epoch, cipher, self.journal, stored, self._announced)
             self.peers.restarted.connect(lambda peer, life, now: self._reintroduce(peer))
         self.alarms = SealAlarms(emit)
-        """Tell of frames that were refused."""
+        """Report refused frames."""
         self.sealing = sealing
-        """What the config says of sealing."""
+        """The sealing settings of the config."""
         self.handshake = Handshake(
             address,
             epoch,
@@ -100,11 +100,11 @@ class NodeContext:
             self.generators.of("handshake"),
             SEALED if cipher is not None else POLICIES[rules.agreement],
         )
-        """What is agreed with the others."""
+        """What is agreed with the other nodes."""
         self.lives = Lives(table, stored, self.journal, self.peers)
-        """Which lives of others are over."""
+        """Which boot epochs of other nodes are over."""
         self.contact = Contact(address, rules.contact, self.peers, self.timers, emit)
-        """Who is lost."""
+        """Which nodes are lost."""
         self.epoch = BootEpoch(self.handshake, self.journal, self.seal)
         """The boot epoch."""
 
@@ -123,10 +123,10 @@ class Context:
     """The node on one link.
 
     Args:
-        node: What is there once.
+        node: The components that all links share.
         link: Name of the link.
-        index: Which of the node's links it is; the first is 0.
-        port: Its number in what is sealed, the same at both ends; None: the index.
+        index: Index of the link at this node; the first is 0.
+        port: The link's number in sealed frames, the same at both ends; None: the index.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Context:
     ) -> None:
         apart = index > 0
         self.port_number = index if port is None else port
-        """Number of the link in what is sealed."""
+        """The link's number in sealed frames."""
         self.node = node
         self.link = link
         """Name of the link."""
@@ -142,32 +142,32 @@ class Context:
         self.table = node.table
         common = {key: node.stored[key] for key in (LIFE_KEY, BOOT_KEY) if key in node.stored}
         self.stored = {**stored_apart(node.stored, link if apart else None), **common}
-        """What the journal has kept of this link, and which life this is."""
+        """The journal's content for this link, and the number of this boot."""
         self.ids = LinkIds(link, index)
-        """The ids that the application sees."""
+        """Maps ids of this link to those that the application sees."""
         self.generators = node.generators.apart(link) if apart else node.generators
-        """Random numbers, of each component its own."""
+        """Random number generators, one for each component."""
         self.journal = node.journal.apart(link) if apart else node.journal
-        """Keeps what is to survive."""
+        """Holds what must survive a restart."""
         self.timers = node.timers.apart(link) if apart else node.timers
-        """Call back when something is due."""
+        """Call components back when an instant has come."""
         self.stats = node.stats.on(link)
         self.peers = node.peers
-        """The other nodes, and signals of what becomes of them."""
+        """The other nodes, and signals about them."""
         self.doubt = node.doubt
-        """Whether something of former lives is forgotten."""
+        """Whether something from earlier boot epochs is forgotten."""
         self.handshake = node.handshake
-        """What is agreed with the others."""
+        """What is agreed with the other nodes."""
         self.lives = node.lives
-        """Which lives of others are over."""
+        """Which boot epochs of other nodes are over."""
         self.epoch = node.epoch
         """The boot epoch of the node."""
         self.reception = Reception()
-        """Dispatches what arrives to the components that registered."""
+        """Dispatches arriving messages to the components that registered for them."""
         self.queue = TransmitQueue()
         """Records that wait for a frame."""
         self.seal: Unsealed = Unsealed()
-        """Closes the frames of the link."""
+        """Closes the link's frames."""
         if node.seal is not None:
             self.reception.came_again.connect(node.seal.reintroduce)
             self.seal = LinkSeal(
@@ -175,14 +175,14 @@ class Context:
                 lambda: node.handshake.digest,
             )  # fmt: skip
         self.pacers = Pacers(node.peers, partial(node.handshake.introduce, link))
-        """When something may be repeated to the others."""
+        """When to repeat to each of the other nodes."""
         Statements(self.handshake, self.peers, self.lives, self.reception)
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)
 
     @property
     def is_sealed(self) -> bool:
-        """The frames of the link are sealed."""
+        """Whether the link's frames are sealed."""
         return self.node.seal is not None
 
     def emit(self, event: Any) -> None:  # noqa: ANN401 (each transport has its own events)

@@ -1,15 +1,15 @@
-"""How often a record is sent in a row, before an answer to it is awaited; and for how long it is.
+"""How often a record is sent in a row before an answer is awaited, and how long that takes.
 
 An answer takes a round trip, longer than a few short frames. So an emergency is sent four times at
 once. A node in a run hears only in its pauses, four seconds apart, and listens longer if it hears
 something there that it does not understand (`zacoustic.core.schedule.access.listening`). So
-commands go twice into such a pause, and what was not answered goes again into a later one: being a
-little late for a pause would cost four seconds.
+commands go twice into such a pause, and an unanswered one goes again into a later pause: arriving
+just after a pause would cost four seconds.
 
 Several nodes may have something urgent for the same node at the same time, such as a stop of two
-vehicles: all aim at the same pause, and all their copies collide there. So after the first row the
-number of copies is drawn, but for those that come too early, and a node that sends one more than
-the others is understood. Later on the pause is drawn as well, among the more pauses the more
+vehicles. All aim at the same pause, and all their copies collide there. So after the first row the
+number of copies is random, except for those that come too early, and a node that sends one more
+copy than the others is understood. Later the pause is random as well, among more pauses the more
 attempts were in vain.
 """
 
@@ -21,26 +21,27 @@ from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 
 MOST_COPIES: Final = {Priority.REAL_TIME: 4, Priority.INTERACTIVE_HIGH: 2}
-"""In a row. At 40 % loss one of four arrives in 97 of 100 cases, at 20 % one of two in 96."""
+"""Copies in a row. At 40 % loss one of four arrives in 97 of 100 cases, at 20 % one of two in
+96."""
 
 _ANOTHER_COPY: Final = 0.75
-"""Probability of another copy, after the first row."""
+"""Probability of another copy after the first row."""
 _MOST_PAUSES: Final = 4
-"""The next attempt goes into one of this many pauses of another node at most."""
+"""The next attempt goes into one of at most this many pauses of another node."""
 
 
 def follow(
     record: Waiting, priority: Priority, tries: int, times: LinkTimes, at: int, rng: random.Random
 ) -> bool:
-    """Tell whether a record that was just sent follows itself into a pause, and note it there.
+    """Return whether a record that was just sent is sent again at once, and mark it.
 
     Args:
         record: The record.
-        priority: Of its lane.
+        priority: The priority of its lane.
         tries: How often it was sent, copies included.
-        times: Of the link.
+        times: The link's airtimes.
         at: End of its last transmission, ns.
-        rng: Draws how many copies there are.
+        rng: Draws the number of copies.
     """
     record.copies += 1
     most, too_early = MOST_COPIES.get(priority, 1), 0
@@ -60,43 +61,43 @@ def follow(
 
 
 def is_emergency(priority: Priority, tries: int) -> bool:
-    """Tell whether a sample that was sent so often goes again, wherever its answer may be.
+    """Return whether a sample that was sent that often is sent again, wherever its answer may be.
 
-    Not so a request: its answer would come while its copies deafen the one that waits for it.
+    This is not for requests: the answer would come while the copies deafen the node that awaits it.
     """
     return priority is Priority.REAL_TIME and tries < MOST_COPIES[priority]
 
 
 def is_doubled(priority: Priority, tries: int) -> bool:
-    """Tell whether a sample with that many attempts goes twice: it was not answered before.
+    """Return whether a sample with that many tries is sent twice, since it was not answered before.
 
     Frames are lost, or collide with frames of the other end. The acknowledging node waits until the
-    second copy would have begun; so again this is not for requests.
+    second copy would have begun; so this is not for requests either.
     """
     return priority in MOST_COPIES and tries > 1
 
 
 def row_frames(priority: Priority) -> int:
-    """Return how many frames a repetition of a sample is, one at once behind the other."""
+    """Return how many frames, sent at once, a repetition of a sample has."""
     return 2 if priority in MOST_COPIES else 1
 
 
 def aimed_pause(
     pause_ns: int, priority: Priority, tries: int, times: LinkTimes, at: int, rng: random.Random
 ) -> int:
-    """Return a pause before a repetition, or how long it is to a pause of the others, ns.
+    """Return the pause before a repetition, ns, which may lead to a pause of the other nodes.
 
     Args:
-        pause_ns: As it was drawn.
-        priority: Of the record.
+        pause_ns: The pause as it was drawn, ns.
+        priority: The record's priority.
         tries: How often it was sent, copies included.
-        times: Of the link.
-        at: Since when an answer is awaited, ns.
-        rng: Draws which of the pauses of the others it is.
+        times: The link's airtimes.
+        at: Instant from which an answer is awaited, ns.
+        rng: Draws which pause of the other nodes it is.
     """
     if priority not in MOST_COPIES or times.listening is None:
         return pause_ns
-    # What has come of the first copy can be known by then, of the last maybe not.
+    # The outcome of the first copy can be known by then, that of the last perhaps not.
     since = times.listening.row_began_at(at)
     invited_at = times.listening.next_invitation_at(at, since + times.first_round_trip_ns)
     if invited_at is None:

@@ -1,13 +1,13 @@
 """The records of one frame: a selection that fits, in the order that needs the fewest delimiters.
 
-A payload shows where its record ends, or LEN does; the last record needs neither. So one record
-whose payload does not delimit itself moves to the end, and each other one costs two bytes more.
-Behind a HELLO or TAG the receiver may hold another table and cannot measure anything: there LEN
-delimits every record but the last. A dense block reaches to the end of the frame, so it is the
-last.
+Either a payload shows where its record ends, or LEN does; the last record needs neither. So one
+record whose payload does not delimit itself moves to the end, and each other such record costs two
+bytes more. After a HELLO or TAG the receiver may have another table and cannot measure anything, so
+there LEN delimits every record but the last. A dense block extends to the end of the frame, so it
+is the last.
 
-Samples of dense streams are taken as long as their packed records fit, or the block of all of
-them does; the block is written at the end, where it is not larger than the records.
+Samples of dense streams are taken as long as their packed records fit, or the block of all of them
+does. The block is written at the end if it is not larger than the records.
 """
 
 from zacoustic.core.base.linktypes import BROADCAST
@@ -24,10 +24,10 @@ class Filling:
 
     Args:
         destination: Address, or `BROADCAST`.
-        room_bytes: What there is for them.
+        room_bytes: Room for them, bytes.
         now: The instant.
-        dense: Writes dense blocks.
-        introduced: They stand behind a HELLO or TAG.
+        dense: Encodes dense blocks.
+        introduced: They follow a HELLO or TAG.
     """
 
     def __init__(
@@ -53,22 +53,22 @@ class Filling:
 
     @property
     def items(self) -> tuple[Waiting, ...]:
-        """All that is taken."""
+        """All payloads taken."""
         return (*self._records, *self._samples)
 
     @property
     def is_full(self) -> bool:
-        """Nothing more can fit."""
+        """Whether no further record can fit."""
         return self.left_bytes < DELIMITER_BYTES
 
     @property
     def left_bytes(self) -> int:
-        """What is left of the room."""
+        """The room left, bytes."""
         delimiters_bytes = DELIMITER_BYTES * max(0, self._ends - (not self._samples))
         return self._room_bytes - self._used_bytes - delimiters_bytes - self._samples_bytes()
 
     def add(self, item: Waiting) -> bool:
-        """Take a payload, if it fits beside the others."""
+        """Take a payload if it fits beside the others; return whether it does."""
         needs_end = self._needs_end(item)
         must_be_last = needs_end and item.size_bytes > LONGEST_DELIMITED_BYTES
         is_sample = self._last is None and not must_be_last
@@ -84,8 +84,8 @@ class Filling:
         if needed_bytes + self._samples_bytes() > self._room_bytes:
             if not self._samples:
                 return False
-            # What is written always has room beside all that is taken: where the item does not fit
-            # beside a shorter block, that of before stays.
+            # The block always has room beside all that is taken: if the item does not fit beside a
+            # shorter block, the block before stays.
             block = self._write(self._samples, self._room_bytes - needed_bytes)
             if block is None:
                 return False
@@ -132,13 +132,13 @@ class Filling:
         return self._packed_bytes(self._samples)
 
     def _packed_bytes(self, samples: list[Waiting]) -> int:
-        """Size of the records that say the same, beside other records that all have an end.
+        """Return the size of the samples as records beside other records that all have an end.
 
         The last record of a frame needs no end, but every record before a block does.
         """
         if not samples:
             return 0
-        # Samples without a type show no end, even where nothing stands before them.
+        # Samples without a type show no end, even if nothing stands before them.
         needed = sum(self._needs_end(item) for item in samples)
         ends = max(0, self._ends + needed - 1) - self._ends
         return sum(item.size_bytes for item in samples) + DELIMITER_BYTES * ends
@@ -149,7 +149,7 @@ class Filling:
         return self._dense.encode(samples, self._destination, room_bytes, self._now)
 
     def _finished(self) -> Encoded | None:
-        """Return the dense block; None: records are no dearer, or there are no samples."""
+        """Return the dense block; None: records cost no more, or there are no samples."""
         if not self._samples:
             return None
         others_bytes = self._used_bytes + DELIMITER_BYTES * self._ends
@@ -184,7 +184,7 @@ class Filling:
         return bytes(record)
 
     def _attribute_block(self, block_bytes: int, stats: EngineStats) -> None:
-        """Share a block among its streams as their packed forms would have it."""
+        """Attribute a block to its streams in proportion to their packed forms."""
         whole_bytes = sum(item.size_bytes for item in self._samples)
         before_bytes = shared_bytes = 0
         for item in self._samples:

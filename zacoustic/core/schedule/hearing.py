@@ -1,4 +1,4 @@
-"""What frames say of the medium: passed to the port on which they came."""
+"""Passes what frames say about the medium to the port on which they came."""
 
 from zacoustic.core.peers.reception import Heard, Reception
 from zacoustic.core.wire.access import ANYBODY, AccessControl, ClockTime, Turn
@@ -6,10 +6,10 @@ from zacoustic.core.wire.objects import Fragment
 
 
 def hear_medium(reception: Reception) -> None:
-    """Take the controls of medium access, and listen hints; of frames for others what is for all.
+    """Register for controls of medium access and listen hints, also in overheard frames.
 
     Args:
-        reception: Gives them out. Whoever takes fragments asks it later.
+        reception: Dispatches them. Components that take fragments register later.
     """
     reception.on(ClockTime, _control)
     reception.on(Turn, _control)

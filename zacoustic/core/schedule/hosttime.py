@@ -1,15 +1,15 @@
-"""UTC, as far as this node can believe its host; quiet hours and slots depend on it.
+"""UTC, as far as this node can trust its host; quiet hours and slots depend on it.
 
 A computer that has just started may show any time: 1970, or the time when it was switched off. So a
-statement of the host counts only if the host says how wrong it may be (its kernel knows whether
-anything keeps its clock right), and if it is not before this version of the protocol was written. A
-statement that was believed holds as long as the monotonic clock runs: a host that loses its time
-server under water, or a process that is started again on it, still has the time, less exact by the
-drift. So the journal has the last statement, its error, and the name of the run of the monotonic
-clock that its instant belongs to (`BOOT_KEY`).
+statement of the host counts only if the host states how wrong it may be (its kernel knows whether
+anything disciplines its clock), and if it is later than this version of the protocol. A trusted
+statement holds as long as the monotonic clock runs: a host that loses its time server under water,
+or a process that is restarted on it, still has the time, less exact by the drift. So the journal
+has the last statement, its error, and the name of the run of the monotonic clock that its instant
+belongs to (`BOOT_KEY`).
 
 If hours or slots depend on UTC and UTC is in doubt, nothing is transmitted, and a
-`ClockStateChanged` says why. The host is then asked every ten seconds, so that the end of the doubt
+`ClockStateChanged` says why. Then the host is asked every ten seconds, so that the end of the doubt
 is noticed.
 """
 
@@ -25,19 +25,19 @@ from zacoustic.core.schedule.access.networktime import NetworkTime
 from zacoustic.core.schedule.access.spec import AccessSpec, TdmaSpec
 
 EARLIEST_UTC_NS: Final = 1_735_689_600 * NS_PER_S
-"""2025-01-01: a clock that shows less is not set."""
+"""2025-01-01: a clock that shows an earlier time is not set."""
 _KEY: Final = "clock"
 _ASK_NS: Final = 10 * NS_PER_S
 _TOLERANCE_NS: Final = NS_PER_S
-"""Quiet hours do not need a smaller error."""
+"""Quiet hours tolerate this error."""
 _WRITE_EVERY_NS: Final = 600 * NS_PER_S
 
 
 class ClockStateChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """Nothing is transmitted because the time is in doubt; or that is over."""
+    """Transmission has stopped because the time is in doubt, or may go on again."""
 
     doubt: str
-    """What is missing, one line; empty: nothing. Slots and quiet hours need the time."""
+    """What is missing, one line; empty: nothing, or neither slots nor quiet hours need the time."""
     changed_at: int
     """Instant of the change, ns."""
 
@@ -52,13 +52,14 @@ class _Journalled(msgspec.Struct, frozen=True, array_like=True):
 
 
 class HostTime:
-    """What one engine knows of UTC.
+    """One engine's knowledge of UTC.
 
     Args:
-        access: What the config says of medium access: slots may go by UTC.
-        has_hours: There are hours of the day at which nothing is transmitted.
-        stored: What the journal has kept.
-        journal: Keeps the rest.
+        access: The medium access settings of the config; their slots may follow UTC.
+        has_hours: Whether there are hours of the day without transmission.
+        stored: The content of the journal.
+        journal: Holds the last statement.
+        timers: Ask the host again.
         emit: Takes `ClockStateChanged`.
     """
 
@@ -75,17 +76,17 @@ class HostTime:
         self._timers = timers
         slots = access if isinstance(access, TdmaSpec) and access.clock is None else None
         self.doubt = ""
-        """Why the missing time keeps this node from transmitting; empty: it does not."""
+        """Why missing time keeps this node from transmitting; empty: it does not."""
         self.time = (
             NetworkTime(slots.drift_ppm)
             if slots is not None
             else NetworkTime(0.0, tolerance_ns=_TOLERANCE_NS, settling_ns=0)
         )
-        """What is believed; to be read only."""
+        """The trusted time; read-only."""
         self.shown_ns: int | None = None
-        """How far the host's clock is ahead of the instants, ns, believed or not; None: unknown."""
+        """The last offset that the host has stated, ns, trusted or not; None: none."""
         self.shown_error_ns: int | None = None
-        """How wrong that is at most, ns; None: nothing keeps the clock right."""
+        """Its largest error, ns; None: nothing synchronises the host's clock."""
         self._is_needed = has_hours or slots is not None
         self._journal = journal
         self._emit = emit
@@ -97,14 +98,14 @@ class HostTime:
 
     @property
     def is_sure(self) -> bool:
-        """UTC is known, and not in doubt."""
+        """Whether UTC is known and not in doubt."""
         return self.time.offset_ns is not None and self.time.sure_at is None
 
     def tell(self, offset_ns: int, error_ns: int | None, now: int) -> int | None:
         """Take a statement of the host.
 
         Returns:
-            By how much it may be wrong, ns; None: it is not believed.
+            How wrong it may be, ns; None: it is not trusted.
         """
         self._ask(now)
         self._refusal = ""
@@ -119,7 +120,7 @@ class HostTime:
         return error_ns
 
     def review(self, doubt: str, now: int) -> None:
-        """Tell the application what keeps this node silent, if that has changed.
+        """Emit an event when the reason for this node's silence has changed.
 
         Args:
             doubt: What is missing, one line; empty: nothing.
@@ -135,7 +136,7 @@ class HostTime:
     # Below the methods above
 
     def _ask(self, now: int) -> None:
-        """The host is asked now."""
+        """Record that the host is asked now."""
         self._ask_at = now + _ASK_NS
         self._arm()
 
@@ -146,7 +147,7 @@ class HostTime:
             self._timers.cancel((Due.CLOCK,))
 
     def _keep(self, statement: _Journalled) -> None:
-        """Journal a statement, if it tells the next life more than the entry there."""
+        """Journal a statement if it is better or newer than the entry there."""
         if not self._boot:
             return
         before = self._written

@@ -1,12 +1,12 @@
-"""What the seal of a node does to the frames of one link: how long they get, and how they close.
+"""How the frames of one link are sealed: their overhead, and how each is closed.
 
-Before a frame is filled it is settled how it will be closed: by what goes in it first. A payload of
-a *strong* kind (an order, a call, a goal) wants the long tag, one that is REAL_TIME or repeated the
-long head; a strong frame may carry anything, any other one nothing strong. The digest that its tag
-covers is that of this node's table, or none where no table is needed to read it: it has a HELLO, or
-nothing but controls and remote commands.
+How a frame is closed is settled before it is filled, by its first payload. A payload of a *strong*
+kind (a command, a call, a goal) needs the long tag; one that is REAL_TIME or repeated needs the
+long head. A strong frame may carry anything, any other frame nothing strong. The tag covers the
+digest of this node's table, or none if no table is needed to read the frame: it has a HELLO, or
+only controls and remote commands.
 
-On a link without a seal nothing of this happens (`Unsealed`).
+On a link without a seal none of this happens (`Unsealed`).
 """
 
 from collections.abc import Callable, Sequence
@@ -32,27 +32,27 @@ from zacoustic.core.wire.seal import (
 from zacoustic.errors import ConfigError
 
 KINDS: Final = ("commands", "services", "actions")
-"""What can be strong."""
+"""The kinds that can be strong."""
 
 
 class SealRules(msgspec.Struct, frozen=True, kw_only=True):
-    """What the config says of sealing."""
+    """The sealing settings of the config."""
 
     strong: frozenset[str] = frozenset(KINDS)
-    """Which of `KINDS` get the long tag."""
+    """Those of `KINDS` that get the long tag."""
     pad_bytes: tuple[int, ...] = ()
-    """Lengths that frames are filled up to, ascending, bytes; empty: to none."""
+    """Lengths to which frames are padded, ascending, bytes; empty: no padding."""
     unsealed: frozenset[int] = frozenset()
-    """Topics, by stream id, whose samples are also taken from frames without a seal."""
+    """Topics, by stream id, whose samples are also accepted from unsealed frames."""
 
     def check_room(self, room_bytes: int) -> None:
-        """Check that sealed frames fit a link, and the lengths that they are filled up to.
+        """Check that sealed frames, and the lengths to which they are padded, fit a link.
 
         Args:
-            room_bytes: The longest sealed frame that it can take.
+            room_bytes: The longest sealed frame of the link, bytes.
 
         Raises:
-            ConfigError: They do not.
+            ConfigError: They do not fit.
         """
         if room_bytes < LEAST_ROOM_BYTES:
             raise ConfigError(
@@ -70,26 +70,26 @@ class SealRules(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Closing(msgspec.Struct, frozen=True):
-    """How a frame is going to be closed."""
+    """How a frame will be closed."""
 
     overhead_bytes: int = 0
-    """So much of the room that the link has for records."""
+    """Bytes that this takes from the link's room for records."""
     strong: bool = False
-    """With the long tag."""
+    """Whether it gets the long tag."""
     long: bool = False
-    """With the long head."""
+    """Whether it gets the long head."""
 
 
 _OPEN: Final = Closing()
 
 
 class Unsealed:
-    """The frames of a link are not sealed."""
+    """The frames of a link without a seal."""
 
     overhead_bytes: int = 0
-    """Most that sealing takes of a frame."""
+    """The most bytes that sealing takes from a frame."""
     fragment_overhead_bytes: int = 0
-    """What it takes of a frame that is filled by a fragment."""
+    """The bytes that it takes from a frame filled by a fragment."""
 
     def check_room(self, room_bytes: int) -> None:
         """Check that a link has room for such frames; see `SealRules.check_room`."""
@@ -103,27 +103,27 @@ class Unsealed:
         *,
         introduces: bool = False,
     ) -> Closing:
-        """Settle how the next frame is going to be closed.
+        """Decide how the next frame will be closed.
 
         Args:
             destination: Address, or `BROADCAST`.
-            first: The payload that it goes for; None: it has none.
-            priority: Of that.
+            first: Its first payload; None: none.
+            priority: The priority of that payload.
             now: The instant.
-            introduces: It says which table this node has, to whoever may not be in step.
+            introduces: It introduces this node's table to nodes that may not be in step.
         """
         return _OPEN
 
     def admits(self, item: Waiting, closing: Closing) -> bool:
-        """Tell whether a payload may be in a frame that is closed so."""
+        """Return whether a payload may be in a frame with this closing."""
         return True
 
     def refuses(self, stream: Stream, *, strong: bool) -> bool:
-        """Tell whether a record may not be taken from a frame with a tag of that length."""
+        """Return whether a record is refused from a frame with a tag of this length."""
         return False
 
     def is_known(self, destination: int, now: int) -> bool:
-        """Tell whether a fragment may go: whoever is to hear it can be in step."""
+        """Return whether a fragment may go: each of its hearers can be in step."""
         return True
 
     def close(
@@ -139,25 +139,25 @@ class Unsealed:
         """Close a frame.
 
         Args:
-            content: What it says.
+            content: Its content.
             destination: Address, or `BROADCAST`.
-            closing: As it was settled.
+            closing: How it is closed.
             now: The instant.
-            items: The payloads in it.
+            items: Its payloads.
             needs_no_table: It has a HELLO, or no record of any stream.
         """
         return content
 
 
 class LinkSeal(Unsealed):
-    """The frames of a link are sealed.
+    """The frames of a sealed link.
 
     Args:
-        seal: Of the node.
-        rules: What the config says.
-        table: Tells what is strong.
+        seal: The node's seal.
+        rules: The sealing settings of the config.
+        table: Tells which payloads are strong.
         port: Number of the link, 0…127.
-        digest: Tells the digest of the present table.
+        digest: Returns the digest of the present table.
     """
 
     overhead_bytes = LONG_HEAD_BYTES + STRONG_TAG_BYTES
@@ -190,7 +190,7 @@ class LinkSeal(Unsealed):
         *,
         introduces: bool = False,
     ) -> Closing:
-        """Settle how the next frame is going to be closed; see `Unsealed.settle`."""
+        """Decide how the next frame will be closed; see `Unsealed.settle`."""
         if first is not None and self._is_strong(first):
             return Closing(LONG_HEAD_BYTES + STRONG_TAG_BYTES, strong=True, long=True)
         is_pressing = introduces or priority is Priority.REAL_TIME
@@ -200,15 +200,15 @@ class LinkSeal(Unsealed):
         return Closing(SHORT_HEAD_BYTES + TAG_BYTES)
 
     def admits(self, item: Waiting, closing: Closing) -> bool:
-        """Tell whether a payload may be in a frame that is closed so."""
+        """Return whether a payload may be in a frame with this closing."""
         return closing.strong or not self._is_strong(item)
 
     def refuses(self, stream: Stream, *, strong: bool) -> bool:
-        """Tell whether a record may not be taken from a frame with a tag of that length."""
+        """Return whether a record is refused from a frame with a tag of this length."""
         return not strong and self._kind(stream) in self._rules.strong
 
     def is_known(self, destination: int, now: int) -> bool:
-        """Tell whether a fragment may go: whoever is to hear it can be in step."""
+        """Return whether a fragment may go: each of its hearers can be in step."""
         return not self._seal.needs_long(destination, now, port=self._port)
 
     def close(
@@ -225,7 +225,7 @@ class LinkSeal(Unsealed):
         is_free = needs_no_table or (bool(items) and all(map(self._is_built_in, items)))
         size_bytes = len(content) + closing.overhead_bytes
         wanted_bytes = next((each for each in self._rules.pad_bytes if each >= size_bytes), 0)
-        # In front: what stands last in a frame may reach to its end.
+        # Padding goes first: the last record of a frame may extend to its end.
         return self._seal.seal(
             PADDING * max(0, wanted_bytes - size_bytes) + content,
             destination,
@@ -239,12 +239,12 @@ class LinkSeal(Unsealed):
     # Below the methods above
 
     def _is_built_in(self, item: Waiting) -> bool:
-        stream = self._table.get(item.stream_id)  # a control that waits has none
+        stream = self._table.get(item.stream_id)  # a waiting control has none
         return stream is not None and stream.is_built_in
 
     def _is_strong(self, item: Waiting) -> bool:
         stream = self._table.get(item.stream_id)
-        # An answer about nothing that is in the table is of no kind.
+        # An answer about something outside the table is of no kind.
         return stream is not None and self._kind(stream) in self._rules.strong
 
     @staticmethod

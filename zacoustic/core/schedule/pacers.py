@@ -1,7 +1,8 @@
 """The pacers of all nodes: every mechanism that repeats something to a node asks its pacer.
 
-While an answer of a node is awaited, nothing else is repeated to it. A silent node costs one frame
-for each pause, whatever waits for it. As soon as it is heard, everything that waits is due.
+While an answer from a node is awaited, nothing else is repeated to it. A silent node costs one
+frame for each pause, whatever waits for it. As soon as it is heard, everything that waits for it is
+due.
 """
 
 from collections import deque
@@ -33,11 +34,11 @@ class Pacers(PerPeer[Pacer]):
     ) -> None:
         super().__init__(peers, Pacer)
         self.times: LinkTimes | None = None
-        """The airtimes of the link; None before it was up."""
+        """The link's airtimes; None before it was up."""
         self.changed = Signal[[]]()
-        """Something may go to a node sooner than was told before."""
+        """Emitted when something may go to a node sooner than its pacer said before."""
         self.released = Signal[int, int]()
-        """``(address, now)``: what waits for a node is due."""
+        """``(address, now)``: everything that waits for a node is due."""
         self._introduce = introduce
         self._heard_at = PerPeer(peers, int)
         self._repeating: deque[Callable[[int], None]] = deque()
@@ -45,23 +46,23 @@ class Pacers(PerPeer[Pacer]):
 
     @property
     def link_times(self) -> LinkTimes:
-        """`times` of a link that has been up, as after any transmission.
+        """The `times` of a link that has been up, as after any transmission.
 
         Raises:
-            RuntimeError: It has not.
+            RuntimeError: The link has not been up.
         """
         if self.times is None:
             raise RuntimeError("the link has not been up")
         return self.times
 
     def on_repeat(self, told: Callable[[int], None]) -> None:
-        """Register a mechanism that repeats what is due, whichever of them was due first."""
+        """Register a mechanism that repeats what is due, whichever mechanism was due first."""
         self._repeating.append(told)
 
     def repeat(self, now: int) -> None:
         """Repeat all that is due, as far as the frames of one turn have room.
 
-        The mechanism that was asked first in one turn is asked last in the next one.
+        The mechanism that comes first in one turn comes last in the next one.
         """
         if now != self._repeated_at:
             self._repeated_at = now
@@ -70,41 +71,41 @@ class Pacers(PerPeer[Pacer]):
             repeat(now)
 
     def heard(self, source: int, now: int) -> None:
-        """A frame of a node arrived: if repetitions to it had become rare, they are due."""
+        """Record a frame from a node; if repetitions to it had become rare, make them due."""
         self._heard_at[source] = now
         pacer = self.get(source)
         if pacer is not None and pacer.heard():
             self._release(source, now)
 
     def answered(self, source: int, now: int) -> None:
-        """A node has confirmed something that it lacked."""
-        # Where two speak, silence is loss. Where more do, it may be that all speak at once: then
-        # one answer does not mean that the channel is free.
+        """Record that a node has confirmed something that it lacked."""
+        # With two nodes, silence means loss. With more, all may transmit at once: then one answer
+        # does not mean that the channel is free.
         lately = now - self._round_trips_ns(_CROWD_ROUND_TRIPS)
         others = any(at > lately for each, at in self._heard_at.items() if each != source)
         self[source].answered(in_crowd=others)
 
     def await_nothing(self, address: int) -> None:
-        """Await no answer of a node any more."""
+        """Stop awaiting an answer from a node."""
         self[address].quiet_until = 0
         self.changed()
 
     def heard_at(self, address: int) -> int:
-        """Return when a node was heard last, ns; before all instants if it never was."""
+        """Return when a node was last heard, ns; -1 if never."""
         return self._heard_at.get(address, -1)
 
     def introduce(self, address: int, stream_id: int, *, anyway: bool = False) -> None:
-        """Make the next frame to a node readable there: a silent one may have forgotten us."""
+        """Make the next frame to a silent node readable: it may have forgotten this one."""
         if anyway or self[address].is_silent:
             self._introduce(address, stream_id)
 
     def is_present(self, address: int, now: int) -> bool:
-        """Tell whether a node was heard just now."""
+        """Return whether a node was heard just now."""
         lately = now - self._round_trips_ns(_PRESENT_ROUND_TRIPS)
         return address in self._heard_at and self._heard_at[address] > lately
 
     def link_up(self, now: int) -> None:
-        """The link is up: everything is due."""
+        """Make everything due: the link is up."""
         for address in list(self):
             self._release(address, now)
 

@@ -1,17 +1,16 @@
-"""The engine's side of its link: its capabilities, when it is free, what is under way.
+"""The engine's side of its link: its capabilities, when it is free, which frames are under way.
 
-Each part of a frame is told when its transmission begins and how it has ended: by the report with
-its id, or as if it had been cut short if the link is replaced before. Between two transmissions the
-device gets the gap that it asks for. Three things decide when a frame may start: the gap, the
-medium access of the link, and the listen windows, unless the access gives everybody turns or the
-device hears while it sends.
+Each part of a frame learns when its transmission begins and how it ends: from the report with its
+id, or as aborted if the link is replaced before. Between two transmissions the device gets the gap
+that it asks for. Three things decide when a frame may start: the gap, the link's medium access, and
+the listen windows, unless the access gives every node turns or the device hears while it sends.
 
 A frame that a modem or the channel has duplicated is recognised where that is certain: the same
 bytes from the same source, sooner than the source can have sent them again.
 
-The distance of the others decides when a frame has to start to arrive in a listen window: half of
-the longest distance is wrong by a second at 1500 m. A modem may measure the delay of each frame.
-Otherwise the last measurement of that node is used, less and less exact; without one, half of the
+The distance of the other nodes decides when a frame must start to arrive in a listen window: half
+of the longest distance is wrong by a second at 1500 m. A modem may measure the delay of each frame.
+Otherwise the last measurement of that node is used, with a growing error; without one, half of the
 longest delay.
 """
 
@@ -38,28 +37,28 @@ from zacoustic.core.wire.access import ANYBODY, AccessControl, Turn
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
 from zacoustic.core.wire.objects import ListenHint
 
-# What a modem's own time stamps may be wrong.
+# The possible error of a modem's own time stamps.
 _STAMP_ERROR_NS = NS_PER_S // 1000
-# A remembered way becomes wrong as fast as two vehicles approach each other: 4 m/s in 1500 m/s.
+# A remembered distance becomes wrong as fast as two vehicles approach: 4 m/s in 1500 m/s.
 _WAY_DRIFT = 4 / 1500
 _NO_PAUSE = 255
 MOST_OUTSTANDING: Final = 1
-"""Most transmissions under way: as many as links of `zacoustic.link.contract` take."""
+"""The most transmissions under way: as many as links of `zacoustic.link.contract` accept."""
 
 
 class LinkPort:
-    """State of one link, as its engine sees it, from the first UP on.
+    """The engine's state of one link, from its first UP on.
 
     Args:
         capabilities: What the link can do.
         address: Address of this node.
         rng: For the back-off of the medium access.
-        access: What the config says of medium access, or None.
-        envelope: What goes around a frame; None: what the link lacks.
-        measurements: What was measured of the others; None: nothing. Only read.
+        access: The medium access settings of the config, or None.
+        envelope: Wraps frames; None: what the link lacks.
+        measurements: Measurements of the other nodes, read-only; None: none.
 
     Raises:
-        ConfigError: That choice cannot work on this link.
+        ConfigError: That medium access cannot work on this link.
     """
 
     def __init__(
@@ -76,8 +75,9 @@ class LinkPort:
         self.envelope = envelope or Envelope(capabilities, address)
         self.access: MediumAccess = choose(access, capabilities, address, rng)
         self.listening = Listening(capabilities)
-        """The pauses of this node and of the others."""
-        # Who hears while it sends is reached at any time, and so is whose airtime is waiting.
+        """The pauses of this node and of others."""
+        # A device that hears while it sends can always be reached; so can one whose airtime is
+        # waiting.
         self._listens = capabilities.half_duplex and not self.access.is_scheduled
         self._address = address
         self._measurements = measurements or Measurements(Peers())
@@ -86,18 +86,18 @@ class LinkPort:
         self._last_frame: dict[int, tuple[bytes, int]] = {}
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Nothing is to be kept of a node."""
+        """Forget a node."""
         self._last_frame.pop(address, None)
         self.listening.forget(address)
 
     @property
     def is_busy(self) -> bool:
-        """A transmission is under way."""
+        """Whether a transmission is under way."""
         return bool(self._outstanding)
 
     @property
     def is_full(self) -> bool:
-        """No other transmission may begin before one has ended."""
+        """Whether a transmission must end before another one may begin."""
         return len(self._outstanding) >= MOST_OUTSTANDING
 
     def free_at(self, wanted: Wanted, now: int) -> int | None:
@@ -119,7 +119,7 @@ class LinkPort:
         return self.access.ready_at(wanted, now)
 
     def speak_at(self, now: int) -> int | None:
-        """Return the instant at which the medium access wants a frame of its own, ns, or None."""
+        """Return the instant at which medium access wants a frame of its own, ns, or None."""
         if self.is_full:
             return None
         speak_at = self.access.speak_at(now)
@@ -129,10 +129,10 @@ class LinkPort:
         """Take the controls of medium access for a frame that starts now.
 
         Args:
-            room_bytes: What it has left.
-            backlog_bytes: All that waits, its payload included.
+            room_bytes: Room left in the frame, bytes.
+            backlog_bytes: Size of all waiting payloads, those of the frame included.
             now: The instant.
-            has_object: An object is being sent.
+            has_object: Whether an object is being sent.
         """
         said = self.access.controls(room_bytes, now, alone=False)
         if self._listens:
@@ -142,11 +142,11 @@ class LinkPort:
         return said
 
     def comfort_bytes(self, now: int, *, is_copy: bool) -> int | None:
-        """Return the largest desirable size of a frame that starts now, bytes; None: any.
+        """Return the preferred largest size of a frame that starts now, bytes; None: any.
 
         Args:
             now: The instant.
-            is_copy: It follows itself.
+            is_copy: Whether it follows a copy of itself.
         """
         if not self._listens:
             return None
@@ -157,14 +157,14 @@ class LinkPort:
         return max(0, int(sound_s * self.capabilities.bit_rate_bps / 8))
 
     def transmit(self, transmission_id: int, parts: tuple[Part, ...], now: int) -> None:
-        """Take note of a transmission that begins, and tell its parts."""
+        """Record a transmission that begins, and inform its parts."""
         self._outstanding[transmission_id] = parts
         self.listening.handle_started(now)
         for part in parts:
             part.transmitted(now)
 
     def finish(self, report: TransmitReport, now: int) -> bool:
-        """Take note of its end; False: the report belongs to no transmission under way."""
+        """Record the end of a transmission; return False if the report fits none under way."""
         parts = self._outstanding.pop(report.transmission_id, None)
         if parts is None:
             return False
@@ -178,7 +178,7 @@ class LinkPort:
         return True
 
     def close(self, now: int) -> None:
-        """Close the port: no report will come of what is under way."""
+        """Close the port and report the transmissions under way as aborted."""
         outstanding, self._outstanding = self._outstanding, {}
         for transmission_id, parts in outstanding.items():
             report = TransmitReport(
@@ -192,30 +192,30 @@ class LinkPort:
                 part.reported(report, now)
 
     def frames_before_pause(self, now: int) -> int:
-        """Return how many of the largest frames go before a pause, one that starts now included."""
+        """Return how many largest frames fit before a pause, one that starts now included."""
         return self.listening.frames_before_pause(now) if self._listens else _NO_PAUSE
 
     def ends_run_now(self, now: int) -> bool:
-        """Tell whether a largest frame that starts now is the last of several in a run."""
+        """Return whether a largest frame that starts now is the last of several in a run."""
         return self._listens and self.listening.ends_run_now(now)
 
     def reaches_all(self, record_bytes: int) -> bool:
-        """Tell whether only a broadcast frame reaches everybody, and may be that large.
+        """Return whether a broadcast frame, and only that, reaches all nodes at this size.
 
         Args:
-            record_bytes: What stands in the frame, without envelope.
+            record_bytes: Content of the frame without envelope, bytes.
         """
-        # Frames of a link without addresses are heard by all, whoever they are for.
+        # All nodes hear the frames of a link without addresses, whatever their destination.
         limit_bytes = self.capabilities.broadcast_mtu_bytes or self.capabilities.mtu_bytes
         size_bytes = record_bytes + self.capabilities.mtu_bytes - self.envelope.room_bytes
         return self.capabilities.addressed and size_bytes <= limit_bytes
 
     def end_run(self) -> None:
-        """Take note: the frame that is being composed announces a listen window."""
+        """Record that the frame that is being composed announces a listen window."""
         self.listening.end_run()
 
     def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:
-        """Take from a fragment of `source` when it will listen."""
+        """Learn from a fragment of `source` when it will listen."""
         if call is ListenHint.WINDOW:
             airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
             way_ns, _ = self._way(source, frame, now)
@@ -225,19 +225,19 @@ class LinkPort:
             self.listening.heard_listening(source, listens=call is not ListenHint.NONE, now=now)
 
     def handle_carrier(self, busy: bool, now: int) -> None:
-        """Somebody else's transmission began or ended."""
+        """Record the begin or end of another node's transmission."""
         self.access.handle_carrier(busy, now)
         self.listening.handle_carrier(busy, now)
 
     def heard(self, source: int, size_bytes: int, now: int) -> None:
-        """A frame of `source` has arrived, for this node or another one."""
+        """Record a frame from `source`, for this node or another one."""
         self.access.handle_heard(source, now)
         self.listening.heard_frame(source, self.capabilities.airtime_ns(size_bytes), now)
 
     def handle_control(
         self, source: int, control: AccessControl, frame: ReceivedFrame, now: int
     ) -> None:
-        """Take a control of medium access that came in a frame of `source`."""
+        """Take a control of medium access from a frame of `source`."""
         airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
         way_ns, error_ns = self._way(source, frame, now)
         started_at = frame.received_at - way_ns - airtime_ns
@@ -247,7 +247,7 @@ class LinkPort:
             self.access.handle_control(source, control, started_at, error_ns, now)
 
     def _way(self, source: int, frame: ReceivedFrame, now: int) -> tuple[int, int]:
-        """Return the propagation delay of a frame, and by how much it may be wrong, ns."""
+        """Return the propagation delay of a frame and its largest error, ns."""
         measured_s = frame.metrics.propagation_s
         if measured_s is not None:
             return seconds_to_ns(measured_s), _STAMP_ERROR_NS
@@ -261,7 +261,7 @@ class LinkPort:
         return guessed_ns, guessed_ns + _STAMP_ERROR_NS
 
     def refuse(self, opened: Opened | Damaged, frame: ReceivedFrame) -> str | None:
-        """Return the reason why a frame is not looked into, or None."""
+        """Return why a frame is not decoded, or None."""
         if isinstance(opened, Damaged):
             return opened.reason
         if opened.source == self._address:

@@ -2,9 +2,9 @@
 
 Publishing decides nothing: a payload waits in a *lane* (one per key of a topic, one per stream of
 calls, direction and peer) and is chosen when the link is ready. Lanes are first in, first out,
-bounded by the stream's depth, and drop what is older than its lifespan. Between lanes the rank of
-`zacoustic.core.base.qos` decides: REAL_TIME first, then the smallest sum of the instant of queueing
-and the patience of its priority.
+bounded by the stream's depth, and drop payloads older than their lifespan. Between lanes the rank
+of `zacoustic.core.base.qos` decides: REAL_TIME first, then the smallest sum of queueing instant and
+patience of the priority.
 
 A payload is *due* when it is by itself a reason to send a frame: its linger is over and its lane's
 minimum interval has passed. A payload that only lingers may join a frame that goes anyway; one
@@ -27,12 +27,12 @@ from zacoustic.core.base.stats import Cause
 from zacoustic.errors import PayloadTooLargeError
 
 LaneKey = tuple[int, ...]
-"""Identifies a lane: stream id first, then whatever tells its lanes apart."""
+"""Identifies a lane: stream id first, then what distinguishes the stream's lanes."""
 
 SAMPLE_LANE: Final = 0
 RELIABLE_LANE: Final = 3
 SAMPLE_LANES: Final = (SAMPLE_LANE, RELIABLE_LANE)
-"""Second part of the keys of lanes with samples; other lanes answer, confirm, call."""
+"""Second part of the keys of lanes with samples; other lanes hold calls, answers, confirms."""
 
 SMALLER: Final = "make it smaller: it crosses whole, or not at all"
 """Hint for a record that fits no frame."""
@@ -41,24 +41,25 @@ _BEFORE_ALL: Final = -(1 << 62)
 
 
 class Waiting:
-    """A waiting payload, and what its record will need.
+    """A waiting payload, with the parts of its record.
 
     Args:
         stream_id: Its stream.
         destination: Address of the one node that needs it, or `BROADCAST`.
         prefix: Control prefixes of the record.
-        head: What stands between stream id (and wildcards) and payload, the age byte excepted.
+        head: Bytes between stream id (and wildcards) and payload, without the age byte.
         payload: The encoded payload.
-        stamped: An age byte goes before the payload.
-        delimits_itself: The payload shows where it ends.
-        for_one_node: Other nodes would misunderstand it, so it may not ride in a broadcast frame.
-        address: What stands behind the prefix in a broadcast frame, where the destination of the
-            frame does not say whom it concerns.
-        dense_value: What a dense block says instead of the record, in full precision; None: it
-            may be in none.
-        tick: Which sample of its stream it is, of a dense one.
-        cause: Why its bytes are on the channel; None: header and payload.
-        code: First byte of the record where it is not the id of its stream: a control.
+        stamped: Whether an age byte precedes the payload.
+        delimits_itself: Whether the payload shows where it ends.
+        for_one_node: Whether other nodes would misunderstand it, so that it may not join a
+            broadcast frame.
+        address: Bytes after the prefix in a broadcast frame, whose destination does not say which
+            node it concerns.
+        dense_value: The value for a dense block in place of the record, in full precision; None:
+            none.
+        tick: Number of the sample in its dense stream.
+        cause: Why its bytes are sent; None: header and payload.
+        code: First byte of the record where it is a control and not the stream's id.
         queued_at: Instant of publication, ns.
         expires_at: Instant after which it is worthless, ns, or None.
     """
@@ -121,36 +122,37 @@ class Waiting:
         self.tick = tick
         self.cause = cause
         self.sync = b""
-        """A prefix that may still change while the record waits."""
+        """A prefix that may change while the record waits."""
         self.copies = 0
         """How often it was sent in a row."""
         self.is_copy = False
-        """It was just sent, and is to follow that at once, where it is heard out."""
+        """Whether it was just sent and is to follow at once, where the hearer listens on."""
         self.part: Part | None = None
-        """Who is told what becomes of its transmissions; None: nobody asks."""
+        """Follows its transmissions; None: nothing does."""
         self._fixed_bytes = len(prefix) + len(address) + 1 + len(head) + stamped + len(payload)
 
     def head_at(self, now: int) -> bytes:
-        """Return the head as it is when the frame goes now."""
+        """Return the head for a frame that goes now."""
         return self.head
 
     @property
     def size_bytes(self) -> int:
-        """Bytes of the record at most, from its first prefix to its last."""
+        """The largest length of the record with all prefixes, bytes."""
         return self._fixed_bytes + len(self.sync)
 
     def needs_end(self, *, introduced: bool) -> bool:
-        """Tell whether only LEN, or the end of the frame, shows where the record ends.
+        """Return whether only LEN, or the end of the frame, shows where the record ends.
 
         Args:
-            introduced: It is behind HELLO or TAG, where a receiver measures no stream's content.
+            introduced: It follows HELLO or TAG, where a receiver does not measure a stream's
+                content.
         """
         is_control = self.code != self.stream_id
         return not self.delimits_itself or (introduced and not is_control)
 
 
 class Lane:
-    """Payloads of one key in the order of publication."""
+    """The payloads of one key in the order of publication."""
 
     __slots__ = (
         "_min_interval_ns",
@@ -170,16 +172,16 @@ class Lane:
         self.key = key
         self.items: deque[Waiting] = deque()
         self.destination = BROADCAST
-        """Destination of its last payload."""
+        """The destination of its last payload."""
         self.held_until = 0
-        """Nothing goes before, ns."""
+        """Instant before which nothing of it goes, ns."""
         self.taken_at: int | None = None
-        """When a payload went last, ns."""
+        """Instant at which a payload went last, ns."""
         self._unchanged = qos
         self.override(override)
 
     def override(self, override: Override) -> None:
-        """Lay what was commanded over the QoS."""
+        """Apply an override to the QoS."""
         qos = override.over(self._unchanged)
         self.qos = qos
         self.is_on = override.on
@@ -191,76 +193,76 @@ class Lane:
 
     @property
     def next_at(self) -> int:
-        """Instant from which the first payload may go, ns."""
+        """The instant from which the first payload may go, ns."""
         if self.taken_at is None:
             return self.held_until
         return max(self.held_until, self.taken_at + self._min_interval_ns)
 
     @property
     def rank(self) -> int:
-        """Rank of the first payload: the smaller, the sooner."""
+        """The rank of the first payload: the smaller, the sooner."""
         return self.items[0].queued_at + self.patience_ns
 
     @property
     def due_at(self) -> int:
-        """Instant at which the first payload is a reason to send, ns."""
+        """The instant at which the first payload is a reason to send, ns."""
         return max(self.items[0].queued_at + self.linger_ns, self.next_at)
 
 
 class TransmitQueue:
-    """All lanes of one engine."""
+    """The lanes of one engine."""
 
     def __init__(self) -> None:
         self._lanes: dict[LaneKey, Lane] = {}
         self._busy: dict[LaneKey, Lane] = {}
         self.largest_bytes: int | None = None
-        """Largest record that fits a frame of the link; None before a link is up."""
+        """The largest record that fits a frame of the link, bytes; None before the link was up."""
         self._held: dict[int, int] = {}
         self._overrides: dict[LaneKey, Override] = {}
         self.superseded: dict[int, int] = {}
-        """Payloads pushed out by newer ones, by stream."""
+        """How many payloads newer ones have displaced, by stream."""
         self.expired: dict[int, int] = {}
-        """Payloads that became too old, by stream."""
+        """How many payloads became too old, by stream."""
 
     def __len__(self) -> int:
         return sum(len(lane.items) for lane in self._busy.values())
 
     @property
     def waiting_bytes(self) -> int:
-        """Size of all records that wait to go, bytes."""
+        """Size of all records that may go, bytes."""
         lanes = (lane for lane in self._busy.values() if lane.is_on)
         return sum(item.size_bytes for lane in lanes for item in lane.items)
 
     @property
     def is_urgent(self) -> bool:
-        """A REAL_TIME payload waits."""
+        """Whether a REAL_TIME payload waits."""
         return any(lane.patience_ns == _BEFORE_ALL and lane.is_on for lane in self._busy.values())
 
     @property
     def has_copy(self) -> bool:
-        """A copy waits: something that was just sent, and follows itself at once."""
+        """Whether a copy waits: a record that was just sent and follows itself at once."""
         lanes = (lane for lane in self._busy.values() if lane.is_on)
         return any(item.is_copy for lane in lanes for item in lane.items)
 
     @property
     def has_acknowledgement(self) -> bool:
-        """An acknowledgement waits."""
+        """Whether an acknowledgement waits."""
         return any(each.cause is Cause.ACK for lane in self._busy.values() for each in lane.items)
 
     def pending(self, stream_id: int) -> int:
-        """Count what waits for one stream."""
+        """Return how many payloads of a stream wait."""
         return sum(len(lane.items) for lane in self._busy.values() if lane.key[0] == stream_id)
 
     def check_size(self, name: str, record_bytes: int, *, hint: str = SMALLER) -> None:
         """Refuse a record that fits no frame.
 
         Args:
-            name: Of the stream.
-            record_bytes: Size of the record.
+            name: The stream's name.
+            record_bytes: Size of the record, bytes.
             hint: What to do about it.
 
         Raises:
-            PayloadTooLargeError: Says how large it is and how much fits.
+            PayloadTooLargeError: States its size and how much fits.
         """
         if self.largest_bytes is not None and record_bytes > self.largest_bytes:
             raise PayloadTooLargeError(
@@ -270,11 +272,11 @@ class TransmitQueue:
             )
 
     def fits(self, item: Waiting) -> bool:
-        """Tell whether a frame of the link has room for a record."""
+        """Return whether a record fits a frame of the link."""
         return self.largest_bytes is None or item.size_bytes <= self.largest_bytes
 
     def push(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
-        """Add a payload to its lane; the oldest goes where the lane is deeper than `qos.depth`.
+        """Add a payload to its lane; if the lane is deeper than `qos.depth`, drop the oldest.
 
         The caller makes sure that it `fits`: otherwise it would wait for ever.
         """
@@ -290,7 +292,7 @@ class TransmitQueue:
             self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
 
     def hold(self, stream_id: int, until: int) -> None:
-        """Let nothing of a stream go before an instant, ns."""
+        """Hold all payloads of a stream until an instant, ns."""
         self._held[stream_id] = until
         for lane in self._lanes.values():
             if lane.key[0] == stream_id:
@@ -300,8 +302,8 @@ class TransmitQueue:
         """Override the QoS of lanes.
 
         Args:
-            kind: How their keys begin: stream id, and which of its lanes.
-            override: What was commanded.
+            kind: The first two parts of their keys: stream id, and which of its lanes.
+            override: The override.
         """
         self._overrides[kind] = override
         for lane in self._lanes.values():
@@ -309,7 +311,7 @@ class TransmitQueue:
                 lane.override(override)
 
     def remove(self, key: LaneKey, head: bytes) -> bool:
-        """Take back the payload of a lane that has this head; False when it is not waiting."""
+        """Remove the payload of a lane with this head; return False when it does not wait."""
         lane = self._busy.get(key)
         if lane is None:
             return False
@@ -321,19 +323,19 @@ class TransmitQueue:
         return True
 
     def holds(self, key: LaneKey, item: Waiting) -> bool:
-        """Tell whether a payload waits."""
+        """Return whether a payload waits."""
         lane = self._busy.get(key)
         return lane is not None and any(each is item for each in lane.items)
 
     def discard(self, key: LaneKey, item: Waiting) -> None:
-        """Take back one payload; not there is no error."""
+        """Remove one payload if it waits."""
         lane = self._busy.get(key)
         if lane is not None and item in lane.items:
             lane.items.remove(item)
             self._settle(lane)
 
     def replace(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
-        """Put a payload in the place of what waits in its lane, with the age of that."""
+        """Replace what waits in a lane with a payload, which takes over its queueing instant."""
         lane = self._busy.get(key)
         if lane is not None:
             item.queued_at = lane.items[0].queued_at
@@ -341,43 +343,43 @@ class TransmitQueue:
         self.push(key, item, qos)
 
     def first(self, key: LaneKey) -> Waiting | None:
-        """Return the first payload of a lane, which goes on waiting."""
+        """Return the first payload of a lane without removing it, or None."""
         lane = self._busy.get(key)
         return lane.items[0] if lane is not None else None
 
     def drop_lane(self, key: LaneKey) -> None:
-        """Take back all payloads of a lane."""
+        """Remove all payloads of a lane."""
         lane = self._busy.get(key)
         if lane is not None:
             lane.items.clear()
             self._settle(lane)
 
     def drop_stream(self, stream_id: int) -> int:
-        """Take back all payloads of a stream; returns how many."""
+        """Remove all payloads of a stream; return how many."""
         dropped = self.pending(stream_id)
         self.drop_lanes((stream_id,))
         return dropped
 
     def drop_lanes(self, kind: LaneKey) -> None:
-        """Take back all payloads of the lanes whose key begins so."""
+        """Remove all payloads of the lanes whose keys begin with `kind`."""
         for key in [key for key in self._busy if key[: len(kind)] == kind]:
             self.drop_lane(key)
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Drop the lanes of one node; those with waiting payloads stay."""
+        """Drop the empty lanes of a node; lanes with waiting payloads stay."""
         for key, lane in list(self._lanes.items()):
             if lane.destination == address and not lane.items:
                 del self._lanes[key]
 
     def readdress(self, stream_id: int, destination: int) -> None:
-        """Send what waits of a stream to another node, or to all."""
+        """Change the destination of a stream's waiting payloads."""
         for lane in self._busy.values():
             if lane.key[0] == stream_id:
                 for item in lane.items:
                     item.destination = destination
 
     def limit(self, largest_bytes: int) -> list[Waiting]:
-        """Set the largest record, and take back and return what is larger."""
+        """Set the size of the largest record; remove and return larger records."""
         self.largest_bytes = largest_bytes
         dropped: list[Waiting] = []
         for lane in list(self._busy.values()):
@@ -388,14 +390,14 @@ class TransmitQueue:
         return dropped
 
     def candidates(self, now: int, only: LaneKey = ()) -> Iterator[tuple[Lane, Waiting]]:
-        """Yield what may go in a frame now, most valuable first.
+        """Yield the payloads that may go in a frame now, most valuable first.
 
-        The consumer takes a payload by `take` before asking for the next; one that it does not
+        The consumer takes a payload by `take` before it asks for the next; one that it does not
         take holds back the rest of its lane, so that the order within a key is kept.
 
         Args:
             now: The instant.
-            only: How the keys of their lanes begin.
+            only: First parts of the lane keys to consider.
         """
         heap = [
             (lane.rank, lane.key)
@@ -427,7 +429,7 @@ class TransmitQueue:
 
         Args:
             now: The instant.
-            only: How the key of its lane begins.
+            only: First parts of the lane keys to consider.
         """
         earliest: int | None = None
         for lane in list(self._busy.values()):
@@ -448,13 +450,13 @@ class TransmitQueue:
         return None
 
     def drop_expired(self, now: int) -> int | None:
-        """Drop what is too old; returns when the next payload will be, ns, or None."""
+        """Drop expired payloads; return when the next one expires, ns, or None."""
         busy = [lane for lane in list(self._busy.values()) if self._drop_expired(lane, now)]
         instants = (item.expires_at for lane in busy for item in lane.items)
         return min((at for at in instants if at is not None), default=None)
 
     def _drop_expired(self, lane: Lane, now: int) -> bool:
-        """Drop what is too old; True when something is left."""
+        """Drop the expired payloads of a lane; return whether any is left."""
         while lane.items:
             expires_at = lane.items[0].expires_at
             if expires_at is None or expires_at > now:

@@ -1,23 +1,22 @@
-"""Transmit silence: when this node must not make a sound.
+"""Transmit silence: when this node must not transmit.
 
 Divers in the water, another party's sonar, a measurement: for a while nothing may be transmitted.
 Silence is *commanded* (for a time, or until it is resumed), or it is a *quiet window* of the
-configuration, at the same hours of each day in UTC. It is a gate in front of every transmission,
-urgent ones and repetitions included: from the instant of the command nothing new goes to the link,
-and what waits stays, expires or is superseded as always. A frame that the modem has begun is not
-cut off.
+config, at the same hours of each day in UTC. It stops every transmission, urgent ones and
+repetitions included: from the instant of the command nothing new goes to the link, and waiting
+payloads stay, expire or are superseded as always. A frame that the modem has begun is not cut off.
 
-People rely on a command, so its end is never sooner than it says. While the node lives the end is
-an instant of the monotonic clock, which no step of the wall clock moves. The journal has how much
-was left at an instant, and the UTC of the end with its error, or nothing in its place when UTC was
-not sure (`hosttime`); it is written again every minute or so, and when the wall clock is set. The
-next life takes the earliest end of these three, each of which is late enough: on the same run of
-the monotonic clock the same instant; what was left, counted from now; and the UTC of the end, once
-that is sure. So a life that knows nothing begins with what was left, and says that it may be too
-long.
+People rely on a command, so it never ends sooner than it says. While the node runs, the end is an
+instant of the monotonic clock, which no step of the wall clock moves. The journal has how much was
+left at an instant, and the UTC of the end with its error, or nothing in its place when UTC was not
+sure (`hosttime`). It is written again every minute or so, and when the wall clock is set. After a
+restart the node takes the earliest end of these three, each of which is late enough: the same
+instant on the same run of the monotonic clock; what was left, counted from now; and the UTC of the
+end, once that is sure. So a node that knows nothing begins with what was left, and says that this
+may be too long.
 
-A command that came over the channel is answered over the channel. The answer is the one frame that
-may still go: alone, once, within the time *granted* to it.
+A command over the channel is answered over the channel. The answer is the one frame that may still
+go: alone, once, within the time *granted* to it.
 
 With quiet windows and without a sure UTC the node stays silent. A window is longer by the error of
 UTC.
@@ -42,40 +41,40 @@ _LONGEST_NS: Final = (1 << 62) - 1
 
 _WRITE_EVERY_NS: Final = 60 * NS_PER_S
 _WRITE_PARTS: Final = 64
-"""The rest is journalled again when this much of it, or this share, has passed."""
+"""The rest is journalled again when this time, or this part of it, has passed."""
 _MOVED_NS: Final = NS_PER_S
-"""A UTC of the end that differs by more is another one."""
+"""A change of the end in UTC by more than this is a new end."""
 
 
 class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """Silence was commanded or has ended, and that is journalled; or a former life has left one."""
+    """A command or end of silence is journalled, or a silence from before the restart continues."""
 
     is_silent: bool
-    """Nothing is transmitted now."""
+    """Whether nothing may be transmitted now."""
     is_commanded: bool
-    """By a command; otherwise, if silent, by a quiet window."""
+    """Whether it is commanded; otherwise, if silent, it is a quiet window."""
     ends_at: int | None
-    """End as far as it is known, ns; None: there is none, or until it is resumed."""
+    """The end as far as it is known, ns; None: not silent, or until it is resumed."""
     changed_at: int
     """Instant of this state, ns."""
     doubt: str = ""
-    """Why it may last longer than it was commanded, one line; empty: it does not."""
+    """Why it may last longer than commanded, one line; empty: it does not."""
 
 
 class QuietWindow(msgspec.Struct, frozen=True):
     """Hours of each day in UTC at which this node keeps silent."""
 
     begins_ns: int
-    """Since midnight, ns."""
+    """Begin since midnight, ns."""
     ends_ns: int
-    """Since midnight, ns; before the beginning: on the next day."""
+    """End since midnight, ns; before the begin: on the next day."""
 
     def left_ns(self, utc_ns: int, error_ns: int = 0) -> int:
         """Return how long the window still lasts at a time, ns; 0 outside of it.
 
         Args:
-            utc_ns: The time.
-            error_ns: By how much it may be wrong.
+            utc_ns: The time, UTC, ns.
+            error_ns: Its largest error, ns.
         """
         since_begin = (utc_ns - self.begins_ns + error_ns) % _DAY_NS
         length = (self.ends_ns - self.begins_ns) % _DAY_NS + 2 * error_ns
@@ -86,24 +85,24 @@ class _Entry(msgspec.Struct, frozen=True, array_like=True):
     """A command in the journal."""
 
     left_ns: int
-    """How long it lasts from `written_at` on; 0: until it is resumed."""
+    """How long it lasts from `written_at` on, ns; 0: until it is resumed."""
     written_at: int
     boot: bytes
-    """Run of the monotonic clock that `written_at` belongs to."""
+    """The run of the monotonic clock that `written_at` belongs to."""
     ends_utc_ns: int | None
-    """UTC of its end, error included; None: not known."""
+    """UTC of its end, error included, ns; None: unknown."""
 
 
 class Silence:
-    """The gate of one node.
+    """The transmit silence of one node.
 
     Args:
         quiet: The quiet windows.
-        stored: What the journal has kept.
-        host: What is known of UTC.
-        journal: Keeps the command.
-        timers: End it.
-        emit: Takes `SilenceChanged` when a command, or its end, is kept.
+        stored: The content of the journal.
+        host: Knows UTC.
+        journal: Holds the command.
+        timers: End the command.
+        emit: Takes `SilenceChanged` when a command, or its end, is journalled.
     """
 
     def __init__(
@@ -121,7 +120,7 @@ class Silence:
         self._journal = journal
         self._emit = emit
         self.host = host
-        """What is known of UTC; to be read only."""
+        """Knows UTC; read-only."""
         self._boot = stored.get(BOOT_KEY, b"")
         self._commanded = False
         self._ends_at: int | None = None
@@ -142,15 +141,15 @@ class Silence:
         duration_s: float | None = None,
         then: Callable[[int], None] | None = None,
     ) -> None:
-        """Be silent from now on, for a time or until `resume`; replaces an earlier command.
+        """Begin a silence, for a time or until `resume`; it replaces an earlier command.
 
         Args:
             now: The instant.
-            duration_s: For how long, s; None: until `resume`.
-            then: Called when it is written down.
+            duration_s: Its duration, s; None: until `resume`.
+            then: Called when the command is journalled.
 
         Raises:
-            ValueError: A duration that is not above 0.
+            ValueError: The duration is not above 0.
         """
         if duration_s is not None and not 0 < duration_s < float("inf"):
             raise ValueError(f"duration_s is {duration_s}; allowed: above 0")
@@ -163,18 +162,18 @@ class Silence:
         self._arm()
 
     def resume(self, now: int, *, then: Callable[[int], None] | None = None) -> None:
-        """End the command; quiet windows stay. `then` is called when that is written down."""
+        """End the command; quiet windows stay. Call `then` once that is journalled."""
         self._commanded, self._kept, self._granted, self._doubt = False, None, None, ""
         self._journal.write(SILENCE_KEY, None, lambda at: self._tell(at, then))
         self._arm()
 
     def begin_at_least(self, now: int, *, until: int | None, then: Callable[[int], None]) -> None:
-        """Be silent to an instant, or until `resume`; an earlier command that lasts longer stays.
+        """Begin a silence unless an earlier command lasts at least as long.
 
         Args:
             now: The instant.
-            until: The end, ns; None: `resume`.
-            then: Called when it is written down.
+            until: The end, ns; None: until `resume`.
+            then: Called when the command is journalled.
         """
         lasts = self._commanded and (
             self._ends_at is None or (until is not None and until <= self._ends_at)
@@ -186,17 +185,17 @@ class Silence:
             self.begin(now, duration_s=duration_s, then=then)
 
     def grant(self, lane: LaneKey, *, until: int) -> None:
-        """Let one frame of one lane go in spite of silence, until an instant, ns."""
+        """Grant a lane one frame during the silence, until an instant, ns."""
         self._granted = lane, until
 
     def use_grant(self) -> None:
-        """That frame goes."""
+        """Use up the grant: its frame goes."""
         self._granted = None
 
     # Inputs
 
     def wake(self, now: int) -> None:
-        """The link is up: this is the first instant at which anything could be sent."""
+        """Restore a command when the link is up, before anything could be transmitted."""
         self._begin_life(now)
         self._go_on(now)
         if self._commanded and self._is_former:
@@ -204,7 +203,7 @@ class Silence:
         self._is_former = False
 
     def keep(self, now: int) -> None:
-        """Journal again what is left of a command, if that was long ago."""
+        """Journal again what is left of a command if the last entry is old."""
         if not self._commanded or self._ends_at is None or self._ends_at <= now:
             return
         left_ns = self._ends_at - now
@@ -212,7 +211,7 @@ class Silence:
             self._write(now)
 
     def handle_clock(self, now: int) -> None:
-        """The host has told the time."""
+        """Adjust the end of a command to the host's time."""
         if not self._commanded:
             return
         self._begin_life(now)
@@ -231,7 +230,7 @@ class Silence:
     def until(self, now: int) -> int | None:
         """Return the end of the silence, ns; None: no end is known.
 
-        At or before `now`: there is no silence.
+        An end at or before `now` means that there is no silence.
         """
         commanded_until = self._ends_at if self._commanded else 0
         if commanded_until is None:
@@ -239,7 +238,7 @@ class Silence:
         return self._quiet_until(max(now, commanded_until)) if self._quiet else commanded_until
 
     def is_silent(self, now: int) -> bool:
-        """Tell whether nothing may be transmitted now."""
+        """Return whether nothing may be transmitted now."""
         until = self.until(now)
         return until is None or until > now
 
@@ -250,7 +249,7 @@ class Silence:
         return self._granted[0]
 
     def state(self, now: int) -> SilenceChanged:
-        """Return what holds now."""
+        """Return the present state."""
         until = self.until(now)
         return SilenceChanged(
             is_silent=self.is_silent(now),
@@ -267,7 +266,7 @@ class Silence:
 
     @property
     def clock_doubt(self) -> str:
-        """Return why quiet windows and a doubtful time keep this node silent; empty: no."""
+        """Why quiet windows and a doubtful time keep this node silent; empty: they do not."""
         if not self._quiet or self.host.is_sure:
             return ""
         is_known = self.host.time.offset_ns is not None
@@ -276,7 +275,7 @@ class Silence:
     # Below the methods above
 
     def _go_on(self, now: int) -> None:
-        """Forget a command that has come to its end; keep what is left of one that has not."""
+        """End a command whose time has passed; otherwise keep its rest in the journal."""
         if self._commanded and self._ends_at is not None and self._ends_at <= now:
             self.resume(now)
         self.keep(now)
@@ -289,7 +288,7 @@ class Silence:
             self._timers.cancel((Due.SILENCE,))
 
     def _quiet_until(self, at: int) -> int | None:
-        """End of the quiet windows that hold at an instant, or that instant."""
+        """Return the end of the quiet windows at an instant, ns, or it; None: no UTC."""
         offset_ns, error_ns = self.host.time.offset_ns, self.host.time.error_at(at)
         if offset_ns is None or error_ns is None:
             return None
@@ -302,13 +301,13 @@ class Silence:
         return at
 
     def _begin_life(self, now: int) -> None:
-        """Set the end of a command of a former life, once."""
+        """Set the end of a command from before the restart, once."""
         kept = self._kept
         if kept is None or self._ends_at is not None or not kept.left_ns:
             return
         if kept.boot and kept.boot == self._boot and kept.written_at <= now:
             self._ends_at = kept.written_at + kept.left_ns
-            self._kept = None  # exact: UTC tells nothing that is better
+            self._kept = None  # exact: UTC cannot improve it
         else:
             self._ends_at = now + kept.left_ns
             self._doubt = "it is not known how long this node was down; what was left counts anew"
@@ -316,7 +315,7 @@ class Silence:
                 self._shorten(kept, now)
 
     def _shorten(self, kept: _Entry, now: int) -> None:
-        """End a command of a former life when it was to end, now that UTC is sure."""
+        """Correct the end of a command from before the restart now that UTC is sure."""
         self._kept = None
         offset_ns, error_ns = self.host.time.offset_ns, self.host.time.error_at(now)
         assert self._ends_at is not None
@@ -326,7 +325,7 @@ class Silence:
         self._ends_at = min(self._ends_at, max(now, kept.ends_utc_ns - offset_ns + error_ns))
 
     def _end_in_utc(self, now: int) -> int | None:
-        """UTC of the end, as late as it may be, ns; None: not sure."""
+        """Return the latest possible UTC of the end, ns; None: not sure."""
         offset_ns, error_ns = self.host.time.offset_ns, self.host.time.error_at(now)
         if self._ends_at is None or offset_ns is None or error_ns is None:
             return None

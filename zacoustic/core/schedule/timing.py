@@ -1,23 +1,23 @@
-"""When it is time to repeat: from airtimes and measured round trips, never from constants.
+"""When to repeat: from airtimes and measured round trips, never from constants.
 
-The first estimate comes from the link: the sound to the other end and back, the time it lingers
-there, the ACK's own frame, and one short frame of uncertainty. Then it is measured, as in RFC 6298,
-from samples that were sent once; but the first round trip is taken to be wrong by an eighth, not by
-a half: sound is slow, and equally slow the next time. That does not hold behind a device that
-controls access.
+The first estimate comes from the link: the propagation delay to the other end and back, the ACK's
+linger there, its own frame, and one short frame of uncertainty. Then the round trip is measured as
+in RFC 6298, from samples that were sent once; but the first measurement is assumed to be wrong by
+an eighth, not by a half: sound is slow, and equally slow the next time. This does not hold for a
+device that controls access.
 
-Silence is a loss, or an answer that takes longer than estimated. Sound and airtime are known
-beforehand, so it is taken for a loss, and the first five repetitions keep the same pace. The time
-of a device that decides itself when it transmits is a guess: until a round trip was measured, each
-vain pause doubles the next ones, and an answer to something that went twice does not end that,
-since it may answer the first (RFC 6298, Karn's rule). Late answers show it: an answer that follows
-a repetition sooner than any ever did belongs to the transmission before that, and so does the first
-of two equal answers. Then that is measured.
+Silence means a loss, or an answer that takes longer than estimated. Propagation delay and airtime
+are known beforehand, so it is taken for a loss, and the first five repetitions keep the same pace.
+The delay of a device that decides itself when it transmits is a guess: until a round trip is
+measured, each vain pause doubles the next ones. An answer to a record that was sent twice does not
+end that, since it may answer the first transmission (RFC 6298, Karn's rule). Late answers show the
+delay: an answer that follows a repetition sooner than any answer ever did belongs to the
+transmission before, and so does the first of two equal answers. Then that round trip is measured.
 
 Repetitions to a silent node become rare: it may be out of range for half an hour. The first frame
-heard of it releases one turn, and its answer ends the rarity. The same holds for a node that is
-heard and does not answer, since the channel may be crowded. Repetitions of an emergency do not
-become rare.
+heard from it releases one turn, and its answer restores the usual pace. The same holds for a node
+that is heard and does not answer, since the channel may be crowded. Repetitions of an emergency do
+not become rare.
 """
 
 import random
@@ -30,13 +30,13 @@ from zacoustic.core.base.qos import Priority
 from zacoustic.core.schedule.access.listening import Listening
 
 FEW_RECEIVERS: Final = 4
-"""So many receivers of one sample acknowledge it one right behind the other."""
+"""Up to this many receivers of one sample acknowledge it directly one after another."""
 _SLOTS_OF_MANY: Final = 3
 _ACK_BYTES: Final = 5
 _SHORT_BYTES: Final = 8
 _BATCH_FRAMES: Final = 4
 _FIRST_DEVIATION: Final = 8
-"""Error of the first round trip, as a part of it."""
+"""The assumed error of the first round trip is this part of it."""
 _FIRST_DEVIATION_DELEGATED: Final = 2
 """The same where a device decides when it transmits."""
 _FACTORS: Final = (
@@ -44,47 +44,48 @@ _FACTORS: Final = (
     *(6.0, 8.0, 12.0, 16.0, 24.0, 32.0),
 )
 """Round trips between two repetitions, by the number of unanswered ones in a row. The last ones
-count only as long as no round trip was measured."""
+apply only while no round trip is measured."""
 _SILENT_FACTORS: Final = (1.0, 1.0, 1.0, 1.0, 1.0, 3.0, 9.0, 17.5)
-"""Their minimum, by the number of repetitions in a row without any sign of the node. The first few
-may have been lost, the others go to an absent node. A minute, where a round trip takes three
-seconds: a node that returns and transmits nothing waits that long."""
+"""The least such factor, by the number of repetitions in a row without any sign of the node. The
+first few may have been lost, the others go to an absent node. The last one is a minute where a
+round trip takes three seconds: a node that returns and transmits nothing waits that long."""
 
 _PATIENCE: Final = 2
 """This many times the usual number of unheard repetitions are no sign of absence: they come on top
 of the first few. With six of ten frames lost, every sixth exchange succeeds."""
 _MOST_USUAL: Final = 6.0
 _USUAL_PARTS: Final = 8
-"""The usual number shrinks by this part with each answer to something that went once; it grows by
-half."""
+"""The usual number shrinks by this part with each answer to a record that was sent once; it grows
+by half of the difference."""
 
 _LAST_EQUAL: Final = 4
-"""Place of the last of the first factors, which are equal."""
+"""Index of the last of the first factors, which are equal."""
 _DOUBLING: Final = 2
-"""A factor doubles within this many places."""
+"""A factor doubles within this many indices."""
 _HEARD_PLACES: Final = 2
-"""The first frame of a silent node is worth this many places: one turn at once. Its answer to that
-is worth all; a frame that only pretends to be of the node does not restart everything."""
+"""The first frame of a silent node takes back this many steps: one turn at once. Its answer to that
+takes back all; so a forged frame does not restart everything."""
 
 _IMPLAUSIBLE_PARTS: Final = 64
-"""A round trip shorter than this part of what the link allows is not believed: sound to the
-farthest node takes seconds, and the shortest frame a tenth of one at least."""
+"""A round trip shorter than this part of the link's estimate is not believed: sound to the farthest
+node takes seconds, and the shortest frame at least a tenth of one."""
 _LEAST_FACTOR: Final = 4.0
-"""A node that does not answer is left in peace for this many round trips, in whatever haste:
-answers may take longer than they did, and a node that transmits all the time hears none."""
+"""An answer is awaited for at least this many round trips, in whatever haste: answers may take
+longer than before, and a node that transmits all the time hears none."""
 _URGENT_FACTOR: Final = 2.0
 _URGENT_S: Final = 8.0
 """The longest pause of an emergency, s, unless its factor is longer: the node may be back."""
 _LONGEST_DRAW: Final = 1.25
-"""Longest drawn pause, in parts of the mean one."""
+"""The longest drawn pause, in parts of the mean one."""
 _LONGEST_QUIET: Final = 2
-"""Something that is sent for the first time postpones repetitions by this many of its pauses at
-most."""
+"""A record that is sent for the first time postpones repetitions by at most this many of its
+pauses."""
 _SENSED_TRIES: Final = 2
-"""Where carriers are sensed, this many repetitions go soon, after a short frame more or less: a
-node that hears the other end begin waits, so a loss was hardly a collision with it."""
+"""Where carriers are sensed, this many repetitions go soon, give or take a short frame: a node that
+hears the other end begin waits, so a loss was hardly a collision with it."""
 _EARLIEST: Final = 0.75
-"""Fixed part of a deadline; the rest is drawn, so that two ends do not repeat in step for ever."""
+"""The fixed part of a deadline; the rest is drawn, so that two ends do not repeat in step for
+ever."""
 
 
 class LinkTimes:
@@ -92,109 +93,110 @@ class LinkTimes:
 
     Args:
         capabilities: The link's.
-        listening: When others pause; None: nobody has to.
+        listening: When other nodes pause; None: they need not.
     """
 
     def __init__(self, capabilities: LinkCapabilities, listening: Listening | None = None) -> None:
         self.listening = listening
-        """When others pause; to be read only."""
+        """When other nodes pause; read-only."""
         self.airtime_ns: Callable[[int], int] = capabilities.airtime_ns
-        """Airtime of a frame of so many bytes."""
+        """Returns the airtime of a frame by its size, bytes."""
         short_ns = capabilities.airtime_ns(_SHORT_BYTES)
         self.gap_ns = gap_ns = seconds_to_ns(capabilities.gap_s)
-        """What the device needs after a frame."""
+        """The device's pause after a frame."""
         self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
-        """How long the ACK of one receiver takes; the next receiver of a list waits for it."""
+        """Duration of one receiver's ACK; the next receiver in the list waits for it."""
         self.is_delegated = capabilities.controls_access
-        """The device decides when a frame starts; how long a frame has waited there is unknown."""
+        """Whether the device decides when a frame starts; how long the frame waits there is
+        unknown."""
         self.mtu_bytes = capabilities.mtu_bytes
         self.next_frame_ns = 0
         """How long to wait for the next frame of a publisher that continues, ns."""
         self.senses_carrier = capabilities.senses_carrier
-        """A node that is about to transmit knows whether another one is heard."""
+        """Whether a node that is about to transmit knows that another one is heard."""
         if not capabilities.senses_carrier:
             self.next_frame_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
         self.ack_patience_ns = _BATCH_FRAMES * (
             capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
         )
-        """Longest delay of an ACK, however long a publisher continues, ns."""
+        """The longest delay of an ACK, however long a publisher continues, ns."""
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
-        """How long an ACK waits, ns: a publisher that continues has begun its next frame by
+        """How long an ACK lingers, ns: a publisher that continues has begun its next frame by
         then."""
         linger_s = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
-        self.confirm_linger_s = max(SHORTEST_S, linger_s)  # on a simulated link it may be nothing
-        """How long a confirm waits, s: otherwise it would collide with what is repeated with its
-        request, again and again."""
+        self.confirm_linger_s = max(SHORTEST_S, linger_s)  # on a simulated link it may be 0
+        """How long a CONFIRM lingers, s: otherwise it would collide again and again with what is
+        repeated together with its request."""
         self.doubt_ns = short_ns
         self.longest_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
         """The longest frame that may be under way at the other end, ns."""
         self.way_ns = seconds_to_ns(capabilities.propagation_s)
-        """How long the sound takes to the farthest node, one way."""
+        """Propagation delay to the farthest node, one way."""
         self.batch_bytes = _BATCH_FRAMES * capabilities.mtu_bytes
-        """Most bytes repeated before an answer is awaited."""
+        """The most bytes repeated before an answer is awaited."""
         self.first_round_trip_ns: int = (
             2 * self.way_ns + self.ack_linger_ns + self.next_frame_ns + self.ack_slot_ns + short_ns
         )
-        """Estimate before anything is measured, ns, from the end of the sample's frame."""
+        """The estimate before any measurement, ns, from the end of the sample's frame."""
 
     def copy_ns(self, size_bytes: int) -> int:
-        """Return what one more copy of a record takes, with the gap behind it, ns, at least 1."""
+        """Return the duration of one more copy of a record and its gap, ns, at least 1."""
         return max(1, self.airtime_ns(size_bytes) + self.gap_ns)
 
     def ask_round_trip_ns(self, frame_ns: int) -> int:
-        """Return how long what was asked for needs to come, in a frame of that airtime."""
+        """Return how long a requested frame of this airtime takes to come, ns."""
         return 2 * self.way_ns + self.ack_slot_ns + frame_ns + self.doubt_ns
 
     def ack_spread_ns(self, receivers: int) -> int:
-        """Return within which time that many receivers acknowledge a repetition, each at random.
+        """Return the time in which this many receivers acknowledge a repetition at random, ns.
 
-        Most have acknowledged before and say it again, and one that is not known yet says more. A
-        single one may collide as well, with the answer to a repetition of another topic; or it
-        falls under what its publisher repeats next, where that does not hear it begin.
+        Most receivers have acknowledged before and repeat it, and one that has not says more. A
+        single ACK may collide as well, with the answer to a repetition of another topic; or with
+        its publisher's next repetition, if the publisher does not hear the ACK begin.
         """
         least_ns = self.doubt_ns if self.senses_carrier else self.longest_ns
         return least_ns if receivers < 2 else max(least_ns, 2 * receivers * self.ack_slot_ns)
 
 
 def ack_slots(rank: int, receivers: int) -> int:
-    """Return how many slots pass before a receiver acknowledges what was sent to several.
+    """Return how many slots pass before a receiver acknowledges a sample sent to several.
 
-    They acknowledge in the order of their addresses. Of many the answers arrive in another order,
-    since their ways differ, and would meet.
+    They acknowledge in the order of their addresses. The answers of many arrive in another order,
+    since their distances differ, and would collide in adjacent slots.
 
     Args:
         rank: How many acknowledge before it.
-        receivers: How many there are.
+        receivers: Number of receivers.
     """
     return rank if receivers <= FEW_RECEIVERS else _SLOTS_OF_MANY * rank
 
 
 class Pacer:
-    """How long one node takes to answer, and so when something may be repeated to it."""
+    """How long one node takes to answer, and so when to repeat something to it."""
 
     def __init__(self) -> None:
         self.shortest_ns: int | None = None
-        """The shortest round trip that was measured lately, ns."""
+        """The shortest recent round trip, ns."""
         self.quiet_until = 0
-        """An answer is awaited until then, and nothing is repeated to it, ns."""
+        """Instant until which an answer is awaited and nothing is repeated to it, ns."""
         self.quiet_since = 0
-        """Since when it is, ns."""
+        """Instant since which an answer is awaited, ns."""
         self._counts_at = 0
         self._smooth_ns: int | None = None
         self._deviation_ns = 0
         self._doubts_guess = False
-        """Repetitions were in vain before any measurement: a round trip may take longer."""
+        """Whether repetitions were in vain before any measurement: the round trip may be longer."""
         self._unanswered = 0
         self._unheard = 0
         self._usually_unheard = 0.0
-        """Repetitions in a row without a sign of it, before it answers."""
+        """How many repetitions in a row usually go without a sign of it before it answers."""
         self._quiet_from = 0
         self._turn_at = -1
         self._room_bytes = 0
 
     @property
     def is_silent(self) -> bool:
-        """Nothing was heard of it for so long that it may be absent."""
+        """Whether it was unheard for so long that it may be absent."""
         return self._silent_factor > 1
 
     @property
@@ -204,20 +206,20 @@ class Pacer:
 
     @property
     def smooth_ns(self) -> int:
-        """The usual round trip, ns; 0 before one was measured."""
+        """The usual round trip, ns; 0 before any measurement."""
         return self._smooth_ns or 0
 
     def least_ns(self, times: LinkTimes) -> int:
-        """Return the shortest known time of an answer, ns."""
+        """Return the shortest known time to an answer, ns."""
         if self.shortest_ns is not None:
             return self.shortest_ns
         return times.first_round_trip_ns
 
     def measured(self, round_trip_ns: int, times: LinkTimes) -> None:
-        """Take a round trip, from the end of a frame to the ACK for it.
+        """Add a round trip, from the end of a frame to its ACK.
 
-        A far shorter one than the link allows answers something else, such as a request of a former
-        life of this node. It would let this life repeat without a pause.
+        A far shorter one than the link allows answers something else, such as a request from before
+        this node's restart. It would let the node repeat without a pause.
         """
         if round_trip_ns < times.first_round_trip_ns // _IMPLAUSIBLE_PARTS:
             return
@@ -235,7 +237,7 @@ class Pacer:
         self._smooth_ns += (round_trip_ns - self._smooth_ns) // 8
 
     def unanswered(self, now: int, times: LinkTimes) -> None:
-        """A repetition has become due unanswered; those that become due together count once."""
+        """Count a repetition that became due unanswered; those due together count once."""
         if now >= self._counts_at:
             self._counts_at = now + times.first_round_trip_ns
             self._doubts_guess = self._smooth_ns is None and times.is_delegated
@@ -247,7 +249,7 @@ class Pacer:
                 self._unheard += 1
 
     def heard(self) -> bool:
-        """Take note of a frame of the node; True if it had been silent and repetitions rare."""
+        """Record a frame from the node; return whether the node had been silent."""
         was_silent = self.is_silent
         if was_silent:
             self._unheard -= _HEARD_PLACES
@@ -257,7 +259,7 @@ class Pacer:
         return was_silent
 
     def begin(self, now: int) -> None:
-        """Something new waits for the node: if nothing else does, repeat as if it was just heard.
+        """Record that something new waits; if nothing else does, repeat at the usual pace.
 
         Repetitions may have become rare long ago, and the node may be back since.
         """
@@ -267,8 +269,8 @@ class Pacer:
                 self._unanswered = 0
 
     def answered(self, *, in_crowd: bool = True) -> None:
-        """The node has confirmed something that it lacked; others may be transmitting as well."""
-        if self._silent_factor < _SILENT_FACTORS[-1]:  # else it was not there
+        """Record that the node has confirmed something; `in_crowd`: others may be transmitting."""
+        if self._silent_factor < _SILENT_FACTORS[-1]:  # otherwise it was absent
             unheard = min(float(self._unheard), _MOST_USUAL)
             self._usually_unheard += max(0.0, unheard - self._usually_unheard) / 2
         self._unheard = 0
@@ -278,9 +280,9 @@ class Pacer:
             self._unanswered = self._unanswered // 2 if in_crowd else 0
 
     def is_doubtful(self, times: LinkTimes) -> bool:
-        """Repetitions to it are unanswered again and again: more than one would be wasted.
+        """Return whether repetitions stay unanswered, so that more than one would be wasted.
 
-        So it would be where an answer may just take longer than was guessed.
+        This also holds where an answer may simply take longer than the guess.
         """
         is_guess = self._smooth_ns is None and times.is_delegated
         return is_guess or self.is_silent or _FACTORS[self._unanswered] > 1
@@ -298,22 +300,22 @@ class Pacer:
     ) -> int:
         """Draw how long to wait for an answer before the next repetition, ns.
 
-        Two ends that repeat in step collide for ever. So the drawn pause is as long as what may be
-        under way there, and longer if repetitions have become rare.
+        Two ends that repeat in step collide for ever. So the random part is as long as a frame that
+        may be under way there, and longer if repetitions have become rare.
 
         Args:
-            times: Of the link.
-            rank: How many receivers acknowledge before this one; what was measured has it in it.
-            rng: Draws.
-            priority: Of what is repeated.
-            frames: So many frames are sent in a row.
-            spread_ns: Within which time they acknowledge, each at random.
-            at_most_ns: However rare repetitions have become, it is no longer than this, > 0, or
-                than `least_pause_ns`; None: it may be.
+            times: The link's.
+            rank: How many receivers acknowledge before this one; measured round trips include them.
+            rng: Draws the random part.
+            priority: The priority of what is repeated.
+            frames: How many frames are sent in a row.
+            spread_ns: Time in which the receivers acknowledge at random, ns.
+            at_most_ns: Upper bound, ns, > 0, however rare repetitions have become, unless
+                `least_pause_ns` is longer; None: no bound.
         """
         round_trip_ns = self.round_trip_ns(times, rank)
         factor = self._factor(times, priority)
-        # A round trip that took long once is no reason to be silent for hours.
+        # One slow round trip is no reason to be silent for hours.
         rarest_ns = round(self._rarest * times.first_round_trip_ns)
         pause_ns = round(round_trip_ns * min(factor, _LEAST_FACTOR))
         pause_ns = max(pause_ns, min(round(round_trip_ns * factor), rarest_ns))
@@ -332,21 +334,21 @@ class Pacer:
         """Return how long an answer is awaited, in whatever haste, ns.
 
         Args:
-            times: Of the link.
-            rank: How many receivers acknowledge before this one; what was measured has it in it.
-            priority: Of what is repeated.
+            times: The link's.
+            rank: How many receivers acknowledge before this one; measured round trips include them.
+            priority: The priority of what is repeated.
         """
         factor = min(self._factor(times, priority), _LEAST_FACTOR)
         return round(self.round_trip_ns(times, rank) * factor)
 
     def await_answer(self, since: int, until: int, *, is_repeated: bool = True) -> None:
-        """Await an answer from an instant on, until another one, ns.
+        """Await an answer from one instant to another, ns.
 
         Args:
-            since: The end of what was sent, ns.
-            until: When it is due again, ns.
-            is_repeated: It was sent before. What goes for the first time, again and again, must
-                not hold back for ever what waits to be repeated.
+            since: The end of the transmission, ns.
+            until: Instant at which it is due again, ns.
+            is_repeated: It was sent before. A series of new records must not hold back repetitions
+                for ever.
         """
         if is_repeated or since >= self.quiet_until:
             self._quiet_from = since
@@ -357,19 +359,19 @@ class Pacer:
     def may_repeat(
         self, now: int, times: LinkTimes, priority: Priority, *, in_haste: bool = False
     ) -> bool:
-        """Tell whether something may be repeated to it now, with what already is."""
+        """Return whether something may be repeated to it now, perhaps in the turn under way."""
         return now == self._turn_at or self.ready_at(times, priority, in_haste=in_haste) <= now
 
     def takes(self, size_bytes: int, now: int, times: LinkTimes) -> bool:
-        """Take a record into the present turn; False: it has no room.
+        """Take a record into the present turn; False: no room.
 
-        A turn is what is repeated before an answer is awaited: a few frames, or one to a node that
-        may not be there.
+        A turn is what is repeated before an answer is awaited: a few frames, or one frame to a node
+        that may be absent.
 
         Args:
-            size_bytes: Its size.
+            size_bytes: Its size, bytes.
             now: The instant.
-            times: Of the link.
+            times: The link's.
         """
         if now != self._turn_at:
             self._turn_at = now
@@ -380,10 +382,10 @@ class Pacer:
         return True
 
     def ready_at(self, times: LinkTimes, priority: Priority, *, in_haste: bool = False) -> int:
-        """Return from when on something may be repeated to it, ns.
+        """Return the instant from which something may be repeated to it, ns.
 
-        Other mechanisms may have decided to leave the node in peace for long; that holds neither
-        for an emergency nor for what has a deadline (`in_haste`).
+        Other mechanisms may have agreed a long pause for the node; that applies neither to an
+        emergency nor to what has a deadline (`in_haste`).
         """
         if priority is not Priority.REAL_TIME and not in_haste:
             return self.quiet_until
@@ -410,10 +412,10 @@ class Pacer:
         return min(factor, max(_URGENT_FACTOR, urgent_ns / self.round_trip_ns(times)))
 
     def round_trip_ns(self, times: LinkTimes, rank: int = 0) -> int:
-        """Return the time within which an answer comes, as far as known, ns.
+        """Return the time in which an answer comes, as far as known, ns.
 
         Args:
-            times: Of the link.
+            times: The link's.
             rank: How many receivers acknowledge before this one.
         """
         if self._smooth_ns is None:

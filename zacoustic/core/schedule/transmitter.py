@@ -1,8 +1,8 @@
-"""When a frame goes, and what it costs: the link, its access, silence and airtime caps.
+"""When a frame goes and what it costs: the link, its access, silence and airtime caps.
 
 The instant of the next frame (`Transmitter.next_at`) is computed on demand and is not a timer: it
-depends on queue, port, medium access, caps and silence at the moment of asking, and any input may
-change each of them.
+depends on queue, port, medium access, caps and silence at that moment, and any input may change
+each of them.
 """
 
 from collections.abc import Callable
@@ -27,60 +27,60 @@ from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.wire.envelope import Envelope
 
 UNHEARD_FRAMES: Final = 20
-"""After this many frames without any reception the application is told."""
+"""After this many frames without any reception the application gets an event."""
 
 
 class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
-    """Frames were sent since the link came up, and nothing was heard at all; told once."""
+    """Frames were sent since the link came up, and nothing was heard at all; emitted once."""
 
     frames: int
-    """How many were sent."""
+    """Number of frames sent."""
     up_at: int
-    """Instant from which on the link is up, ns."""
+    """Instant at which the link came up, ns."""
     changed_at: int
-    """Instant, ns."""
+    """Instant of the event, ns."""
     link: str = ONE_LINK
     """Name of the link."""
 
 
 class FrameSource(Protocol):
-    """What a node has to transmit, as the transmitter sees it."""
+    """The source of a node's frames, as the transmitter sees it."""
 
     @property
     def queue(self) -> TransmitQueue:
-        """What waits."""
+        """The waiting records."""
 
     @property
     def is_exclusive(self) -> bool:
-        """What is under way needs the channel for itself."""
+        """Whether the object under way needs the channel to itself."""
 
     def has_fragment(self, now: int) -> bool:
-        """Whether a fragment of an object is due, which fills its frame."""
+        """Return whether a fragment of an object is due, which fills its frame."""
 
     def hold(self, stream_id: int, until: int) -> None:
-        """Send nothing of a stream before an instant."""
+        """Hold everything of a stream until an instant, ns."""
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it."""
+        """Whether the boot epoch is journalled, so that the node will not use it again."""
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
-        """Make what goes around a frame on a link."""
+        """Make the envelope of the frames on a link."""
 
     def use_link(self, port: LinkPort, now: int) -> None:
-        """Take the airtimes of a link, and drop what is too large for it."""
+        """Set the link's airtimes, and drop what is too large for it."""
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+        """Return the instant from which a frame should go, ns; None: nothing to send."""
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None."""
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Make a frame of what waits in one lane, or return None."""
+        """Make a frame of one lane's payloads, or return None."""
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame of what medium access has to say, or return None."""
+        """Make a frame with only the controls of medium access, or return None."""
 
 
 class Transmitter:
@@ -88,11 +88,11 @@ class Transmitter:
 
     Args:
         link: Name of the link.
-        source: What the engine has to say there.
-        silence: When nothing may be said, and what is known of UTC.
-        airtime: How much of the time it may be on the air.
-        stats: Counts on this link.
-        make_port: Makes the port of the link from what that can do and what goes around a frame.
+        source: What the engine has to send there.
+        silence: The transmit silence, and what is known of UTC.
+        airtime: The airtime caps.
+        stats: The link's counters.
+        make_port: Makes the link's port from its capabilities and envelope.
         emit: Takes `NothingHeard`.
     """
 
@@ -109,11 +109,11 @@ class Transmitter:
         self.link = link
         """Name of the link."""
         self.port: LinkPort | None = None
-        """The link; None before it was up."""
+        """The port of the link; None before the link was up."""
         self.link_state = LinkState.OPENING
-        """What the link last said of itself."""
+        """The last reported state of the link."""
         self.airtime = airtime
-        """How much of the time streams and node may be on the air."""
+        """The airtime caps of streams and node."""
         self._source = source
         self._silence = silence
         self._stats = stats
@@ -122,8 +122,8 @@ class Transmitter:
         self._emit = emit
         self._up_at = 0
         self._frames_at_up: tuple[int, int] | None = None
-        """Frames sent and heard when the link came up; None: it is not up, or something was
-        heard, or `NothingHeard` was told."""
+        """Frames sent and heard when the link came up; None: it is not up, something was heard
+        since, or `NothingHeard` was emitted."""
         self._next_transmission_id = 1
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
@@ -140,29 +140,29 @@ class Transmitter:
         self._source.use_link(port, now)
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Nothing is to be kept of a node."""
+        """Forget a node."""
         if self.port is not None:
             self.port.peer_forgotten(address, now)
 
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
-        """The host tells what its clock says; see `Engine.handle_clock`."""
+        """Take the time of the host's clock; see `Engine.handle_clock`."""
         self._offset_ns = offset_ns
         if self.port is not None:
             self.port.access.handle_clock(offset_ns, error_ns, now)
 
     def change_state(self, state: LinkState, now: int) -> None:
-        """The link is in another state."""
+        """Record a new state of the link."""
         self.link_state, self._up_at, self._frames_at_up = state, now, None
         if state is LinkState.UP:
             self._frames_at_up = self._stats.frames_transmitted, self._stats.frames_received
 
     def handle_timeout(self, now: int) -> None:
-        """An instant has come that `next_at` or a timer has named."""
+        """Handle an instant that `next_at` or a timer has named."""
         if self.port is not None:
             self.port.access.handle_timeout(now)
 
     def review(self, now: int) -> None:
-        """Tell the application if nothing is heard."""
+        """Emit an event if nothing is heard."""
         if self._frames_at_up is None:
             return
         sent = self._stats.frames_transmitted - self._frames_at_up[0]
@@ -176,7 +176,7 @@ class Transmitter:
         """Make the transmission that is worth most now, if one may begin.
 
         Returns:
-            It, and the streams of its records.
+            The transmission, and the streams of its records; None: none may begin.
         """
         port = self.port
         if port is None:
@@ -211,7 +211,7 @@ class Transmitter:
         return transmission, composed.streams
 
     def finish(self, report: TransmitReport, now: int) -> bool:
-        """Take note of the end of a transmission; False: the report belongs to none."""
+        """Record the end of a transmission; return False if the report fits none under way."""
         if self.port is None or not self.port.finish(report, now):
             return False
         self._stats.reported(report.outcome.value)
@@ -236,7 +236,7 @@ class Transmitter:
     # Below the methods above
 
     def _tell_access(self, port: LinkPort, now: int) -> None:
-        """Tell a new policy what is known of UTC, and what the host says if that is nothing."""
+        """Tell a new policy what is known of UTC, or else what the host says."""
         known = self._silence.host.time
         if known.offset_ns is not None:
             port.access.handle_clock(known.offset_ns, known.error_at(now), now)
@@ -244,7 +244,7 @@ class Transmitter:
             port.access.handle_clock(self._offset_ns, None, now)
 
     def _transmit_at(self, now: int) -> int | None:
-        """Return when a frame of what waits goes."""
+        """Return when a frame of waiting records goes, ns, or None."""
         if self.link_state is not LinkState.UP or self.port is None or self.port.is_full:
             return None
         if not self._source.may_speak:
@@ -269,7 +269,7 @@ class Transmitter:
         return None if due_at is None else self.port.free_at(Wanted(due_at, is_urgent=True), now)
 
     def _speak_at(self, now: int) -> int | None:
-        """Return when medium access wants a frame of its own."""
+        """Return when medium access wants a frame of its own, ns, or None."""
         if self.link_state is not LinkState.UP or self.port is None:
             return None
         return self._after_silence(self.port.speak_at(now), now)

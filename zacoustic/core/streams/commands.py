@@ -12,20 +12,20 @@ from zacoustic.errors import LocalError
 COMMANDS_STREAM_ID: Final = 175
 """Stream id of remote commands, in every table that does not give it to another stream."""
 COMMANDS_TIMEOUT_S: Final = 600.0
-"""A command is repeated, and remembered as a call, for this long at most, s."""
+"""The longest time for which a command is repeated, and remembered as a call, s."""
 LONGEST_SILENCE_S: Final = 366 * 86400.0
-"""Longest time of a silence that is to end by itself, s."""
+"""The longest silence that ends by itself, s."""
 LONGEST_INTERVAL_S: Final = 86400.0
-"""Longest minimum interval that can be commanded, s."""
+"""The longest minimum interval that can be commanded, s."""
 SERIALS: Final = 1 << 16
-"""Serial numbers of commands of one boot epoch."""
+"""The number of serials of one boot epoch."""
 
 _SHORTEST_SILENCE_S: Final = 0.1
 _INTERVAL_STEP_S: Final = 0.01
 
 
 def check_timeout(timeout_s: float) -> None:
-    """See that a command can be tried for so long.
+    """Check that a command can be tried for so long.
 
     Raises:
         LocalError: It cannot.
@@ -38,45 +38,45 @@ def check_timeout(timeout_s: float) -> None:
 
 
 class CommandKind(enum.Enum):
-    """What is wanted."""
+    """What a command asks for."""
 
     ASK = "ask"
-    """Nothing but the answer."""
+    """Ask for the state only."""
     SILENCE = "silence"
-    """Transmit nothing."""
+    """Begin transmit silence."""
     RESUME = "resume"
-    """The end of the commanded silence."""
+    """End the commanded silence."""
     OVERRIDE = "tune"
-    """Switch a topic off or on, set its least interval, its priority."""
+    """Switch a topic off or on, or set its minimum interval or its priority."""
     RESET = "reset"
-    """A topic's settings of the node's own configuration."""
+    """Return a topic to the settings of the node's own config."""
 
 
 class RemoteCommand(msgspec.Struct, frozen=True, kw_only=True):
-    """One command, for a node that is named beside it.
+    """One command; its destination is stated beside it.
 
     Raises:
-        ValueError: Names field, value and what is allowed.
+        ValueError: States field, value and what is allowed.
     """
 
     kind: CommandKind = CommandKind.ASK
-    """What is wanted."""
+    """What the command asks for."""
     for_s: float | None = None
-    """Of SILENCE: how long, s, 0.1…31 622 400; None: until it is resumed."""
+    """For SILENCE: its duration, s, 0.1…31 622 400; None: until it is resumed."""
     stream_id: int | None = None
-    """Of TUNE and RESET, and of ASK about a topic: which, 1…175."""
+    """For OVERRIDE and RESET, and for ASK about a topic: its stream id, 1…175."""
     on: bool | None = None
-    """Of TUNE: its samples go; None: as it is."""
+    """For OVERRIDE: whether the topic's samples are sent; None: unchanged."""
     min_interval_s: float | None = None
-    """Of TUNE: least time between two samples of a key, s, 0…86400; None: as it is."""
+    """For OVERRIDE: minimum time between two samples of a key, s, 0…86400; None: unchanged."""
     priority: Priority | None = None
-    """Of TUNE: Zenoh's priority; None: as it is."""
+    """For OVERRIDE: the Zenoh priority; None: unchanged."""
 
     def __post_init__(self) -> None:
-        """Check that the fields fit.
+        """Check that the fields fit together.
 
         Raises:
-            ValueError: Names field, value and what is allowed.
+            ValueError: States field, value and what is allowed.
         """
         if self.for_s is not None:
             _check("for_s", self.for_s, _SHORTEST_SILENCE_S, LONGEST_SILENCE_S)
@@ -97,20 +97,20 @@ class RemoteCommand(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def changes(self) -> bool:
-        """It is more than a question."""
+        """Whether it changes anything: every command but ASK."""
         return self.kind is not CommandKind.ASK
 
     @property
     def subject(self) -> int:
-        """What it is about: a stream id, or 0 for silence."""
+        """Its object: a stream id, or 0 for silence."""
         return self.stream_id or 0
 
     def to_wire(self, serial: int, heard: int | None = None) -> dict[str, Any]:
         """Return the request.
 
         Args:
-            serial: Number of the command.
-            heard: Boot epoch of the node that it is for, if that was heard.
+            serial: The command's serial.
+            heard: Boot epoch of the destination, if it was heard.
         """
         return {
             "serial": serial,
@@ -128,7 +128,7 @@ class RemoteCommand(msgspec.Struct, frozen=True, kw_only=True):
         """Return serial and command of a request.
 
         Raises:
-            ValueError: Its fields do not fit.
+            ValueError: Its fields do not fit together.
         """
         return request["serial"], cls(
             kind=CommandKind(request["order"]),
@@ -144,17 +144,17 @@ class CommandState(msgspec.Struct, frozen=True, kw_only=True):
     """The state of a node after a command."""
 
     silent: bool = False
-    """It transmits nothing."""
+    """Whether it transmits nothing."""
     commanded: bool = False
-    """By a command; otherwise, if silent, by a quiet window."""
+    """Whether the silence is commanded; otherwise, if silent, it is a quiet window."""
     left_s: float | None = None
-    """How long the silence lasts, as far as that is known, s; None: no end is known, or none."""
+    """How long the silence lasts, as far as known, s; None: no known end, or no silence."""
     on: bool | None = None
-    """Of the topic that was asked for: its samples go; None: none was."""
+    """Whether the samples of the command's topic are sent; None: it had no topic."""
     min_interval_s: float | None = None
-    """Of the topic: least time between two samples of a key, s."""
+    """The topic's minimum time between two samples of a key, s."""
     priority: Priority | None = None
-    """Of the topic: Zenoh's priority."""
+    """The topic's Zenoh priority."""
 
     def to_wire(self) -> dict[str, Any]:
         """Return the response."""
@@ -174,7 +174,7 @@ class CommandState(msgspec.Struct, frozen=True, kw_only=True):
 
         Args:
             response: The response.
-            age_s: How old it is, s.
+            age_s: Its age, s.
         """
         fields = response | {"priority": _priority(response["priority"])}
         state = cls(commanded=fields.pop("ordered"), **fields)

@@ -1,10 +1,9 @@
-"""Names of streams with placeholders, and the keys that they stand for.
+"""Names of streams with placeholders, and the keys that they produce.
 
 A name is a key expression without Zenoh's wildcards. A chunk may hold ``{node}``, the name of the
-node that a frame came from, which costs nothing because the source of a frame is known; or a
-wildcard of the stream's own with its values listed, which costs one byte. A name with its
-placeholders filled in is a *key*; the tuple of value numbers that fills its wildcards is its
-*instance*.
+node that a frame came from, which costs nothing because the frame has a known source; or a wildcard
+of the stream with a list of values, which costs one byte. A name with its placeholders filled in is
+a *key*; the tuple of value numbers that fills its wildcards is its *instance*.
 """
 
 import re
@@ -16,37 +15,36 @@ import msgspec
 from zacoustic.errors import ConfigError, UnknownStreamError
 
 NODE_PLACEHOLDER: Final = "node"
-"""Name of the placeholder that stands for the source of the frame."""
+"""Name of the placeholder for the source of the frame."""
 
 MOST_VALUES: Final = 255
-"""Values that a wildcard can have: its number is one byte."""
+"""The most values of a wildcard: its number is one byte."""
 
 _PLACEHOLDER: Final = re.compile(r"\{([^{}]*)\}")
 
 Instance = tuple[int, ...]
-"""Which value each wildcard of a name takes, in the order of the name; ``()`` for a name without
-any."""
+"""The value number of each wildcard, in the order of the name; ``()`` for a name without any."""
 
 
 class Wildcard(msgspec.Struct, frozen=True, kw_only=True):
     """A placeholder of a topic's name and the values it can take."""
 
     name: str
-    """As it stands between the braces."""
+    """The name between the braces."""
     values: tuple[str, ...]
-    """Key chunks; the position, 0…254, crosses the channel."""
+    """Key chunks; their position, 0…254, crosses the channel."""
 
 
 class KeyPattern:
-    """A name, its wildcards, and the nodes that ``{node}`` can stand for.
+    """A name, its wildcards, and the values of ``{node}``.
 
     Args:
         name: The name.
-        wildcards: Its placeholders, `{node}` excepted, in any order.
+        wildcards: Its placeholders without `{node}`, in any order.
         node_names: Name of each node by address.
 
     Raises:
-        ConfigError: The name is no key expression, or its placeholders and wildcards do not fit.
+        ConfigError: The name is no key expression, or its placeholders and wildcards do not match.
     """
 
     def __init__(
@@ -56,7 +54,7 @@ class KeyPattern:
         self.name = name
         self.node_names = dict(node_names)
         self.is_named_by_node = f"{{{NODE_PLACEHOLDER}}}" in name
-        """The name holds ``{node}``."""
+        """Whether the name holds ``{node}``."""
         by_name = {wildcard.name: wildcard for wildcard in wildcards}
         found = [part for part in _PLACEHOLDER.findall(name) if part != NODE_PLACEHOLDER]
         self.wildcards: tuple[Wildcard, ...] = tuple(by_name[part] for part in found)
@@ -91,7 +89,7 @@ class KeyPattern:
         )
 
     def match(self, key: str, source: int) -> Instance | None:
-        """Find the instance of a key that `source` publishes under; None: not one of this name."""
+        """Return the instance of a key that `source` publishes; None: not a key of this name."""
         pattern = re.escape(self._parts[0])
         for placeholder, text in zip(self._parts[1::2], self._parts[2::2], strict=True):
             if placeholder == NODE_PLACEHOLDER:
@@ -111,10 +109,9 @@ class KeyPattern:
         )
 
     def expression(self, source: int | None) -> str:
-        """Return the Zenoh key expression of the keys of `source`, or of any node where None.
+        """Return the Zenoh key expression of the keys of `source`; None: of any node.
 
-        It may cover more: Zenoh's wildcards know no lists of values, so what arrives is still to
-            be matched.
+        It may cover more keys: Zenoh's wildcards have no lists of values, so match what arrives.
         """
         node = self.node_names.get(source, "*") if source is not None else "*"
         chunks = []
@@ -128,7 +125,7 @@ def check_name(name: str, wildcards: tuple[Wildcard, ...]) -> None:
     """Check a name and its wildcards.
 
     Raises:
-        ConfigError: Names the wrong key, its value and the allowed values.
+        ConfigError: States the wrong key, its value and the allowed values.
     """
     wrong = fault_of_name(name)
     if wrong:
@@ -149,7 +146,7 @@ def check_name(name: str, wildcards: tuple[Wildcard, ...]) -> None:
 
 
 def fault_of_name(name: str) -> str | None:
-    """Return the fault of a name as a key expression of Zenoh without wildcards, or None."""
+    """Return the fault of a name as a Zenoh key expression without wildcards, or None."""
     if not name:
         return "is empty; allowed: a key expression"
     if name.startswith("/"):

@@ -1,8 +1,8 @@
 """What streams can be on the rmw_desert profile: everything else is refused by name.
 
-Its topics are best effort and its services are asked once; there is no acknowledgement, no address,
-no type but a ROS message's. No option is dropped silently: a reliable topic there is an error when
-the table is made.
+Its topics are best effort, and a service request is sent once; there is no acknowledgement, no
+address, and no type except a ROS message's. No option is dropped silently: a reliable topic there
+is an error when the table is made.
 """
 
 from typing import Final, NoReturn
@@ -16,11 +16,12 @@ from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import ConfigError
 
 WIRE: Final = 'wire: "rmw_desert"'
-"""Its word in the configuration."""
+"""The profile's key and name in the config."""
 FIRST_SEQUENCE: Final = 1000
 LAST_SEQUENCE: Final = 0xFFFF
-"""Sequence ids of this node's calls: rmw_desert draws those of its own below, so that an answer to
-one of its clients is not taken for one to us. Three bytes, as most of those."""
+"""Sequence ids of this node's calls: rmw_desert draws those of its own clients below, so that an
+answer to one of them is not taken for an answer to this node. Most of these ids take three
+bytes."""
 
 _PLAIN: Final = "cbor"
 _KIND_BYTES: Final = 1
@@ -30,7 +31,7 @@ def check_spec(spec: StreamSpec) -> None:
     """Check the specification of a stream.
 
     Raises:
-        ConfigError: rmw_desert does not have it; names key, value and the allowed values.
+        ConfigError: rmw_desert lacks it; states key, value and the allowed values.
     """
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         raise ConfigError(f"id: {spec.stream_id}; allowed: {FIRST_STREAM_ID}..{LAST_STREAM_ID}")
@@ -55,7 +56,7 @@ def check_type(key: str, type_spec: TypeSpec) -> None:
     """Check a type that the stream's `key` names.
 
     Raises:
-        ConfigError: It has fields that no ROS message has.
+        ConfigError: It has fields that ROS messages lack.
     """
     for field in type_spec.fields:
         what = f"{key}: {type_spec.name}.{field.name}"

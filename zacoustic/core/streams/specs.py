@@ -13,61 +13,60 @@ from zacoustic.errors import ConfigError
 
 FIRST_STREAM_ID: Final = 1
 LAST_STREAM_ID: Final = 175
-"""Stream ids are 1…175: above are control codes and dense frames (docs/wire.md)."""
+"""Stream ids are 1…175; control codes and dense blocks are above (docs/wire.md)."""
 
 CODECS: Final[dict[str, type[TypedCodec]]] = {
     "cbor": CborCodec,
     "packed": PackedCodec,
     "dense": PackedCodec,
 }
-"""How the values of a type can be written in a record, by the word of the configuration. Those of a
-dense stream are in records only where they are in no dense block
-(`zacoustic.core.transport.topics.densestreams`).
-"""
+"""How the values of a type are written in a record, by name in the config. Samples of a dense
+stream are in records only when they are in no dense block
+(`zacoustic.core.transport.topics.densestreams`)."""
 
 OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
     "cbor": OpaqueCodec,
     "packed": PackedBytesCodec,
     "dense": PackedBytesCodec,
 }
-"""Codecs of streams without a type, by the same words."""
+"""Codecs of streams without a type, by the same names."""
 
 DENSE: Final = "dense"
 """The codec of dense streams."""
 
 DENSE_CODING: Final = 3
-"""How dense blocks are coded, in the digests of dense streams: what was coded in another way might
-be read, and look right."""
+"""Version of the dense coding in the digests of dense streams: with another version a block might
+decode, and look right."""
 
 
 class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
-    """A topic: samples from any publisher to its subscribers."""
+    """A topic: samples from publishers to subscribers."""
 
     stream_id: int
     """1…175, unique in the table."""
     name: str
-    """Key expression, with placeholders in braces (`zacoustic.core.streams.keys`)."""
+    """Key expression with placeholders in braces (`zacoustic.core.streams.keys`)."""
     type_name: str | None = None
     """Type of the samples; None: opaque bytes."""
     publishers: tuple[int, ...] | None = None
     """Addresses that may publish; None: any."""
     subscribers: tuple[int, ...] | None = None
-    """Addresses that listen; None: all."""
+    """Addresses that subscribe; None: all."""
     wildcards: tuple[Wildcard, ...] = ()
-    """The placeholders of the name, `{node}` excepted."""
+    """The placeholders of the name without `{node}`."""
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
     ones."""
     codec: str = "cbor"
     """Codec of the samples, one of `CODECS`."""
     qos: Qos = Qos()
-    """How samples wait."""
+    """How samples wait and cross."""
     max_bytes: int | None = None
-    """Largest sample that this node sends or takes, bytes; None: as `ObjectLimits` says. Only of
-    reliable topics: others fit a frame. Not in the digest."""
+    """Largest sample that this node sends or receives, bytes; None: as `ObjectLimits` says. Only
+    for reliable topics: other samples fit a frame. Not in the digest."""
     journal: bool = False
-    """Samples that were accepted, and what was received, survive a restart of this node; not in
-    the digest, since each end may keep what it likes."""
+    """Whether accepted and received samples survive a restart of this node; not in the digest,
+    since each end may journal what it likes."""
 
 
 class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
@@ -78,13 +77,13 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     name: str
     """Key expression, without placeholders."""
     server: int
-    """Address of the node that serves."""
+    """Address of the server."""
     request_type: str | None = None
     """Type of a request; None: opaque bytes."""
     response_type: str | None = None
     """Type of a response; None: opaque bytes."""
     timeout_s: float = 60.0
-    """Time from call to answer after which the caller gives up, s, > 0."""
+    """Time from call to answer after which the client gives up, s, > 0."""
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
@@ -94,18 +93,19 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     """Priority, linger and stamp of requests and responses; depth and lifespan do not apply to
     calls."""
     journal: bool = True
-    """Calls survive a restart of this node; without, one may run twice. Not in the digest."""
+    """Whether calls survive a restart of this node; otherwise one may run twice. Not in the
+    digest."""
 
 
 class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
-    """An action: one server pursues goals of any node, and sends feedback."""
+    """An action: one server executes goals of any node and sends feedback."""
 
     stream_id: int
     """1…175, unique in the table."""
     name: str
     """Key expression, without placeholders."""
     server: int
-    """Address of the node that serves."""
+    """Address of the server."""
     goal_type: str | None = None
     """Type of a goal; None: opaque bytes."""
     feedback_type: str | None = None
@@ -113,12 +113,13 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     result_type: str | None = None
     """Type of a result; None: opaque bytes."""
     timeout_s: float = 60.0
-    """Time from a goal to its answer (accepted or not) after which its client gives up, s, > 0."""
+    """Time from a goal to its answer (accepted or rejected) after which its client gives up, s, >
+    0."""
     result_timeout_s: float = 3600.0
-    """How long a result is kept that its client has not confirmed, and how long a client waits
-    while it hears nothing of a goal, s, > 0."""
+    """How long an unconfirmed result is kept, and how long a client waits while it hears nothing of
+    a goal, s, > 0."""
     feedback_interval_s: float = 0.0
-    """Least time between two pieces of feedback for one goal on the channel, s, ≥ 0; the newest
+    """Minimum time between two feedback records for one goal on the channel, s, ≥ 0; the newest
     wins. Not in the digest."""
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
@@ -129,14 +130,15 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     """Priority and linger of goals, feedback and results; a cancel is REAL_TIME. Depth and
     lifespan do not apply."""
     journal: bool = True
-    """Goals survive a restart of this node; without, one may run twice. Not in the digest."""
+    """Whether goals survive a restart of this node; otherwise one may run twice. Not in the
+    digest."""
 
 
 StreamSpec = TopicSpec | ServiceSpec | ActionSpec
 
 
 def _check_dense(spec: StreamSpec) -> None:
-    """A dense block names a sample by its stream alone, and is not repeated."""
+    """Check a dense stream: its block names a sample by its stream alone, and is not repeated."""
     if not isinstance(spec, TopicSpec):
         raise ConfigError(f'codec: "{DENSE}"; allowed: packed, cbor', hint="topics can be dense")
     if spec.qos.reliability is Reliability.RELIABLE:
@@ -155,7 +157,7 @@ def check(spec: StreamSpec) -> None:
     """Check a stream for the native wire.
 
     Raises:
-        ConfigError: Something of it is not allowed.
+        ConfigError: A part of it is not allowed.
     """
     if spec.codec not in CODECS:
         raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
@@ -170,7 +172,7 @@ def check_times(spec: StreamSpec) -> None:
     """Check server and timeouts, for any wire profile.
 
     Raises:
-        ConfigError: Something of it is not allowed.
+        ConfigError: A value is not allowed.
     """
     if isinstance(spec, ActionSpec):
         if not is_duration(spec.result_timeout_s):

@@ -1,16 +1,16 @@
 """The stream table: which name is which byte, and what both ends must agree on.
 
-A *stream* is a numbered lane of payloads with one type and one QoS: a topic, a service or an
-action. Its id is the first byte of each of its records, so a name of any length costs one byte.
-That only works while both ends hold the same table, so everything that changes the meaning of bytes
-goes into a digest: of each stream, and of the whole table with its nodes. Left out is what only
-changes *when* something is sent (priority, lifespan, intervals, the depth of a best-effort topic),
-or what a node keeps in its journal; each end may tune it alone. The timeouts of services and
-actions are in it: from them both ends derive how long a number must be remembered.
+A *stream* carries payloads with one type and one QoS, for a topic, a service or an action. Its id
+is the first byte of each of its records, so a name of any length costs one byte. This only works
+while both ends have the same table, so everything that changes the meaning of bytes goes into a
+digest: of each stream, and of the whole table with its nodes. The digest excludes what only changes
+*when* something is sent (priority, lifespan, intervals, the depth of a best-effort topic), or what
+a node journals; each end may set these alone. It includes the timeouts of services and actions:
+from them both ends derive how long a number must be remembered.
 
-One stream is in every table and in no digest of a table, since nobody can define it differently:
-that of remote commands (`zacoustic.core.transport.commands`). A table that gives its id to another
-stream has none, nor has one for a link with another wire profile.
+One stream is in every table and in no table's digest, since nobody can define it differently: that
+of remote commands (`zacoustic.core.transport.commands`). A table that gives its id to another
+stream lacks it, and so does one for another wire profile.
 """
 
 import hashlib
@@ -55,26 +55,26 @@ from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
 
 EVERY_NODE: Final = 0
-"""In place of the address of a server: each node serves, and the records name it."""
+"""Stands for the address of a server where each node is one; the records name it."""
 
 AGE_FIELD: Final = "zacoustic_age"
-"""What stands for the age of a sample in a dense block, as its code."""
+"""Field name of a sample's age in a dense block, as its code."""
 
 _OCTETS_FIELD: Final = "octets"
 _OCTETS: Final = TypeSpec(
     name="zacoustic/Octets", fields=(FieldSpec(name=_OCTETS_FIELD, type="bytes"),)
 )
-"""What a dense block has of a sample without a type."""
+"""The type of untyped samples in a dense block."""
 
 DIGEST_BYTES: Final = 4
-"""Size of the digests of a stream and of a table."""
+"""Size of the digests of a stream and of a table, bytes."""
 
 
 class Stream:
     """One row of the table, with the codecs and keys made from its spec.
 
     Raises:
-        ConfigError: An unknown type, a bad name, id, address or time; names the key, its value
+        ConfigError: An unknown type, or a bad name, id, address or time; states the key, its value
             and what is allowed.
     """
 
@@ -96,13 +96,13 @@ class Stream:
             check_times(spec)
         self.spec = spec
         self.is_built_in = is_built_in
-        """Every table has it."""
+        """Whether every table has it."""
         self.stream_id = spec.stream_id
         self.name = spec.name
         self.qos = spec.qos
         wildcards = spec.wildcards if isinstance(spec, TopicSpec) else ()
         self.keys = KeyPattern(spec.name, wildcards, node_names)
-        """The keys that the name stands for."""
+        """The keys of the name."""
         names = _type_names(spec)
         used = [types.by_name(name) if name is not None else None for name in names.values()]
         codecs: list[PayloadCodec]
@@ -117,22 +117,22 @@ class Stream:
         self.response_type: TypeSpec | None = used[-1]
         """Type of responses or results, of samples for a topic; None: opaque."""
         self.feedback_type: TypeSpec | None = used[len(used) // 2]
-        """Type of an action's feedback; None: opaque. Of no use for others."""
+        """Type of an action's feedback; None: opaque. Meaningless for topics and services."""
         self.codec = codecs[0]
         """Codec of samples, requests or goals."""
         self.response_codec = codecs[-1]
         """Codec of responses or results, of samples for a topic."""
         self.feedback_codec = codecs[len(codecs) // 2]
-        """Codec of an action's feedback. Of no use for others."""
+        """Codec of an action's feedback. Meaningless for topics and services."""
         self.dense_type = _dense_type(spec, used[0])
-        """What a dense block has of each sample; None: the stream is not dense."""
+        """Type of its samples in dense blocks; None: the stream is not dense."""
         self.encoding = spec.encoding or (CBOR if any(used) else OPAQUE)
         """Zenoh encoding on the application side."""
         description = msgspec.json.encode(self._description())
         self.digest = hashlib.sha256(description).digest()[:DIGEST_BYTES]
-        """Changes with everything both ends must agree on."""
+        """Changes with everything that both ends must agree on."""
         self.is_on_demand = isinstance(spec, TopicSpec) and spec.qos.forward is Forward.ON_DEMAND
-        """Samples cross only to nodes that have subscribed."""
+        """Whether samples cross only to nodes that have subscribed."""
         if self.is_on_demand and not (node_names or self._publishers):
             raise ConfigError(
                 "forward: on_demand, and nobody is known who could be asked; allowed: with nodes "
@@ -140,16 +140,16 @@ class Stream:
             )
 
     def may_publish(self, address: int) -> bool:
-        """Tell whether samples of this topic may come from that node; always for others."""
+        """Return whether samples of this topic may come from that node; True for other streams."""
         return self._publishers is None or address in self._publishers
 
     def may_subscribe(self, address: int) -> bool:
-        """Tell whether that node listens to this topic; always for others."""
+        """Return whether that node subscribes to this topic; True for other streams."""
         subscribers = self.spec.subscribers if isinstance(self.spec, TopicSpec) else None
         return subscribers is None or address in subscribers
 
     def dense_value(self, value: object) -> tuple[dict[str, Any], bytes]:
-        """Return the dense form of a value of the application, and its payload.
+        """Return an application's value for a dense block, and its payload.
 
         Raises:
             PayloadInvalidError: The value is not of the stream's type.
@@ -161,7 +161,7 @@ class Stream:
         return {_OCTETS_FIELD: self.codec.decode(payload)}, payload
 
     def dense_sample(self, value: dict[str, Any]) -> object:
-        """Return the application's value of a dense form, without its age."""
+        """Return the application's value of a sample from a dense block, without its age."""
         return value if self.type is not None else value[_OCTETS_FIELD]
 
     @property
@@ -191,26 +191,27 @@ class Stream:
         ]
         description = ["topic", *head, subscribers, wildcards, nodes, spec.qos.stamp.value]
         if spec.qos.reliability is Reliability.RELIABLE:
-            # The depth tells a receiver what is over; see zacoustic.core.transport.reliable.
+            # The depth tells a receiver which samples are over; see
+            # zacoustic.core.transport.reliable.
             description += [spec.qos.reliability.value, spec.qos.depth]
         if spec.qos.forward is Forward.ON_DEMAND:
-            # A node that takes it for another kind never subscribes.
+            # A node that takes the topic for another kind never subscribes.
             description.append(spec.qos.forward.value)
         return description
 
 
 class StreamTable:
-    """All streams of a fleet, by id and by name.
+    """The streams of a fleet, by id and by name.
 
     Args:
         specs: The streams, in any order.
         types: The types that they name.
-        nodes: Name of each node by address; empty when the fleet is not listed.
+        nodes: Name of each node by address; empty: the fleet is not listed.
         model: The fitted model of the dense streams.
-        wire: What is spoken on the link.
+        wire: The wire profile of the link.
 
     Raises:
-        ConfigError: A duplicate id or name, or anything `Stream` refuses.
+        ConfigError: A duplicate id or name, or anything that `Stream` refuses.
     """
 
     def __init__(
@@ -224,7 +225,7 @@ class StreamTable:
     ) -> None:
         self.types = types or TypeTable()
         self.wire = wire
-        """What is spoken on the link."""
+        """The wire profile of the link."""
         self.nodes: dict[int, str] = dict(nodes or {})
         """Name of each node by address."""
         self.model = model
@@ -263,7 +264,7 @@ class StreamTable:
         return stream
 
     def lists(self, address: int) -> bool:
-        """Tell whether a node is one of the fleet; without a list each one is."""
+        """Return whether a node belongs to the fleet; True if no nodes are listed."""
         return not self.nodes or address in self.nodes
 
     @property
@@ -279,21 +280,21 @@ class StreamTable:
         return self._digest
 
     def __iter__(self) -> Iterator[Stream]:
-        """The streams of the table's own, by id."""
+        """Iterate over the table's own streams, by id."""
         return iter(sorted(self._by_id.values(), key=lambda stream: stream.stream_id))
 
     def __len__(self) -> int:
         return len(self._by_id)
 
     def get(self, stream_id: int) -> Stream | None:
-        """Return the stream of that id, or None."""
+        """Return the stream with an id, or None."""
         return self._by_id.get(stream_id) or self._built_in.get(stream_id)
 
     def by_id(self, stream_id: int) -> Stream:
-        """Return the stream of that id.
+        """Return the stream with an id.
 
         Raises:
-            UnknownStreamError: There is none; lists the ids there are.
+            UnknownStreamError: There is none; lists the known ids.
         """
         stream = self.get(stream_id)
         if stream is None:
@@ -339,10 +340,10 @@ class StreamTable:
         return stream, stream.spec
 
     def by_name(self, name: str) -> Stream:
-        """Return the stream of that name, placeholders included.
+        """Return the stream with a name, placeholders included.
 
         Raises:
-            UnknownStreamError: There is none; lists the names there are.
+            UnknownStreamError: There is none; lists the known names.
         """
         stream = self._by_name.get(name)
         if stream is None:
@@ -351,7 +352,7 @@ class StreamTable:
         return stream
 
     def find(self, key: str, source: int) -> tuple[Stream, Instance] | None:
-        """Find the stream and the instance that a key of `source` stands for, or None."""
+        """Return the stream and the instance of a key of `source`, or None."""
         stream = self._by_name.get(key)
         if stream is not None and not stream.keys.is_named_by_node and not stream.keys.wildcards:
             return stream, ()
@@ -392,7 +393,7 @@ def _status() -> Stream:
 
 
 def _type_names(spec: StreamSpec) -> dict[str, str | None]:
-    """Return the types of a stream, by the key of the configuration."""
+    """Return the types of a stream, by their keys in the config."""
     match spec:
         case TopicSpec():
             return {"type": spec.type_name}
@@ -420,5 +421,5 @@ def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None
 
 
 def _seconds(time_s: float) -> float:
-    """Return a time in the form of a description: 60 and 60.0 are one."""
+    """Return a time as a description has it: 60 and 60.0 are equal."""
     return int(time_s) if time_s == int(time_s) else time_s

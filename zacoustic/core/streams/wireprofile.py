@@ -4,9 +4,9 @@ import enum
 
 
 class WireProfile(enum.Enum):
-    """The wire of a stream table; the values are the words of the configuration."""
+    """The wire of a stream table; the values are the words of the config."""
 
     NATIVE = "native"
     """docs/wire.md: nodes of zacoustic among themselves."""
     RMW_DESERT = "rmw_desert"
-    """docs/rmw_desert.md: nodes of that ROS 2 middleware are on the other side."""
+    """docs/rmw_desert.md: nodes with that ROS 2 middleware at the other end."""

@@ -1,1 +1,1 @@
-"""What two nodes do with each other, end to end: samples, objects, calls, goals, commands."""
+"""The mechanisms between two nodes, end to end: samples, objects, calls, goals, commands."""

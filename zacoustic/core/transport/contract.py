@@ -1,12 +1,23 @@
 """The contract for a third-party transport: a mechanism between two nodes beside the wire's own.
 
 `Engine(transports=[...])` makes one for each link, with the `Context` of the link. The transport
-registers the messages that it takes. It has timers, journal entries, random numbers and events of
-its own, and follows the signals of `Peers`. It adds no thread, no clock and no file: an engine is a
-function of its inputs.
+sends *extensions* (docs/wire.md, section 3) and registers those that it takes. It has timers,
+journal entries, random numbers and events of its own, and follows the signals of `Peers`. It adds
+no thread, no clock and no file: an engine is a function of its inputs.
 
-A node without the transport skips its messages. A recording does not contain the commands to a
+A node without the transport skips its extensions. A recording does not contain the commands to a
 transport, so a run with such commands cannot be replayed.
+
+============================  ======================================================================
+`Context.reception`           ``on_extension(code, take)``: ``take(heard, body)`` returns why
+                              the body is dropped, one word, or None, and never raises;
+                              `Heard.refusal` tells what is agreed with the sender
+`Context.timers`              ``at((Due.TRANSPORT, name, ...), instant, callback)``
+`Context.peers`               ``restarted``, ``asked``, ``forgotten`` … ``.connect(told)``
+`Context.journal`             ``write(f"{name}/…", entry, then)``; `Context.stored` has it back
+`Context.generators`          ``of(name)``
+`Context.emit`                takes a `TransportEvent`
+============================  ======================================================================
 """
 
 from collections.abc import Callable
@@ -48,7 +59,7 @@ class TransportEvent(msgspec.Struct, frozen=True, kw_only=True):
 class Transport:
     """A mechanism between two nodes; override the methods that it needs.
 
-    Its constructor takes only the `Context` and registers the messages that it takes.
+    Its constructor takes only the `Context` and registers the extensions that it takes.
 
     Args:
         context: What the components of its engine share.

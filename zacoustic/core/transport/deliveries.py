@@ -21,7 +21,7 @@ class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
     value: Any
     """The sample in its type, bytes for an opaque stream, None for a delete."""
     deleted: bool = False
-    """The key was deleted; there is no value."""
+    """Whether the key was deleted; then there is no value."""
     encoding: str
     """The Zenoh encoding that the publisher used."""
     age_s: float | None = None
@@ -31,7 +31,7 @@ class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
     """Instant at which the frame had arrived, ns; for a sample from before a restart, the instant
     at which the link came up."""
     metrics: LinkMetrics
-    """What the modem measured on the frame."""
+    """The modem's measurements on the frame."""
     again: bool = False
     """Whether it may have been delivered before: this node stopped, or its journal was restored
     from an old copy, just then."""
@@ -59,7 +59,7 @@ class DeliveryStored(msgspec.Struct, frozen=True, kw_only=True):
     """A sample that this node published is journalled: it survives a restart."""
 
     delivery_id: int
-    """What `Engine.publish` returned."""
+    """The return value of `Engine.publish`."""
     stream_id: int
     """The topic's stream."""
 

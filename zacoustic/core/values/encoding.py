@@ -1,8 +1,8 @@
-"""What payloads look like on the application's side, and what that is called on the channel.
+"""The encodings of payloads: their form for the application, and their numbers on the wire.
 
 Zenoh samples carry an *encoding*, a text like ``application/cbor``. A stream has one, which both
-ends know; only a sample with another says so, in a prefix of one byte, or for a text that has no
-number, of the text itself:
+ends know. Only a sample with another encoding states it, in a prefix of one byte, or as the text
+itself if the text has no number:
 
 =============  ====================================================
 first byte     then
@@ -13,11 +13,11 @@ first byte     then
 
 `ENCODINGS` is wire format: it only ever grows at its end.
 
-The values of typed streams meet the application as CBOR maps of field names, or as JSON objects
-where the stream asks for that; bytes fields are base64 texts in JSON, and numbers that JSON lacks
-(NaN, the infinities) are null there. Every other encoding is bytes as they are. Reading here uses
-cbor2 and msgspec, with a bound of `LARGEST_VALUE_BYTES`: what comes from the own local network is
-trusted to be no attack, not to be well-formed.
+The application gets values of typed streams as CBOR maps of field names, or as JSON objects if the
+stream says so; in JSON, bytes fields are base64 texts, and numbers that JSON lacks (NaN, the
+infinities) are null. Every other encoding is bytes as they are. Decoding here uses cbor2 and
+msgspec, with a bound of `LARGEST_VALUE_BYTES`: data from the local network is trusted not to be an
+attack, but not to be well-formed.
 """
 
 import base64
@@ -40,7 +40,7 @@ CBOR: Final = "application/cbor"
 JSON: Final = "application/json"
 
 TYPED_ENCODINGS: Final = (CBOR, JSON, "text/json")
-"""What a typed stream can be on the application's side."""
+"""The allowed encodings of a typed stream for the application."""
 
 ENCODINGS: Final = (
     "zenoh/bytes",
@@ -77,14 +77,14 @@ ENCODINGS: Final = (
 """Encodings by their number on the wire; append only."""
 
 SPELLED_OUT: Final = 255
-"""The first byte of an encoding that has no number."""
+"""The first byte of an encoding without a number."""
 
 LONGEST_ENCODING_BYTES: Final = 255
-"""Longest text of an encoding, bytes of UTF-8."""
+"""Longest text of an encoding, bytes in UTF-8."""
 
 # A value of a type is fields, not files: 1 MiB is an hour of airtime at 2 kbit/s.
 LARGEST_VALUE_BYTES: Final = 1 << 20
-"""Largest CBOR or JSON text of one value that is read."""
+"""Largest CBOR or JSON text of one value that is decoded, bytes."""
 
 _NUMBERS: Final = {encoding: number for number, encoding in enumerate(ENCODINGS)}
 _SCHEMA_MARK: Final = ";"
@@ -108,10 +108,10 @@ def encode_prefix(encoding: str) -> bytes:
 
 
 def decode_prefix(buffer: bytes, offset: int) -> tuple[str, int] | None:
-    """Read the encoding at `offset`.
+    """Decode the encoding at `offset`.
 
     Returns:
-        The encoding and the offset behind it; None when it is truncated, empty, not UTF-8, or a
+        The encoding and the offset after it; None when it is truncated, empty, not UTF-8, or a
         number that this version does not know.
     """
     if offset >= len(buffer):
@@ -131,11 +131,12 @@ def decode_prefix(buffer: bytes, offset: int) -> tuple[str, int] | None:
 
 
 def encode_application(value: object, encoding: str = CBOR) -> bytes:
-    """Write a value for the application.
+    """Encode a value for the application.
 
     Args:
-        value: What a `PayloadCodec` decoded: a dict for a typed stream, bytes for an opaque one.
-        encoding: The encoding, with or without a schema behind ``;``.
+        value: A value as a `PayloadCodec` decodes it: a dict for a typed stream, bytes for an
+            opaque one.
+        encoding: The encoding, with or without a schema after ``;``.
 
     Raises:
         PayloadInvalidError: The encoding cannot carry the value.
@@ -158,11 +159,11 @@ def encode_application(value: object, encoding: str = CBOR) -> bytes:
 def decode_application(
     payload: bytes, encoding: str = CBOR, *, type_spec: TypeSpec | None = None
 ) -> object:
-    """Read what an application published.
+    """Decode an application's payload.
 
     Args:
         payload: The bytes of the sample, request or reply.
-        encoding: Its encoding, with or without a schema behind ``;``.
+        encoding: Its encoding, with or without a schema after ``;``.
         type_spec: The type, if there is one: tells which texts of a JSON object are bytes.
 
     Returns:
@@ -190,7 +191,7 @@ def decode_application(
 def _read_cbor(payload: bytes) -> object:
     stream = io.BytesIO(payload)
     try:
-        # By single bytes: versions differ in where a stream stands after a read ahead.
+        # Read single bytes: versions differ in the position of a stream after a read ahead.
         value: object = cbor2.CBORDecoder(stream, read_size=1).decode()
     except (
         cbor2.CBORDecodeError,
@@ -211,7 +212,7 @@ def _read_cbor(payload: bytes) -> object:
 
 
 def _without_base64(value: object, type_spec: TypeSpec, path: str) -> object:
-    """The value of a JSON text with the base64 texts of bytes fields read."""
+    """Return a JSON value with the base64 texts of its bytes fields decoded."""
     if not isinstance(value, dict):
         return value
     read: dict[Any, Any] = dict(value)

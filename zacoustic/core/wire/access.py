@@ -3,10 +3,11 @@
 ::
 
     BD  time 6  error 1     CLOCK   network time at the first bit of this frame, in 100 µs since
-                                    1970 (UTC), and its possible error, ms (255: more)
-    BE  node 1  span 1      TURN    from the end of this frame: node 1…254 may transmit for the
-                                    span; node FF: all may, once the span is over, for a listen
-                                    window; node 00: the sender gives its turn back
+                                    1970 (UTC), and its largest error, ms (255: more)
+    BE  node 1  span 1      TURN    node 1…254 may transmit for the span from the end of this
+                                    frame; node FF: the sender listens for a window, one span
+                                    after the beginning of this frame; node 00: the sender gives
+                                    its turn back
 
 A span is in steps of 20 ms: 0…5.1 s.
 """
@@ -23,7 +24,7 @@ CLOCK_CODE: Final = 0xBD
 TURN_CODE: Final = 0xBE
 CLOCK_BYTES: Final = 8
 TURN_BYTES: Final = 3
-"""Sizes with the code."""
+"""Sizes with the code, bytes."""
 
 SPAN_STEP_NS: Final = NS_PER_S // 50
 LONGEST_SPAN_NS: Final = 255 * SPAN_STEP_NS
@@ -40,12 +41,13 @@ _ERROR_UNKNOWN: Final = 255
 
 
 class Turn(msgspec.Struct, frozen=True):
-    """Who may transmit from now on, or when the sender will listen."""
+    """Which node may transmit from now on, or when the sender will listen."""
 
     node: int
     """Address of the node that may transmit, `ANYBODY` or `NOBODY`."""
     span_ns: int
-    """For how long, or in how long, ns; sent in steps of 20 ms, rounded down."""
+    """The duration of the turn, or the time until the sender listens, ns; sent in steps of 20 ms,
+    rounded down."""
 
     def encode(self) -> bytes:
         """Return the three bytes of the control."""
@@ -54,18 +56,17 @@ class Turn(msgspec.Struct, frozen=True):
 
     @staticmethod
     def decode(body: bytes) -> "Turn":
-        """Read the two bytes behind the code."""
+        """Decode the two bytes after the code."""
         return Turn(body[0], body[1] * SPAN_STEP_NS)
 
 
 class ClockTime(msgspec.Struct, frozen=True):
-    """What time it was when the frame began to leave."""
+    """Network time at which the frame began to leave."""
 
     time_ns: int
     """Network time, ns since 1970; sent in steps of 100 µs."""
     error_ns: int | None
-    """By how much it may be wrong, ns; sent in steps of 1 ms, rounded up; None: by more than 254 ms
-    or unknown."""
+    """Its largest error, ns; sent in steps of 1 ms, rounded up; None: over 254 ms or unknown."""
 
     def encode(self) -> bytes:
         """Return the eight bytes of the control."""
@@ -77,7 +78,7 @@ class ClockTime(msgspec.Struct, frozen=True):
 
     @staticmethod
     def decode(body: bytes) -> "ClockTime":
-        """Read the seven bytes behind the code."""
+        """Decode the seven bytes after the code."""
         error_ns = None if body[6] == _ERROR_UNKNOWN else body[6] * _ERROR_STEP_NS
         return ClockTime(int.from_bytes(body[:6], "big") * CLOCK_TICK_NS, error_ns)
 

@@ -1,6 +1,6 @@
-"""The controls by which a frame says who its sender is, and what it knows of its hearers.
+"""The controls by which a frame says who its sender is and what it knows of its hearers.
 
-Two of them are frozen: HELLO and TAG never change, in any version. They let two ends find out that
+Two of them are frozen: HELLO and TAG never change in any version. They let two ends find out that
 they speak different versions or hold different tables.
 """
 
@@ -13,12 +13,11 @@ from zacoustic.core.wire.controls import Form, fixed
 WIRE_VERSION: Final = 2
 """Version of this wire format, in every HELLO."""
 ASSURED: Final = 0
-"""Address of a CONFIRM in a unicast frame: the node that the frame is for, which has confirmed the
-sender."""
+"""Address of a CONFIRM in a unicast frame: for the destination, which has confirmed the sender."""
 PROVISIONAL: Final = 0xFF
 """Address of a CONFIRM in a unicast frame: a provisional confirm for the destination."""
 ABSENT_DIGEST: Final = bytes(4)
-"""Digest in a `TableRow` of a stream that the sender's table does not have."""
+"""Digest in a `TableRow` for a stream that the sender's table lacks."""
 
 HELLO_CODE: Final = 0xB0
 TAG_CODE: Final = 0xB1
@@ -30,11 +29,11 @@ TAG_BYTES: Final = 3
 CONFIRM_BYTES: Final = 4
 ASK_BYTES: Final = 3
 ROW_BYTES: Final = 8
-"""Sizes with the code."""
+"""Sizes with the code, bytes."""
 
 
 class Hello(msgspec.Struct, frozen=True):
-    """Who sends, and with which table."""
+    """The sender, with its table."""
 
     version: int
     epoch: int
@@ -46,7 +45,7 @@ class Hello(msgspec.Struct, frozen=True):
 
     @staticmethod
     def decode(body: bytes) -> "Hello":
-        """Read the seven bytes behind the code."""
+        """Decode the seven bytes after the code."""
         return Hello(body[0], int.from_bytes(body[1:3], "big"), body[3:7])
 
 
@@ -61,12 +60,12 @@ class Tag(msgspec.Struct, frozen=True):
 
     @staticmethod
     def decode(body: bytes) -> "Tag":
-        """Read the two bytes behind the code."""
+        """Decode the two bytes after the code."""
         return Tag(int.from_bytes(body, "big"))
 
 
 class Confirm(msgspec.Struct, frozen=True):
-    """The sender knows and shares the table of a node's epoch."""
+    """The sender knows the table of a node's epoch, and has the same."""
 
     address: int
     """The node, `ASSURED`, or `PROVISIONAL`."""
@@ -78,12 +77,12 @@ class Confirm(msgspec.Struct, frozen=True):
 
     @staticmethod
     def decode(body: bytes) -> "Confirm":
-        """Read the three bytes behind the code."""
+        """Decode the three bytes after the code."""
         return Confirm(body[0], int.from_bytes(body[1:3], "big"))
 
 
 class Ask(msgspec.Struct, frozen=True):
-    """A node is asked for its HELLO (stream id 0) or for one row of its table."""
+    """A request to a node for its HELLO (stream id 0) or for one row of its table."""
 
     address: int
     stream_id: int
@@ -94,12 +93,12 @@ class Ask(msgspec.Struct, frozen=True):
 
     @staticmethod
     def decode(body: bytes) -> "Ask":
-        """Read the two bytes behind the code."""
+        """Decode the two bytes after the code."""
         return Ask(body[0], body[1])
 
 
 class TableRow(msgspec.Struct, frozen=True):
-    """The digest of one stream in the sender's table; four zero bytes when it has none."""
+    """The digest of one stream in the sender's table; four zero bytes if it has none."""
 
     epoch: int
     stream_id: int
@@ -112,7 +111,7 @@ class TableRow(msgspec.Struct, frozen=True):
 
     @staticmethod
     def decode(body: bytes) -> "TableRow":
-        """Read the seven bytes behind the code."""
+        """Decode the seven bytes after the code."""
         return TableRow(int.from_bytes(body[0:2], "big"), body[2], body[3:7])
 
 

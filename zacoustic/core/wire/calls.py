@@ -1,7 +1,6 @@
-"""Records of services: behind the stream id one byte, two bits kind and six bits call number.
+"""Records of services: after the stream id one byte, two bits kind and six bits call number.
 
-What the kinds are for, and when a number comes again, is the affair of
-`zacoustic.core.transport.calls.calls`.
+`zacoustic.core.transport.calls.calls` defines what the kinds mean and when a number is reused.
 """
 
 import enum
@@ -10,17 +9,17 @@ from typing import Final
 import msgspec
 
 CALL_NUMBERS: Final = 64
-"""Calls of one client to one service that can be distinguished."""
+"""The number of distinguishable calls of one client to one service."""
 NAME_BYTES: Final = 1
 """Additional bytes of a named answer."""
 LONGEST_ERROR_TEXT_BYTES: Final = 48
-"""An error's text is cut to this many bytes of UTF-8: it is for people, and airtime is dear."""
+"""An error's text is cut to this many bytes of UTF-8: it is for people, and airtime is costly."""
 
 
 class CallKey(msgspec.Struct, frozen=True):
     """Identifies a call at its server: client, boot epoch, stream and number.
 
-    As a text ``client/epoch/stream/number``. Numbers come again after 64 calls at the earliest.
+    As a text ``client/epoch/stream/number``. A number is reused after 64 calls at the earliest.
     """
 
     client: int
@@ -36,21 +35,21 @@ class CallFailure(enum.IntEnum):
     """Why a call has no response; the numbers are on the wire."""
 
     HANDLER = 1
-    """The handler of the service failed; the text is its own."""
+    """The handler of the service failed; it gives the text."""
     NO_SERVER = 2
     """The server's node has no server."""
     BAD_REQUEST = 3
-    """The request could not be decoded by the server's node."""
+    """The server's node could not decode the request."""
     TABLE_MISMATCH = 4
     """The two nodes hold different definitions of this stream."""
     BAD_RESPONSE = 5
-    """The response could not be decoded here."""
+    """This node could not decode the response."""
     TIMED_OUT = 6
     """No answer before the deadline. Whether the service ran is unknown."""
     CANCELLED = 7
-    """Given up by the caller."""
+    """Cancelled by the caller."""
     UNKNOWN = 8
-    """The server ended without an answer: whether it has done its work is unknown."""
+    """The server ended without an answer: whether the service ran is unknown."""
 
 
 class CallKind(enum.IntEnum):
@@ -64,12 +63,12 @@ class CallKind(enum.IntEnum):
 
 
 NAMED: Final = CallKind.REQUEST
-"""From the server: a response, an error or a confirm that names the client's life. A byte comes
-before its payload: two bits kind, and the lower six bits of the epoch."""
+"""From the server: a response, error or confirm that names the client's boot epoch. One byte
+precedes its payload: two bits kind, and the lower six bits of the epoch."""
 
 
 def encode_call_byte(kind: CallKind, number: int) -> int:
-    """Return the byte behind the stream id of a service's record."""
+    """Return the byte after the stream id of a service's record."""
     return kind << 6 | number
 
 
@@ -79,16 +78,16 @@ def decode_call_byte(byte: int) -> tuple[CallKind, int]:
 
 
 def encode_name(kind: CallKind, epoch: int) -> bytes:
-    """Return what a named answer has behind its call byte."""
+    """Return the byte after the call byte of a named answer."""
     return bytes((kind << 6 | epoch & 0x3F,))
 
 
 def decode_name(content: bytes, epoch: int) -> CallKind | None:
-    """Return the kind of a named answer to this epoch; None: it is for another one.
+    """Return the kind of a named answer for this epoch; None: it is for another epoch.
 
     Args:
-        content: Begins behind the call byte.
-        epoch: Of this node.
+        content: The bytes after the call byte.
+        epoch: This node's epoch.
     """
     if not content or (content[0] ^ epoch) & 0x3F:
         return None
@@ -105,7 +104,7 @@ def encode_error(
 
 
 def decode_error(payload: bytes) -> tuple[CallFailure, str] | None:
-    """Return number and text of an error's payload, or None when it is none."""
+    """Return number and text of an error's payload; None if it is invalid."""
     try:
         return CallFailure(payload[0]), payload[1:].decode()
     except (IndexError, ValueError):

@@ -1,4 +1,4 @@
-"""What follows a stream id: where the content of a record ends, and what it consists of.
+"""The content after a stream id: its parts, and where it ends.
 
 ======================  ==========================================================================
 best-effort sample      wildcards, age where stamped, payload
@@ -22,7 +22,7 @@ from zacoustic.core.wire.goals import measure_message
 from zacoustic.core.wire.numbers import NUMBER_BYTES, measure_ack
 
 SERVER_BYTES: Final = 1
-"""What a record names its server in, where each node is one."""
+"""Length of the server's address in a record, where each node is a server."""
 
 
 def measure_content(
@@ -31,17 +31,17 @@ def measure_content(
     """Find the end of a content; None: it does not delimit itself.
 
     Args:
-        stream: Whose record it is.
-        buffer: Where it stands.
-        offset: Where it begins, behind the stream id.
-        prefixes: What stands before the stream id.
-        source: Address of the sender of the frame: a server's records are answers.
+        stream: The record's stream.
+        buffer: The bytes with the record.
+        offset: Start of the content, after the stream id.
+        prefixes: The prefixes before the stream id.
+        source: Address of the frame's sender: a server's records are answers.
     """
     if isinstance(stream.spec, ServiceSpec):
         server, offset = server_of(stream.spec, buffer, offset)
         return _measure_call(stream, buffer, offset, answers=source == server)
     if isinstance(stream.spec, ActionSpec):
-        # A sender that is not known, in `zacoustic decode`, is taken for the server.
+        # An unknown sender, in `zacoustic decode`, is assumed to be the server.
         from_client = source not in (0, stream.spec.server)
         return measure_message(stream, buffer, offset, from_client=from_client)
     offset += len(stream.keys.wildcards)
@@ -57,15 +57,15 @@ def measure_content(
 
 
 def server_of(spec: ServiceSpec, buffer: bytes, offset: int) -> tuple[int | None, int]:
-    """Return the server that a record of a service concerns, and where the rest begins.
+    """Return the server that a service's record concerns, and the offset of the rest.
 
     Args:
         spec: The service.
-        buffer: Where the content stands.
-        offset: Where it begins.
+        buffer: The bytes with the content.
+        offset: Start of the content.
 
     Returns:
-        The address, None where the record is cut off; and the position of the call byte.
+        The server's address, None if the record is cut off; and the offset of the call byte.
     """
     if spec.server != EVERY_NODE:
         return spec.server, offset
@@ -73,13 +73,13 @@ def server_of(spec: ServiceSpec, buffer: bytes, offset: int) -> tuple[int | None
 
 
 def server_bytes(stream: Stream, server: int) -> bytes:
-    """Return what names the server in front of a call byte, where each node serves."""
+    """Return the server's address as it precedes a call byte, where each node is a server."""
     is_named = isinstance(stream.spec, ServiceSpec) and stream.spec.server == EVERY_NODE
     return bytes((server,)) if is_named else b""
 
 
 def split_age(stream: Stream, payload: bytes) -> tuple[float | None, bytes]:
-    """Take the age from before a payload, s; None: the service has no stamp, or it is cut off."""
+    """Split the age off a payload, s; None: the service has no stamp, or the payload is cut off."""
     if stream.qos.stamp is not Stamp.AGE or not payload:
         return None, payload
     return decode_age_s(payload[0]), payload[1:]

@@ -1,11 +1,11 @@
-"""The table of controls: each is read by the room whose it is, and `frame` knows none of them.
+"""The table of controls: each component reads its own, and `frame` knows none of them.
 
-Whatever says something in controls has a `Form` for each of its codes, beside what it says:
-agreement, medium access, objects, subscriptions. A profile puts the forms of all that it speaks
-into one table, by which frames are taken apart.
+Agreement, medium access, objects and subscriptions each have a `Form` for each of their codes,
+beside the control itself. A profile puts the forms of all its components into one table, which
+`frame` uses to decode frames.
 
-An `Extension` is a control of a transport that this wire does not know. It stands behind LEN, so
-any receiver can skip it.
+An `Extension` is a control of a transport that this wire does not know. It follows LEN, so that any
+receiver can skip it.
 """
 
 from collections.abc import Callable
@@ -15,45 +15,44 @@ import msgspec
 
 FIRST_CODE: Final = 0xB0
 LAST_CODE: Final = 0xBF
-"""Controls begin with a byte from the one to the other."""
+"""Controls begin with a byte from `FIRST_CODE` to `LAST_CODE`."""
 FIRST_EXTENSION: Final = 0xE0
-"""An extension begins, behind LEN, with a byte from here on."""
+"""An extension begins, after LEN, with a byte from here to `LAST_EXTENSION`."""
 LAST_EXTENSION: Final = 0xFF
-"""The last byte with which one can begin."""
+"""The last byte with which an extension can begin."""
 LONGEST_EXTENSION_BYTES: Final = 254
-"""Longest body of an extension: LEN delimits one byte more."""
+"""Longest body of an extension, bytes: LEN delimits one byte more."""
 EXTENSION_HEADER_BYTES: Final = 3
-"""What LEN, its length and the code cost."""
+"""Bytes for LEN, its length and the code."""
 _LEN: Final = 0xB2
 
 Item: TypeAlias = msgspec.Struct
-"""Something that stands in a frame."""
+"""An item of a frame."""
 ReadControl = Callable[[bytes, int], tuple[Item, int] | None]
-"""``(buffer, offset of the code)`` → what stands there and where it ends; None: it is cut short, or
-is none."""
+"""``(buffer, offset of the code)`` → the item there and its end; None: it is cut off or invalid."""
 
 
 class Form(msgspec.Struct, frozen=True):
-    """How a control is read."""
+    """How to decode a control."""
 
     code: int
     """Its first byte, `FIRST_CODE`…`LAST_CODE`."""
     name: str
     """Its name in docs/wire.md."""
     read: ReadControl
-    """Reads it."""
+    """Decodes it."""
     shows_end: bool = True
-    """False: it reaches to the end of the frame, or of what LEN delimits."""
+    """False: it extends to the end of the frame, or of what LEN delimits."""
 
 
 def fixed(code: int, name: str, size_bytes: int, decode: Callable[[bytes], Item]) -> Form:
-    """Return the form of a control that always has the same size.
+    """Return the form of a control of fixed size.
 
     Args:
         code: Its first byte.
         name: Its name.
         size_bytes: Size with the code, bytes.
-        decode: Reads what stands behind the code.
+        decode: Decodes the bytes after the code.
     """
 
     def read(buffer: bytes, offset: int) -> tuple[Item, int] | None:
@@ -64,13 +63,13 @@ def fixed(code: int, name: str, size_bytes: int, decode: Callable[[bytes], Item]
 
 
 class Controls(dict[int, Form]):
-    """Forms, by code.
+    """Forms by code.
 
     Args:
-        forms: All that are spoken.
+        forms: The forms of all controls in use.
 
     Raises:
-        ValueError: Two have the same code, or one has none of a control.
+        ValueError: Two have the same code, or the code of one is out of range.
     """
 
     def __init__(self, *forms: Form) -> None:
@@ -85,7 +84,7 @@ class Controls(dict[int, Form]):
 
 
 class Extension(msgspec.Struct, frozen=True):
-    """A control of a transport that is not of this wire."""
+    """A control of a transport outside of this wire."""
 
     code: int
     """`FIRST_EXTENSION`…`LAST_EXTENSION`."""

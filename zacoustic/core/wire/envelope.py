@@ -1,23 +1,23 @@
-"""What goes around a frame's records: exactly what the link lacks, and nothing else.
+"""The envelope of a frame's records: exactly what the link lacks, and nothing else.
 
-Three things every frame needs, and any link may already bring: who sent it and to whom, whether
-it is intact, and where it ends. From `LinkCapabilities` the envelope knows which are missing:
+Every frame needs three things, each of which a link may bring: who sent it and to whom, whether it
+is intact, and where it ends. The envelope knows from `LinkCapabilities` which are missing:
 
 - not ``addressed``: destination and source, one byte each, in front;
-- not ``checked``: a CRC-32, big-endian, behind. It covers the addresses as well, also those that
-  the link carries, so that a frame whose address was damaged is not taken for somebody else's; a
-  sealed frame has a tag in its place (`zacoustic.core.wire.seal`);
-- not ``framed``: the link is a byte stream. The frame is stuffed by COBS (no zero byte inside,
-  one byte more per 254) and stands between two zero bytes. The leading one costs a byte and saves
-  a frame: without it, noise before a frame would be read as its beginning.
+- not ``checked``: a CRC-32, big-endian, at the end. It also covers the addresses, even those that
+  the link carries, so that a frame with a damaged address is not accepted by another node; a sealed
+  frame has a tag in its place (`zacoustic.core.wire.seal`);
+- not ``framed``: the link is a byte stream. The frame is stuffed by COBS (no zero byte inside, one
+  more byte per 254) and stands between two zero bytes. The leading one costs a byte and saves a
+  frame: without it, noise before a frame would be read as its beginning.
 
-COBS is twenty lines; the packages that have it bring a compiler or nothing else, and the core is
-to import with two dependencies only. What cannot be opened is reported with a reason and never
-raised; the buffer of a byte stream never grows beyond one frame.
+COBS is twenty lines; packages for it need a compiler or add nothing, and the core must import with
+two dependencies only. A frame that cannot be opened is reported with a reason; no error is raised.
+The buffer of a byte stream never grows beyond one frame.
 
 Source:
-    S. Cheshire and M. Baker, Consistent Overhead Byte Stuffing, IEEE/ACM Transactions on
-    Networking 7(2), 1999.
+    S. Cheshire and M. Baker, Consistent Overhead Byte Stuffing, IEEE/ACM Transactions on Networking
+    7(2), 1999.
 """
 
 import zlib
@@ -33,39 +33,39 @@ _DELIMITER: Final = b"\x00"
 
 
 class Opened(msgspec.Struct, frozen=True, kw_only=True):
-    """The inside of a frame that arrived whole."""
+    """The content of a frame that arrived intact."""
 
     source: int
     """Address of the sender, 1…254."""
     destination: int
     """Address it was sent to, or `BROADCAST`."""
     records: bytes
-    """The records; where frames are sealed those of a sealed frame."""
+    """The records; on a sealed link those of a sealed frame."""
     life: int | None = None
-    """Which life of its sender has sealed it; None: it was not sealed."""
+    """The boot epoch of the sender that has sealed it; None: it was not sealed."""
     digest: bytes = b""
-    """Of the sender's table, as the seal says; empty: it says nothing."""
+    """Digest of the sender's table as the seal states it; empty: none."""
     strong: bool = False
-    """It had the long tag."""
+    """Whether it had the long tag."""
 
 
 class Damaged(msgspec.Struct, frozen=True, kw_only=True):
-    """Something arrived that is no frame."""
+    """Received bytes that are no frame."""
 
     reason: str
     """One word for the statistics: ``short``, ``check``, ``stuffing``, ``overlong``,
     ``address``."""
     size_bytes: int
-    """How much of it there was."""
+    """Number of bytes."""
 
 
 class Envelope:
     """Wraps and opens the frames of one node on one link.
 
     Args:
-        capabilities: What the link brings by itself.
+        capabilities: What the link can do.
         address: Address of this node, 1…254.
-        sealed: Frames have a tag, which is the check.
+        sealed: Whether frames have a tag, which is the check.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Envelope:
         self._overlong = False
         room_bytes = self._mtu_bytes
         if not self._framed:
-            # Of n bytes, addresses and check included, COBS makes n + 1 + n // 254 at most.
+            # COBS turns n bytes, addresses and check included, into at most n + 1 + n // 254.
             room_bytes -= 2 * len(_DELIMITER) + 1
             room_bytes -= (room_bytes + 1) // 255
         room_bytes -= 0 if self._addressed else _ADDRESS_BYTES
@@ -101,16 +101,16 @@ class Envelope:
         return frame
 
     def open(self, received: ReceivedFrame) -> list[Opened | Damaged]:
-        """Open what arrived: one result for a link with frames, any number for a byte stream."""
+        """Open received bytes: one result for a link with frames, any number for a byte stream."""
         if self._framed:
             return [self._open_frame(received.frame_bytes, received)]
         return self._open_stream(received)
 
     def unsealed(self, opened: Opened) -> Opened | None:
-        """Return what is in a frame that nobody has sealed; None: its check fails.
+        """Return the content of an unsealed frame; None: its check fails.
 
         Args:
-            opened: As `open` has returned it, where frames are sealed.
+            opened: The result of `open` on a sealed link.
         """
         if not self._has_check:
             return opened
@@ -168,7 +168,7 @@ class Envelope:
 
 
 def stuff(frame: bytes) -> bytes:
-    """Encode by COBS: no zero byte in the result, at most one byte more per 254 plus one."""
+    """Encode by COBS: no zero byte in the result, at most one more byte per 254 plus one."""
     stuffed = bytearray()
     for block in frame.split(_DELIMITER):
         while len(block) >= 254:
@@ -181,7 +181,7 @@ def stuff(frame: bytes) -> bytes:
 
 
 def unstuff(stuffed: bytes) -> bytes | None:
-    """Decode COBS; None when a length byte is zero or points beyond the end."""
+    """Decode COBS; return None when a length byte is zero or points beyond the end."""
     frame = bytearray()
     position = 0
     while position < len(stuffed):

@@ -1,20 +1,19 @@
-"""The records inside a frame, native profile: docs/wire.md is the normative text, with vectors.
+"""The records inside a frame, native profile; docs/wire.md is the normative text, with vectors.
 
-A frame is a sequence of *records*. The first byte says which kind::
+A frame is a sequence of *records*. The first byte gives the kind::
 
     0x00         padding
     0x01…0xAF    stream id: content of that stream follows
     0xB0…0xBF    control
     0xC0…0xFF    dense block, to the end of the frame (`zacoustic.core.values.dense`)
 
-What follows a stream id is fixed by the stream, which both ends have in their tables: a
-best-effort sample costs its id and nothing else. Nothing in a record tells its length, unless
-its payload delimits itself or the sender wrote the control ``LEN`` before it. So a frame ends its
-own last record; a receiver that meets an id it cannot measure takes the rest of the frame as that
-record.
+The stream, which both ends have in their tables, fixes what follows its id: a best-effort sample
+costs its id and nothing else. A record does not carry its length, unless its payload delimits
+itself or the sender wrote the control ``LEN`` before it. So the end of a frame ends its last
+record; a receiver that meets an id it cannot measure takes the rest of the frame as that record.
 
-Of the controls only those that belong to records are read here. The others, and who reads them,
-are in a table (`zacoustic.core.wire.controls`).
+This module decodes only the controls that belong to records. The others, with their decoders, are
+in a table (`zacoustic.core.wire.controls`).
 """
 
 import enum
@@ -29,9 +28,9 @@ from zacoustic.core.wire.controls import FIRST_EXTENSION, Controls, Extension, I
 
 LAST_STREAM_ID: Final = 0xAF
 DENSE_FROM: Final = 0xC0
-"""A dense block begins with a byte from here on."""
+"""A dense block begins with a byte from here to 0xFF."""
 LONGEST_DELIMITED_BYTES: Final = 255
-"""Longest record that LEN can delimit."""
+"""Longest record that LEN can delimit, bytes."""
 
 
 class Control(enum.IntEnum):
@@ -57,7 +56,7 @@ _PREFIXES: Final = frozenset(Control) - {Control.LEN}
 
 
 class Sync(msgspec.Struct, frozen=True):
-    """Where a publisher's count of a key stands; see `zacoustic.core.transport.reliable`."""
+    """The state of a publisher's count of a key; see `zacoustic.core.transport.reliable`."""
 
     lineage: int
     """Boot epoch of the publisher in which the count began, 0…65535."""
@@ -74,16 +73,16 @@ class DenseBlock(msgspec.Struct, frozen=True):
     """Samples of dense streams; always the last item of a frame."""
 
     block: bytes
-    """From its marker on."""
+    """The block from its marker on."""
 
 
 class DenseAck(msgspec.Struct, frozen=True):
-    """The newest dense block of a node that the sender holds."""
+    """The newest dense block from a node that the sender holds."""
 
     address: int
     """Address of the publisher; 0: the frame's destination."""
     mark: int
-    """Which, 0…16383; see `zacoustic.core.values.dense.stream.references`."""
+    """The mark of the block, 0…16383; see `zacoustic.core.values.dense.stream.references`."""
 
     def encode(self) -> bytes:
         """Return the 3 or 4 bytes of the control."""
@@ -92,33 +91,33 @@ class DenseAck(msgspec.Struct, frozen=True):
 
 
 class Prefixes(msgspec.Struct, frozen=True):
-    """What stands before the stream id of a record."""
+    """The prefixes before the stream id of a record."""
 
     delete: bool = False
     """The record deletes its key."""
     encoding: str | None = None
-    """Zenoh encoding where it is not the stream's."""
+    """The Zenoh encoding, where it is not the stream's."""
     sync: Sync | None = None
-    """Where the count stands."""
+    """The state of the count."""
     acknowledged: int | None = None
-    """The record is an ACK: for the node with this address, or 0 for the frame's destination."""
+    """Address of the publisher that this ACK is for, 0: the frame's destination; None: no ACK."""
 
 
 _NO_PREFIXES: Final = Prefixes()
 
 
 class Record(msgspec.Struct, frozen=True):
-    """What one stream has in a frame."""
+    """One record of a stream in a frame."""
 
     stream_id: int
     content: bytes
-    """What follows the id."""
+    """The bytes after the id."""
     prefixes: Prefixes = _NO_PREFIXES
-    """What stands before it."""
+    """The prefixes before it."""
 
 
 class Stray(msgspec.Struct, frozen=True):
-    """The rest of a frame, or of a delimited record, that cannot be read."""
+    """The undecodable rest of a frame or of a delimited record."""
 
     reason: str
     """One word for the statistics: ``truncated``, ``reserved``, ``unknown_stream``."""
@@ -126,40 +125,41 @@ class Stray(msgspec.Struct, frozen=True):
 
 
 Measure = Callable[[int, bytes, int, Prefixes], int | None]
-"""``(stream_id, buffer, offset, prefixes)`` → end of the content there; None: it shows none.
-Raises KeyError for a stream that the table does not have."""
+"""``(stream_id, buffer, offset, prefixes)`` → end of the content there; None: it does not delimit
+itself. Raises KeyError for a stream that the table lacks."""
 
 PADDING: Final = b"\x00"
-"""The byte of a frame without contents: every receiver skips it."""
+"""The byte of a frame without content: every receiver skips it."""
 SYNC_BYTES: Final = 6
 DELIMITER_BYTES: Final = 2
-"""What LEN and its length byte cost."""
+"""Bytes of LEN and its length byte."""
 
 
 def parse_frame(
     frame: bytes, measure: Measure, controls: Controls, *, unicast: bool = False
 ) -> Iterator[Item]:
-    """Take a frame apart; never raises, for any bytes.
+    """Decode a frame; never raises, for any bytes.
 
     Args:
         frame: The records of one frame, without envelope.
-        measure: Finds where the content of a stream ends.
-        controls: What can be read besides.
-        unicast: The frame is for one node.
+        measure: Finds the end of a stream's content.
+        controls: The forms of the controls.
+        unicast: Whether the frame is for one node.
 
     Yields:
         Controls and records in the order of the frame; at most one `Stray` for what cannot be
-        read, after which only records that `LEN` delimits are still found.
+        decoded, after which only records that `LEN` delimits are still found.
     """
     offset, has_records = 0, False
     while offset < len(frame):
         code = frame[offset]
         if code in (HELLO_CODE, TAG_CODE):
             if has_records:
-                # By which table they were written, and so where they end, was not said before them.
+                # Which table they were written by, and so where they end, was not stated before
+                # them.
                 yield Stray("reserved", len(frame) - offset)
                 return
-            # The tables may differ: only what LEN delimits can be trusted to end where it seems to.
+            # The tables may differ: only the ends of what LEN delimits can be trusted.
             measure = _measure_nothing
         if code == 0:
             offset += 1
@@ -193,7 +193,7 @@ def parse_frame(
 
 
 def _parse_dense_ack(frame: bytes, offset: int, *, unicast: bool) -> tuple[DenseAck, int] | None:
-    """Read an acknowledgement of dense blocks; None: it is something else, or cut off."""
+    """Decode an acknowledgement of dense blocks; None: it is another item, or cut off."""
     said_at = offset + 1 + (not unicast)
     if frame[offset] != Control.ACK or said_at + 1 >= len(frame) or frame[said_at] < DENSE_FROM:
         return None
@@ -202,7 +202,7 @@ def _parse_dense_ack(frame: bytes, offset: int, *, unicast: bool) -> tuple[Dense
 
 
 def _parse_delimited(piece: bytes, controls: Controls, *, unicast: bool) -> Item:
-    """Parse what LEN delimits: a record, or a control that shows no end, or an extension."""
+    """Decode what LEN delimits: a record, a control that shows no end, or an extension."""
     form = controls.get(piece[0])
     if form is not None and not form.shows_end:
         read = form.read(piece, 0)
@@ -213,7 +213,7 @@ def _parse_delimited(piece: bytes, controls: Controls, *, unicast: bool) -> Item
 
 
 def _measure_nothing(stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes) -> None:
-    """Measure no content: it reaches to the end."""
+    """Measure nothing: the content extends to the end."""
 
 
 def _parse_record(
@@ -237,7 +237,7 @@ def _parse_record(
 
 
 def _parse_prefixes(frame: bytes, offset: int, *, unicast: bool) -> tuple[Prefixes, int] | None:
-    """Read what stands before a stream id; None: it is cut off."""
+    """Decode the prefixes before a stream id; None: they are cut off."""
     if frame[offset] not in _PREFIXES:
         return _NO_PREFIXES, offset
     delete, encoding, sync, acknowledged = False, None, None, None

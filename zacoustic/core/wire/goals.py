@@ -1,4 +1,4 @@
-"""Records of actions: behind the stream id one byte, three bits operation and five bits number.
+"""Records of actions: after the stream id one byte, three bits operation and five bits number.
 
 ======  ==========================  ===================================  =======================
 number  from the client             from the server                      payload
@@ -15,15 +15,15 @@ number  from the client             from the server                      payload
 7       FORMER                      FORMER                               epoch 2, operation 1, …
 ======  ==========================  ===================================  =======================
 
-Behind the failure of REFUSED stands a text, and between them, where CANCEL_AGAIN is refused, the
-attempt that is. A client counts its attempts to cancel a goal modulo 256: CANCEL is attempt 0, and
-says so in no byte. It makes none before the last one is answered.
+After the failure of REFUSED stands a text, and between them, where CANCEL_AGAIN is refused, the
+attempt that is refused. A client counts its attempts to cancel a goal modulo 256: CANCEL is attempt
+0 and carries no byte for it. A client makes no attempt before the last one is answered.
 
 The status of a RESULT has its highest bit set where no result follows; `80` alone is UNKNOWN, and
-`81` a reminder: how the goal ended was said before, and whoever has not heard it asks by CLAIM.
-SUCCEEDED is the RESULT of most goals, which needs no status.
-FORMER wraps a record about a goal of another epoch of its client than the present one: the number
-stands in the outer byte, the operation in the upper bits of the inner one, and its payload behind.
+`81` a reminder: the result was sent before, and a client that has not received it asks by CLAIM.
+SUCCEEDED is the RESULT of most goals, which needs no status. FORMER wraps a record about a goal of
+another epoch of its client than the present one: the outer byte has the number, the upper bits of
+the inner one the operation; its payload follows.
 """
 
 import enum
@@ -36,9 +36,9 @@ from zacoustic.core.values.payload import PayloadCodec
 from zacoustic.core.wire.calls import LONGEST_ERROR_TEXT_BYTES
 
 GOAL_NUMBERS: Final = 32
-"""Distinguishable goals of one boot epoch of a client on one stream."""
+"""The number of distinguishable goals of one boot epoch of a client on one stream."""
 FORMER_BYTES: Final = 3
-"""What FORMER costs."""
+"""Bytes that FORMER adds."""
 UNKNOWN_RESULT: Final = b"\x80"
 """Payload of the RESULT of a goal that ran when its server died."""
 REMINDER: Final = b"\x81"
@@ -46,56 +46,56 @@ REMINDER: Final = b"\x81"
 _NO_RESULT: Final = 0x80
 _ATTEMPTS: Final = 256
 _AGAIN_REFUSED: Final = 10
-"""Failure, besides those of `GoalFailure`: of CANCEL_AGAIN; its attempt follows."""
+"""Wire code of a failure beside those of `GoalFailure`: of CANCEL_AGAIN; its attempt follows."""
 
 
 class GoalKey(msgspec.Struct, frozen=True):
-    """Names a goal, at both ends and over restarts."""
+    """Identifies a goal at both ends and across restarts."""
 
     client: int
-    """Address of the node that sent it."""
+    """Address of the client."""
     epoch: int
-    """Boot epoch in which it did."""
+    """The client's boot epoch when it sent the goal."""
     stream_id: int
     """The action's stream."""
     number: int
-    """0…31."""
+    """The goal's number, 0…31."""
 
 
 class GoalStatus(enum.IntEnum):
     """How a goal ended; the numbers are those of ROS 2, and on the wire."""
 
     UNKNOWN = 0
-    """Its server died while it ran, or lost it: what became of it is not known. No result."""
+    """Its server died while it ran, or lost it: its outcome is unknown. No result."""
     SUCCEEDED = 4
-    """It was reached."""
+    """The goal was reached."""
     CANCELED = 5
-    """It was given up because its client wanted so."""
+    """It was ended because its client asked."""
     ABORTED = 6
-    """It was given up for another reason."""
+    """It was ended for another reason."""
 
 
 class GoalFailure(enum.IntEnum):
     """Why a goal was refused, or has no result; the numbers are on the wire."""
 
     REJECTED = 1
-    """The server's application does not want it; the text is its own."""
+    """The server's application rejects it; the application gives the text."""
     NO_SERVER = 2
     """The server's node has no server."""
     BAD_GOAL = 3
-    """The goal could not be decoded by the server's node."""
+    """The server's node could not decode the goal."""
     TABLE_MISMATCH = 4
     """The two nodes hold different definitions of this stream."""
     BAD_RESULT = 5
-    """The result could not be decoded here."""
+    """This node could not decode the result."""
     TIMED_OUT = 6
     """Not answered in time, or nothing was heard of it for too long: it may run, or have run."""
     CANCELLED = 7
     """Cancelled before it was accepted: it does not run."""
     UNKNOWN = 8
-    """The server died while it ran, or does not know it any more: what became of it is unknown."""
+    """The server died while it ran, or no longer knows it: its outcome is unknown."""
     CANCEL_REFUSED = 9
-    """Only in an answer to a cancel: the goal goes on."""
+    """Only in an answer to a cancel: the goal continues."""
 
 
 class Operation(enum.IntEnum):
@@ -106,51 +106,51 @@ class Operation(enum.IntEnum):
     ACCEPTED = 1
     """From the server: it runs."""
     REFUSED = 2
-    """The goal is refused, or its cancelling."""
+    """The goal, or a cancel of it, is refused."""
     CONFIRM = 3
     """From the server: it has the goal. From the client: it has the result."""
     CANCEL = 4
     """From the client: end it, attempt 0. From the server: it will end, for any attempt."""
     FEEDBACK = 5
-    """From the server: how far it is."""
+    """From the server: its progress."""
     RESULT = 6
-    """How it has ended."""
+    """From the server: its outcome."""
     FORMER = 7
     """About a goal of another epoch."""
     CLAIM = 1
-    """From the client: what became of it?"""
+    """From the client: what is its outcome?"""
     CANCEL_AGAIN = 5
-    """From the client: it is to end, a later attempt."""
+    """From the client: end it, a later attempt."""
     SUCCEEDED = 0
-    """From the server: it has ended so, and has a result."""
+    """From the server: it has succeeded and has a result."""
 
 
 class Message(msgspec.Struct, frozen=True):
-    """A record of an action, taken apart."""
+    """A decoded record of an action."""
 
     operation: Operation
-    """Neither FORMER nor SUCCEEDED, which is a RESULT here."""
+    """Neither FORMER nor SUCCEEDED; the latter is decoded as RESULT."""
     number: int
-    """Of the goal."""
+    """The goal's number."""
     epoch: int | None
-    """Epoch of the goal; None: the present one of its client."""
+    """The goal's epoch; None: the present one of its client."""
     payload: bytes
-    """What follows."""
+    """The bytes after the head."""
 
 
 def encode_head(operation: Operation, number: int, epoch: int | None) -> bytes:
-    """Return what stands between stream id and payload."""
+    """Return the bytes between stream id and payload."""
     if epoch is None:
         return bytes((operation << 5 | number,))
     return bytes((Operation.FORMER << 5 | number, *epoch.to_bytes(2, "big"), operation << 5))
 
 
 def decode_message(content: bytes, *, from_client: bool) -> Message | None:
-    """Take a record apart; None when it is none.
+    """Decode a record; return None if it is invalid.
 
     Args:
-        content: What stands behind the stream id.
-        from_client: A client of the action has sent it.
+        content: The bytes after the stream id.
+        from_client: Whether a client of the action has sent it.
     """
     if not content:
         return None
@@ -170,13 +170,13 @@ def decode_message(content: bytes, *, from_client: bool) -> Message | None:
 
 
 def measure_message(stream: Stream, buffer: bytes, offset: int, *, from_client: bool) -> int | None:
-    """Find the end of a record; None: it shows none, or it is none.
+    """Find the end of a record; None: it does not delimit itself, or is invalid.
 
     Args:
         stream: The action's stream.
-        buffer: Where it stands.
-        offset: Where it begins, behind the stream id.
-        from_client: A client of the action has sent it.
+        buffer: The bytes with the record.
+        offset: Start of the content, after the stream id.
+        from_client: Whether a client of the action has sent it.
     """
     if offset >= len(buffer):
         return None
@@ -210,7 +210,7 @@ def encode_cancel(attempt: int) -> tuple[Operation, bytes]:
     """Return the operation that cancels a goal, and its payload.
 
     Args:
-        attempt: How often its client has cancelled before; counted modulo 256.
+        attempt: How often its client has cancelled it before; counted modulo 256.
     """
     attempt %= _ATTEMPTS
     if not attempt:
@@ -219,14 +219,14 @@ def encode_cancel(attempt: int) -> tuple[Operation, bytes]:
 
 
 def decode_cancel(message: Message) -> int | None:
-    """Return the attempt of a CANCEL or CANCEL_AGAIN, 0…255; None: it is none."""
+    """Return the attempt of a CANCEL or CANCEL_AGAIN, 0…255; None if it is invalid."""
     if message.operation is Operation.CANCEL:
         return 0
     return message.payload[0] if len(message.payload) == 1 else None
 
 
 def is_later(attempt: int, other: int) -> bool:
-    """Tell whether an attempt to cancel is later than another one."""
+    """Return whether an attempt to cancel is later than another one."""
     return 0 < (attempt - other) % _ATTEMPTS < _ATTEMPTS // 2
 
 
@@ -234,18 +234,18 @@ class Refusal(msgspec.Struct, frozen=True):
     """The payload of REFUSED."""
 
     failure: GoalFailure
-    """Why."""
+    """The reason."""
     text: str
-    """Why, one line."""
+    """The reason in one line."""
     attempt: int = 0
-    """Where a cancel is refused, which; counted modulo 256."""
+    """The refused attempt to cancel, if one is refused; counted modulo 256."""
 
     def is_of(self, attempt: int) -> bool:
-        """Tell whether this attempt to cancel is the one that is refused."""
+        """Return whether this attempt to cancel is the refused one."""
         return self.attempt == attempt % _ATTEMPTS
 
     def encode(self, longest_bytes: int = 2 + LONGEST_ERROR_TEXT_BYTES) -> bytes:
-        """Return the payload, the text cut at a character."""
+        """Return the payload, its text cut at a character."""
         head = bytes((self.failure,))
         if self.attempt % _ATTEMPTS:
             head = bytes((_AGAIN_REFUSED, self.attempt % _ATTEMPTS))
@@ -254,7 +254,7 @@ class Refusal(msgspec.Struct, frozen=True):
 
 
 def decode_refusal(payload: bytes) -> Refusal | None:
-    """Return the contents of REFUSED, or None when it is none."""
+    """Return the content of REFUSED; None if it is invalid."""
     try:
         if payload[0] == _AGAIN_REFUSED:
             return Refusal(GoalFailure.CANCEL_REFUSED, payload[2:].decode(), payload[1])
@@ -276,7 +276,7 @@ def shorten_result(payload: bytes) -> tuple[Operation, bytes]:
 
 
 def decode_result(payload: bytes) -> tuple[GoalStatus, bytes | None] | None:
-    """Return status and result of RESULT, or None when it is none."""
+    """Return status and result of RESULT; None if it is invalid."""
     try:
         status = GoalStatus(payload[0] & ~_NO_RESULT)
     except (IndexError, ValueError):

@@ -1,21 +1,21 @@
-"""Numbers of samples as they stand in records, and the content of an ACK."""
+"""Sequence numbers of samples in records, and the content of an ACK."""
 
 from typing import Final
 
 import msgspec
 
 NUMBERS: Final = 1 << 7
-"""Numbers that one byte of a record distinguishes."""
+"""How many numbers one byte of a record distinguishes."""
 WINDOW: Final = 32
-"""A sample without SYNC is less than this many numbers ahead of what its receiver waits for, and
-no more than this many are on their way. The other 96 numbers are old: a repetition that comes late
-is never taken for a new sample."""
+"""A sample without SYNC is less than this many numbers ahead of the one that its receiver awaits,
+and at most this many are under way. The other 96 numbers are old: a late repetition is never taken
+for a new sample."""
 PACE: Final = 64
-"""Numbers that come into use within one settling time at most: so a repetition that comes late is
-always among the old ones."""
+"""The most numbers that come into use within one settling time, so that a late repetition is always
+among the old ones."""
 NUMBER_BYTES: Final = 1
 IN_RHYTHM: Final = 0x80
-"""Set in that byte of a sample that is in rhythm (`zacoustic.core.transport.reliable.rhythm`)."""
+"""Bit of the number byte of a sample in rhythm (`zacoustic.core.transport.reliable.rhythm`)."""
 
 _FLOORS: Final = 1 << 24
 _BITS: Final = 7
@@ -23,21 +23,21 @@ _MORE: Final = 0x80
 
 
 LONGEST_ACK_BYTES: Final = 1 - (1 - WINDOW) // _BITS
-"""Largest content of an ACK, for a whole window."""
+"""The longest content of an ACK, for a whole window, bytes."""
 
 
 class Ack(msgspec.Struct, frozen=True):
     """What a receiver has of one publisher's key."""
 
     expected: int
-    """The next number that it waits for, modulo `NUMBERS`."""
+    """The next number that it awaits, modulo `NUMBERS`."""
     held: int = 0
     """Bit i: it holds number expected + 1 + i."""
     knows: bool = True
-    """It knows the lineage; otherwise it asks for SYNC, and the rest has no meaning."""
+    """Whether it knows the lineage; otherwise it asks for SYNC, and the rest has no meaning."""
 
     def encode(self, most_bytes: int = LONGEST_ACK_BYTES) -> bytes:
-        """Return the content behind stream id and wildcards: one byte, and seven bits a byte.
+        """Return the content after stream id and wildcards: one byte, then seven bits in each byte.
 
         Args:
             most_bytes: Room, at least 1: the last held numbers are left out.
@@ -55,7 +55,7 @@ class Ack(msgspec.Struct, frozen=True):
 
 
 def measure_ack(buffer: bytes, offset: int) -> int | None:
-    """Find the end of an ACK's content; None where there is none."""
+    """Find the end of an ACK's content; None if there is none."""
     end = offset + 1
     if end > len(buffer):
         return None
@@ -67,7 +67,7 @@ def measure_ack(buffer: bytes, offset: int) -> int | None:
 
 
 def decode_ack(content: bytes) -> Ack | None:
-    """Read the content of an ACK; None: it is none."""
+    """Decode the content of an ACK; None if it is invalid."""
     if measure_ack(content, 0) != len(content):
         return None
     expected = content[0] % NUMBERS
@@ -82,17 +82,17 @@ def decode_ack(content: bytes) -> Ack | None:
 
 
 def resolve(low: int, expected: int) -> int:
-    """Return the number that has these seven bits, seen from what is expected."""
+    """Return the number with these seven bits that is nearest to the expected one."""
     ahead = (low - expected) % NUMBERS
     return expected + (ahead if ahead < WINDOW else ahead - NUMBERS)
 
 
 def resolve_expected(low: int, known: int) -> int:
-    """Return the number that an ACK expects: up to a whole window may be unreported."""
+    """Return the number that an ACK expects; up to a whole window may be unreported."""
     return resolve(low - 1, known) + 1
 
 
 def resolve_floor(floor: int, expected: int) -> int:
-    """Return the number that a floor modulo 2^24 means, seen from what is expected."""
+    """Return the number with this floor modulo 2^24 that is nearest to the expected one."""
     ahead = (floor - expected) % _FLOORS
     return expected + (ahead if ahead < _FLOORS // 2 else ahead - _FLOORS)

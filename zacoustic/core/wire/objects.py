@@ -7,21 +7,21 @@
 
 The low six bits of the transfer byte are the *transfer number*, which the source counts. Of a
 fragment, the high two bits are the *listen hint*: when the sender will listen (`ListenHint`). Of a
-feedback, they tell its body:
+feedback, they give the kind of its body:
 
 ====  =========  ===================================================================================
 0     lacks      block (1), how many blocks (1), for each how many fragments it lacks (1 each); all
-                 blocks before are complete, of those behind nothing is there
+                 blocks before are complete, of those after nothing is there
 1     complete   the first four bytes of the object's digest
 2     refused    reason (1)
 3     headless   how many fragments are there (2); the manifest is not
 ====  =========  ===================================================================================
 
-A feedback is sent in a unicast frame to the source of the object. A fragment shows no end, a
-feedback does. Index 0xFFFF is no fragment: without data it withdraws the object; with the first
-four bytes of its digest, in a unicast frame, it is the *turn*: no sample before the object will
-come. A receiver that has all of an object and waits for its turn sends that it lacks 0 of the block
-behind the last.
+A feedback is sent in a unicast frame to the source of the object. A fragment extends to the end of
+the frame, a feedback delimits itself. Index 0xFFFF is no fragment: without data it withdraws the
+object; with the first four bytes of its digest, in a unicast frame, it is the *turn*: no sample
+before the object will come. A receiver that has all of an object and waits for its turn reports
+that it lacks 0 fragments of the block after the last.
 """
 
 import enum
@@ -35,17 +35,17 @@ FRAGMENT_CODE: Final = 0xBA
 FEEDBACK_CODE: Final = 0xBB
 FRAGMENT_HEADER_BYTES: Final = 4
 FEEDBACK_BYTES: Final = 8
-"""Longest feedback."""
+"""Longest feedback, bytes."""
 MOST_BLOCKS: Final = 4
-"""Most blocks in one feedback."""
+"""The most blocks in one feedback."""
 MOST_TRANSFERS: Final = 64
-"""Transfer numbers of a source."""
+"""How many transfer numbers a source has."""
 NO_FRAGMENT: Final = 0xFFFF
-"""Index of a record about the object that is no fragment."""
+"""Index of a record about an object that is no fragment."""
 WITHDRAWN: Final = b""
-"""What stands behind it when the object is withdrawn."""
+"""The data after that index when the object is withdrawn."""
 CHECK_BYTES: Final = 4
-"""Bytes of the digest in a feedback, and behind `NO_FRAGMENT` when nothing before will come."""
+"""Bytes of the digest in a feedback, and after `NO_FRAGMENT` in a turn."""
 _NUMBER: Final = 0x3F
 
 
@@ -63,18 +63,18 @@ class ListenHint(enum.IntEnum):
 
 
 class Reason(enum.IntEnum):
-    """Why a receiver does not want an object."""
+    """Why a receiver refuses an object."""
 
     CANCELLED = 1
-    """Cancelled, by the receiver or the sender."""
+    """Cancelled by the receiver or the sender."""
     TOO_LARGE = 2
-    """Larger than the receiver takes."""
+    """Larger than the receiver accepts."""
     NOT_SUBSCRIBED = 3
-    """The receiver does not subscribe to the stream, or knows it not."""
+    """The receiver does not subscribe to the stream, or does not know it."""
 
 
 class Fragment(msgspec.Struct, frozen=True):
-    """A fragment of an object; with index `NO_FRAGMENT` its end, or its turn."""
+    """A fragment of an object; with index `NO_FRAGMENT` its withdrawal or its turn."""
 
     transfer: int
     call: ListenHint
@@ -92,13 +92,14 @@ class Lacks(msgspec.Struct, frozen=True):
 
     transfer: int
     block: int
-    """The first that is not complete."""
+    """The first incomplete block."""
     lacking: tuple[int, ...]
-    """Of that block and those behind it, 0…255 each, 1…`MOST_BLOCKS` of them."""
+    """Lacking fragments of that block and those after it, 0…255 each, for 1…`MOST_BLOCKS`
+    blocks."""
 
     @property
     def is_nothing(self) -> bool:
-        """All of it is there, and it waits for its turn."""
+        """Whether nothing is lacking and the receiver waits for the object's turn."""
         return self.lacking == (0,)
 
     def encode(self) -> bytes:
@@ -112,7 +113,7 @@ class Complete(msgspec.Struct, frozen=True):
 
     transfer: int
     check: bytes
-    """First bytes of its digest."""
+    """The first bytes of its digest."""
 
     def encode(self) -> bytes:
         """Return the record, 6 bytes."""
@@ -120,7 +121,7 @@ class Complete(msgspec.Struct, frozen=True):
 
 
 class Refused(msgspec.Struct, frozen=True):
-    """A receiver does not want the object."""
+    """A receiver refuses the object."""
 
     transfer: int
     reason: int
@@ -136,7 +137,7 @@ class Headless(msgspec.Struct, frozen=True):
 
     transfer: int
     held: int
-    """How many fragments."""
+    """Number of fragments."""
 
     def encode(self) -> bytes:
         """Return the record, 4 bytes."""
@@ -148,7 +149,7 @@ Feedback = Lacks | Complete | Refused | Headless
 
 
 def decode_fragment(record: bytes) -> Fragment | None:
-    """Read a fragment that reaches to the end of `record`; None when it is none."""
+    """Decode a fragment that extends to the end of `record`; None if it is invalid."""
     if len(record) < FRAGMENT_HEADER_BYTES or record[0] != FRAGMENT_CODE:
         return None
     index = int.from_bytes(record[2:4], "big")
@@ -159,7 +160,7 @@ def decode_fragment(record: bytes) -> Fragment | None:
 
 
 def decode_feedback(buffer: bytes, offset: int) -> tuple[Feedback, int] | None:
-    """Read a feedback at an offset; returns it and its end, or None when it is none."""
+    """Decode a feedback at an offset; return it and its end, or None if it is invalid."""
     body = buffer[offset + 2 : offset + FEEDBACK_BYTES]
     if buffer[offset : offset + 1] != bytes((FEEDBACK_CODE,)) or not body:
         return None

@@ -6,14 +6,14 @@
 
 page
     the low five bits: which eight stream ids (page *p* is 8 *p* … 8 *p* + 7); ``80`` set: an
-    answer, which repeats what it answers; ``40`` set: heard follows; ``20`` set, of an answer: it
-    holds until the next message
+    answer, which repeats the message; ``40`` set: heard follows; ``20`` set, in an answer: the
+    message holds until the next one
 version
     counts the sender's messages about the page, modulo 256
 streams
     bit *i* set: the sender subscribes to stream 8 *p* + *i* at the destination
 heard
-    boot epoch of the destination, which the sender has heard
+    the destination's boot epoch that the sender has heard
 """
 
 from collections.abc import Iterable, Iterator
@@ -25,7 +25,7 @@ from zacoustic.core.wire.controls import Form
 
 SUBSCRIBE_CODE: Final = 0xBC
 PAGE_STREAMS: Final = 8
-"""Streams of a page."""
+"""Number of streams in a page."""
 _PAGE: Final = 0x1F
 _ANSWER: Final = 0x80
 _HEARD: Final = 0x40
@@ -35,24 +35,24 @@ _HEARD_BYTES: Final = 2
 
 
 class Subscribe(msgspec.Struct, frozen=True):
-    """What a node wants of the one that the frame is for; or, in return, what that has noted."""
+    """A node's subscriptions at the frame's destination, or the answer to them."""
 
     page: int
-    """Which eight streams."""
+    """The page: which eight streams."""
     version: int
     """Counts the messages about the page, modulo 256."""
     streams: int
     """Bit *i*: the *i*-th stream of the page."""
     is_answer: bool = False
-    """It repeats a message, to acknowledge it."""
+    """Whether it repeats a message to acknowledge it."""
     heard: int | None = None
-    """Boot epoch of the node that the frame is for; None: its sender knows none."""
+    """Boot epoch of the frame's destination; None: the sender knows none."""
     is_kept: bool = False
-    """Of an answer: what it answers holds until the next message."""
+    """In an answer: whether the message holds until the next one."""
 
     @property
     def body(self) -> bytes:
-        """What stands behind the code."""
+        """The bytes after the code."""
         flags = _ANSWER * self.is_answer | _KEPT * self.is_kept
         if self.heard is None:
             return bytes((self.page | flags, self.version, self.streams))
@@ -60,12 +60,12 @@ class Subscribe(msgspec.Struct, frozen=True):
         return head + self.heard.to_bytes(_HEARD_BYTES, "big")
 
     def encode(self) -> bytes:
-        """Return the four bytes of the control."""
+        """Return the control."""
         return bytes((SUBSCRIBE_CODE,)) + self.body
 
     @staticmethod
     def decode(body: bytes) -> "Subscribe":
-        """Read what stands behind the code."""
+        """Decode the bytes after the code."""
         return Subscribe(
             body[0] & _PAGE,
             body[1],

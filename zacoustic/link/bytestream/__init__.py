@@ -1,4 +1,4 @@
-"""A stream of bytes to a device, TCP or a serial port, which reconnects by itself."""
+"""A byte stream to a device, over TCP or a serial port, that reconnects by itself."""
 
 from zacoustic.link.bytestream.occupants import holders
 from zacoustic.link.bytestream.stream import ByteStream, ByteStreamReceiver, ByteStreamState

@@ -1,4 +1,4 @@
-"""What both kinds of connections are and need."""
+"""The contract of both kinds of connections, and what they share."""
 
 import asyncio
 import errno
@@ -8,31 +8,31 @@ from collections.abc import Callable, Coroutine
 from typing import Any, Final, Protocol, TypeAlias
 
 WRITE_LIMIT_BYTES: Final = 65_536
-"""Bytes that may wait for the device before `write` refuses: a hundred frames of any modem."""
+"""Bytes that may wait for the device before `write` refuses more: a hundred frames of any modem."""
 FLUSH_LIMIT_S: Final = 1.0
-"""For unwritten bytes when a connection is closed, s."""
+"""Time for unwritten bytes when a connection is closed, s."""
 
 Receive: TypeAlias = Callable[[bytes, int], None]
-"""Takes the bytes read, and the instant in ns; called on the loop."""
+"""Takes the bytes read and their instant, ns; called on the loop."""
 
 
 class Connection(Protocol):
     """One connection, open until `lost` is done."""
 
     lost: asyncio.Future[str]
-    """Why it has ended; set from outside to close it."""
+    """Why it has ended; set from outside, it closes the connection."""
 
     def write(self, data: bytes) -> bool:
-        """Take all of these bytes or none; returns whether."""
+        """Take all of these bytes or none; return whether it took them."""
         ...
 
     async def close(self) -> None:
-        """Release everything; written bytes have `FLUSH_LIMIT_S`."""
+        """Release everything, after at most `FLUSH_LIMIT_S` for written bytes."""
         ...
 
 
 def settle(future: asyncio.Future[Any], outcome: object) -> None:
-    """Give a future its result or its exception, unless it has one."""
+    """Give a future its result or exception, unless it has one."""
     if future.done():
         return
     if isinstance(outcome, BaseException):
@@ -42,9 +42,9 @@ def settle(future: asyncio.Future[Any], outcome: object) -> None:
 
 
 async def to_the_end(closing: Coroutine[Any, Any, None]) -> None:
-    """Await something that must not be cut short: a connection that is being closed.
+    """Await something that cancellation must not cut short: the closing of a connection.
 
-    Who is cancelled meanwhile still waits; otherwise threads and sockets would outlive the stream.
+    A task cancelled meanwhile still waits; otherwise threads and sockets would outlive the stream.
     """
     task = asyncio.get_running_loop().create_task(closing)
     cancelled: asyncio.CancelledError | None = None
@@ -59,7 +59,7 @@ async def to_the_end(closing: Coroutine[Any, Any, None]) -> None:
 
 
 def reason_of(error: BaseException) -> str:
-    """The operating system's message in one line."""
+    """Return the operating system's message in one line."""
     if isinstance(error, socket.gaierror):
         return str(error.strerror)
     if isinstance(error, OSError) and error.errno == errno.EAGAIN:  # the lock on a serial port

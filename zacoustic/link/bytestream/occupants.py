@@ -1,9 +1,9 @@
-"""Other programs with a port or a connection, as far as the operating system reports them.
+"""Other programs that hold a port or a connection, as far as the operating system reports them.
 
 A device that serves one program at a time may accept a second one and ignore it, and a serial port
-that two programs read gives each of them half. Neither says so. On Linux `/proc` has what the
-programs of this computer have open; of programs of other users it has the connections, without
-their names.
+that two programs read gives each of them half; neither reports that. On Linux, `/proc` lists the
+open files of this computer's programs; for programs of other users it lists the connections,
+without names.
 """
 
 import os
@@ -22,16 +22,17 @@ _UNNAMED: Final = "a program of another user"
 
 
 def holders(address: str) -> list[str]:
-    """Return the other programs of this computer that have a device open, as people name them.
+    """Return the other programs of this computer that have a device open, by name.
 
     Args:
         address: `tcp:HOST:PORT` or `serial:PORT`.
 
     Returns:
-        Such as ``["minicom (4711)"]``; nothing without one, or without a report.
+        Such as ``["minicom (4711)"]``; empty if there are none, or if the system does not report
+        them.
 
     Raises:
-        ConfigError: The address is neither.
+        ConfigError: The address is neither of the two.
     """
     target = parse_address(address)
     if not sys.platform.startswith("linux"):
@@ -62,7 +63,7 @@ def _open_files(pid: int) -> Iterator[str]:
     try:
         for each in (_PROC / str(pid) / "fd").iterdir():
             yield str(each.readlink())
-    except OSError:  # it has ended, or is another user's
+    except OSError:  # it has ended, or belongs to another user
         return
 
 

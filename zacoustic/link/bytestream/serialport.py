@@ -1,12 +1,12 @@
-"""One opened serial port of a stream, and its two threads.
+"""One open serial port of a stream, and its two threads.
 
-Traps that shape it:
+These traps shape it:
 
 - Closing a port while another thread reads from it raises a `TypeError` there. So only the reading
-  thread closes it, after `cancel_read` has ended its read and the writing thread has ended.
-- On Windows `cancel_read` does nothing when no read is under way at that moment, so it is repeated
+  thread closes the port, after `cancel_read` has ended its read and the writing thread has ended.
+- On Windows, `cancel_read` does nothing if no read is under way at that moment, so it is repeated
   until the thread ends.
-- Opening a port can take seconds (Bluetooth, USB hubs): it is done in the reading thread too.
+- Opening a port can take seconds (Bluetooth, USB hubs), so the reading thread does that, too.
 """
 
 import asyncio
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
     import serial
 
 READ_LIMIT_BYTES: Final = 1_048_576
-"""Bytes that may have been read before the loop takes them: 90 s at 115 200 baud."""
+"""Most bytes read and not yet taken by the loop: 90 s at 115 200 baud."""
 
 _PIECE_BYTES: Final = 256
-# Beyond the time that a piece takes at its baud rate, s: a modem with flow control stops for less.
+# Beyond the time of a piece at its baud rate, s: a modem with flow control stops for less.
 _WRITE_PATIENCE_S: Final = 2.0
-# Between two attempts to cancel what a thread is doing, s; on POSIX the first one is enough.
+# Between two attempts to cancel a thread's read or write, s; on POSIX the first one suffices.
 _CANCEL_AGAIN_S: Final = 0.2
 
 _logger = logging.getLogger(__name__)
 
 
 class SerialConnection:
-    """One opened serial port and its two threads.
+    """One open serial port and its two threads.
 
-    `_run` is the reading thread, `_write_queued` the writing thread; what both and the loop touch
-    is behind `_guard`.
+    `_run` is the reading thread, `_write_queued` the writing thread; `_guard` protects what both
+    threads and the loop share.
     """
 
     def __init__(self, port: str, baudrate: int, receive: Receive, clock: Clock) -> None:
@@ -72,7 +72,7 @@ class SerialConnection:
     async def connect(
         cls, port: str, baudrate: int, receive: Receive, clock: Clock
     ) -> "SerialConnection":
-        """Open the port in its thread."""
+        """Open the port in the reading thread."""
         connection = cls(port, baudrate, receive, clock)
         connection._reader.start()
         try:
@@ -83,7 +83,7 @@ class SerialConnection:
         return connection
 
     def write(self, data: bytes) -> bool:
-        """Take all of these bytes or none; returns whether."""
+        """Take all of these bytes or none; return whether it took them."""
         with self._guard:
             if self._closing or len(self._queued) + len(data) > WRITE_LIMIT_BYTES:
                 return False
@@ -113,7 +113,7 @@ class SerialConnection:
         except (OSError, ValueError) as error:  # pyserial raises both for a port it cannot open
             failure = error if isinstance(error, OSError) else OSError(str(error))
             self._tell(settle, self._opened, failure)
-        except Exception as error:  # a fault of ours: the waiting caller must hear that it ended
+        except Exception as error:  # a fault of ours: the waiting caller must learn that it ended
             _logger.exception("%s: the reading thread has failed", self._path)
             self._tell(settle, self._opened, OSError(str(error)))
         finally:
@@ -121,7 +121,7 @@ class SerialConnection:
             self._tell(self._ended.set)
 
     def _serve(self) -> str:
-        """Serve the port until it is lost or closed; returns why it ended."""
+        """Serve the port until it is lost or closed; return why it ended."""
         import serial
 
         patience_s = _WRITE_PATIENCE_S + _PIECE_BYTES * 10 / self._baudrate

@@ -1,4 +1,4 @@
-"""A stream of bytes to a device, TCP or a serial port, which reconnects by itself.
+"""A byte stream to a device, over TCP or a serial port, that reconnects by itself.
 
 ::
 
@@ -7,10 +7,10 @@
                  │  └────── back-off over ───┼──┘    │
                  └────────── failed ─────────┘       │
 
-Everything is called on the loop, and calls back on the loop. TCP is asyncio's. A serial port has
-two threads: one reads, stamps the instant and hands over, the other writes, since a write to a port
-whose other side does not read blocks. Threads, because asyncio can wait for a serial port on some
-operating systems only. The hand-over is bounded and wakes the loop once, not once for each piece.
+All calls and callbacks are on the loop. TCP is asyncio's. A serial port has two threads, because
+asyncio can wait for a serial port only on some operating systems: one reads, stamps the instant and
+hands over; the other writes, because a write blocks if the other side does not read. The hand-over
+is bounded and wakes the loop once, not once for each piece.
 """
 
 import asyncio
@@ -26,47 +26,47 @@ from zacoustic.link.bytestream.serialport import SerialConnection
 from zacoustic.link.bytestream.tcp import TcpConnection
 
 FIRST_DELAY_S: Final = 0.2
-"""Pause after the first failure, s: a server that restarts is back in about this time."""
+"""Pause after the first failure, s: about the time in which a server restarts."""
 LAST_DELAY_S: Final = 5.0
-"""Longest pause between two attempts, s: the pause doubles until here."""
+"""Longest pause between two attempts, s: the pause doubles up to this."""
 
 _logger = logging.getLogger(__name__)
 
 
 class ByteStreamState(enum.Enum):
-    """Where a stream is."""
+    """State of a stream."""
 
     CLOSED = "closed"
     """Not opened, or closed."""
     CONNECTING = "connecting"
-    """An attempt is under way."""
+    """An attempt to connect is under way."""
     OPEN = "open"
     """Bytes flow."""
     WAITING = "waiting"
-    """An attempt failed or the connection was lost; the next attempt follows by itself."""
+    """An attempt failed, or the connection was lost; the next attempt follows by itself."""
 
 
 class ByteStreamReceiver(Protocol):
-    """Who hears from a stream; called on the loop only, never from within a call to the stream."""
+    """Receives the events of a stream: only on the loop, never from within a call to the stream."""
 
     def stream_opened(self) -> None:
-        """A connection is there; a partial reception before it is void."""
+        """Note a new connection, which voids a partial reception before it."""
         ...
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
-        """Bytes arrived; where one piece ends and the next begins means nothing.
+        """Take received bytes; the borders between pieces mean nothing.
 
         Args:
             data: 1 byte or more.
-            received_at: Instant at which they had been read, ns; never decreases.
+            received_at: Instant after they were read, ns; never decreases.
         """
         ...
 
     def stream_lost(self, reason: str) -> None:
-        """The connection is gone, or an attempt to connect failed; the stream keeps trying.
+        """Note that the connection is lost, or an attempt failed; the stream keeps trying.
 
         Args:
-            reason: One line with the address and the operating system's message.
+            reason: The address and the operating system's message, one line.
         """
         ...
 
@@ -78,12 +78,12 @@ class ByteStream:
         address: `tcp:HOST:PORT` or `serial:PORT`, such as `serial:/dev/ttyUSB0`, `serial:COM3`,
             `tcp:[::1]:9200`.
         baudrate: Of a serial port, baud; TCP ignores it.
-        clock: Where instants come from.
+        clock: Source of instants.
         first_delay_s: Pause after the first failure, s; doubles up to `last_delay_s`.
         last_delay_s: Longest pause, s.
 
     Raises:
-        ConfigError: The address is neither.
+        ConfigError: The address is neither of the two.
     """
 
     def __init__(
@@ -108,14 +108,15 @@ class ByteStream:
         self._connection: Connection | None = None
         self._task: asyncio.Task[None] | None = None
         self._last_at = 0
-        # What arrives between the connection and `stream_opened`: one turn of the loop at most.
+        # Bytes that arrive between the connection and `stream_opened`: one turn of the loop at
+        # most.
         self._early: list[tuple[bytes, int]] = []
 
     def open(self, receiver: ByteStreamReceiver) -> None:
-        """Start to connect, and keep connected until `close`; returns at once.
+        """Start to connect, and stay connected until `close`; return at once.
 
         Raises:
-            LinkOpenError: It is open already.
+            LinkOpenError: The stream is already open.
         """
         if self._task is not None:
             raise LinkOpenError(f"{self.address} is open already")
@@ -125,11 +126,11 @@ class ByteStream:
         )
 
     def write(self, data: bytes) -> bool:
-        """Hand bytes over to the device; does not block.
+        """Hand bytes over to the device without blocking.
 
         Returns:
-            Whether they were taken, all of them or none: not when the stream is not OPEN, nor when
-            `connection.WRITE_LIMIT_BYTES` would be exceeded.
+            Whether the stream took them, all or none. It takes none unless it is OPEN, or if that
+            would exceed `connection.WRITE_LIMIT_BYTES`.
         """
         if self._connection is None or not self._connection.write(data):
             return False
@@ -137,16 +138,16 @@ class ByteStream:
         return True
 
     def reset(self, reason: str) -> None:
-        """Give up the present connection, for a peer that talks nonsense or not at all.
+        """Drop the present connection, because the other side talks nonsense or not at all.
 
-        `stream_lost` follows with this reason, and a new attempt as after any loss. Without a
-        connection it does nothing.
+        `stream_lost` follows with this reason, then a new attempt as after any loss. Without a
+        connection, `reset` does nothing.
         """
         if self._connection is not None:
             settle(self._connection.lost, reason)
 
     async def close(self) -> None:
-        """Close, after a second at most for written bytes; no callback comes after it."""
+        """Close, after at most a second for written bytes; no callback follows."""
         self._receiver = None
         task, self._task = self._task, None
         if task is not None:
@@ -177,7 +178,7 @@ class ByteStream:
             raise
 
     async def _connect(self) -> str:
-        """Try once; returns why it failed, or nothing."""
+        """Try once; return why it failed, or nothing."""
         try:
             if isinstance(self._target, str):
                 self._connection = await SerialConnection.connect(
@@ -192,7 +193,7 @@ class ByteStream:
         return ""
 
     async def _use(self, receiver: ByteStreamReceiver, connection: Connection) -> str:
-        """Serve a connection until it is lost; returns the reason."""
+        """Serve a connection until it is lost; return the reason."""
         try:
             self.connections += 1
             self.state = ByteStreamState.OPEN
@@ -200,7 +201,7 @@ class ByteStream:
             early, self._early = self._early, []
             for data, read_at in early:
                 self._receive(data, read_at)
-            # Shielded: a cancelled wait would cancel what both sides of `close` look at.
+            # Shielded: a cancelled wait would cancel the future that both sides of `close` watch.
             return await asyncio.shield(connection.lost)
         finally:
             self._connection = None
@@ -208,7 +209,7 @@ class ByteStream:
             await to_the_end(connection.close())
 
     def _receive(self, data: bytes, read_at: int) -> None:
-        """Pass on the bytes of a connection; drop those after its loss."""
+        """Pass on the bytes of a connection; drop bytes that come after its loss."""
         if self._receiver is None:
             return
         if self.state is ByteStreamState.CONNECTING:
@@ -220,7 +221,7 @@ class ByteStream:
 
 
 def parse_address(address: str) -> tuple[str, int] | str:
-    """Host and port of a TCP address, or the path of a serial port."""
+    """Return host and port of a TCP address, or the path of a serial port."""
     kind, _, rest = address.partition(":")
     if kind == "serial" and rest:
         return rest

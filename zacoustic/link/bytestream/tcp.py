@@ -14,7 +14,7 @@ from zacoustic.link.bytestream.connection import (
 )
 
 CONNECT_LIMIT_S: Final = 5.0
-"""Time limit of one attempt to connect, s: the system's own is minutes."""
+"""Time limit of one attempt to connect, s; the system's own is minutes."""
 
 
 class TcpConnection(asyncio.Protocol):
@@ -31,7 +31,7 @@ class TcpConnection(asyncio.Protocol):
     async def connect(
         cls, target: tuple[str, int], receive: Receive, clock: Clock
     ) -> "TcpConnection":
-        """Connect, within `CONNECT_LIMIT_S`."""
+        """Connect within `CONNECT_LIMIT_S`."""
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(CONNECT_LIMIT_S):
@@ -48,7 +48,7 @@ class TcpConnection(asyncio.Protocol):
         self._transport = transport
         connected: socket.socket = transport.get_extra_info("socket")
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # Otherwise a device that was unplugged stays connected for ever.
+        # Otherwise an unplugged device would stay connected for ever.
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
     def data_received(self, data: bytes) -> None:
@@ -56,12 +56,12 @@ class TcpConnection(asyncio.Protocol):
         self._receive(data, self._clock())
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Say why it ended; called by asyncio, last of all."""
+        """Report why the connection ended; called by asyncio, last of all."""
         settle(self.lost, reason_of(exc) if exc else "closed by the other side")
         self._gone.set()
 
     def write(self, data: bytes) -> bool:
-        """Take all of these bytes or none; returns whether."""
+        """Take all of these bytes or none; return whether it took them."""
         assert self._transport is not None
         if self._transport.is_closing():
             return False
@@ -71,7 +71,7 @@ class TcpConnection(asyncio.Protocol):
         return True
 
     async def close(self) -> None:
-        """Close, and abort what cannot be written in time."""
+        """Close; abort bytes that cannot be written in time."""
         assert self._transport is not None
         self._transport.close()
         try:

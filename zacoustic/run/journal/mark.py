@@ -19,6 +19,8 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.run.filelock import lock_file
+
 _PLACE: Final = struct.Struct(">4sB3x8sQ")
 _CHECK: Final = struct.Struct(">I")
 _MAGIC: Final = b"zacm"
@@ -53,7 +55,7 @@ class Mark:
         """Its file."""
         self._descriptor = _open(self.path)
         try:
-            _lock(self._descriptor)
+            lock_file(self._descriptor)  # on Windows SQLite's own lock has to do
         except BaseException:
             os.close(self._descriptor)
             raise
@@ -114,11 +116,3 @@ def _open(path: Path) -> int:
     with contextlib.suppress(PermissionError):
         return os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     return os.open(path, os.O_RDONLY)
-
-
-def _lock(descriptor: int) -> None:
-    try:
-        import fcntl
-    except ModuleNotFoundError:  # Windows: SQLite's own lock has to do
-        return
-    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Random scenarios for a fleet of real engines, and the invariants that must hold in each.
+"""Random scenarios for a fleet of real engines, and the invariants that hold in each.
 
 ::
 
@@ -7,10 +7,11 @@
     assert not result.violations, result.violations[0]
 
 - `randomscenario`: a random scenario: channel, faults, tables, traffic.
-- `drawing`: one for each seed, `draw_scenario`.
-- `running`: runs it on a `VirtualNetwork`. Every payload carries a *ticket*, which identifies an
-  arrival in any case.
-- `checker`: the checker; `invariants`: the checkers that complain; `counters`: counters.
+- `drawing`: draws one for each seed, `draw_scenario`.
+- `running`: runs it on a `VirtualNetwork`. Every payload carries a *ticket*, which identifies its
+  arrival.
+- `checker`: the contract of checkers; `invariants`: checkers that report violations; `counters`: a
+  checker that counts.
 
 `zacoustic sim --random SEED` runs the same scenario.
 """

@@ -1,6 +1,6 @@
-"""The checker of a run: gets each publication with its outcome.
+"""The contract of checkers, which see each publication of a run and its outcome.
 
-`ScenarioRun` knows the publication of an arrival by its ticket, so a checker never looks into a
+`ScenarioRun` finds the publication of an arrival by its ticket, so a checker never looks into a
 payload. All instants are those of the network, ns, whatever the clocks of the nodes show.
 """
 
@@ -20,15 +20,15 @@ class Publication(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """A sample or a request that an engine has accepted."""
 
     number: int
-    """Counts all publications of the run, from 1."""
+    """Number of the publication in the run, from 1."""
     node: int
-    """Who published it."""
+    """The publishing node."""
     life: int
     """Boot epoch of that node, counted from 1."""
     stream: Stream
     """The stream, as that node's table has it."""
     instance: Instance
-    """Which of the topic's keys."""
+    """The key among those of the topic."""
     value: Any
     """The value."""
     at: int
@@ -36,32 +36,31 @@ class Publication(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     result: int
     """What `Engine.publish` or `Engine.call` returned: delivery id or call id."""
     written: int
-    """Number of its first journal write: `VirtualJournal.is_journalled` tells whether it is
-    safe."""
+    """Number of its first journal write, for `VirtualJournal.is_journalled`."""
 
     @property
     def key(self) -> str:
-        """The key expression that it was published under."""
+        """The key of the publication."""
         return self.stream.keys.key(self.node, self.instance)
 
 
 class Arrived(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """A sample, a request or a response that an engine has handed over."""
+    """A sample, a request or a response that an engine has delivered."""
 
     publication: Publication
-    """What it is, or what it answers."""
+    """Its publication, or for a response that of its request."""
     node: int
-    """Who has got it."""
+    """The receiving node."""
     life: int
     """The receiver's boot epoch, counted from 1."""
     at: int
     """When."""
     again: bool = False
-    """It may have been delivered before, by a boot epoch that was cut short."""
+    """A boot epoch that was cut short may have delivered it before."""
 
 
 class Run(Protocol):
-    """A story that is being told, as its witnesses see it."""
+    """A run in progress, as its checkers see it."""
 
     @property
     def drawn(self) -> RandomScenario:
@@ -69,26 +68,26 @@ class Run(Protocol):
 
     @property
     def network(self) -> VirtualNetwork:
-        """The nodes, as they are."""
+        """The network with its nodes."""
 
     @property
     def casts(self) -> Mapping[int, Cast]:
-        """Cast of each node's present life."""
+        """The cast of each node in its present boot epoch."""
 
     @property
     def settling_ns(self) -> int:
-        """Time within which a frame may come a second time, ns."""
+        """Time within which a frame may come again, ns."""
 
 
 class Checker:
-    """Watches; a subclass overrides what it wants to see, and appends to `violations`."""
+    """Watches a run; a subclass overrides the methods that it needs and appends to `violations`."""
 
     def __init__(self) -> None:
         self.violations: list[str] = []
-        """What must not have happened, one line each."""
+        """Violations, one line each."""
 
     def begins(self, scenario_run: Run) -> None:
-        """The nodes are there, and nothing has happened yet."""
+        """The nodes exist, and nothing has happened yet."""
 
     def published(self, publication: Publication) -> None:
         """An engine has accepted a sample."""
@@ -106,13 +105,13 @@ class Checker:
         """A request was delivered, equal to the sent one."""
 
     def answered(self, arrived: Arrived) -> None:
-        """A caller has its answer, equal to the server's."""
+        """A caller got its answer, equal to the server's."""
 
     def failed(self, arrived: Arrived) -> None:
         """A caller got a failure."""
 
     def crashed(self, node: int, at: int) -> None:
-        """A node has crashed; its journal is as it is found later."""
+        """A node has crashed; its journal is already as the next boot epoch finds it."""
 
     def happened(self, node: int, event: Event, at: int) -> None:
         """An engine has emitted any event; before the method for it."""

@@ -16,13 +16,13 @@ from zacoustic.testing.scenarios.randomscenario import Lane, RandomScenario, cas
 from zacoustic.testing.virtualmodems import Modem
 
 MOST_LOSS: Final = 0.6
-"""Share of the frames that is lost in the worst direction."""
+"""Share of frames lost in the worst direction."""
 MOST_CRASHES: Final = 10
-"""Crashes of each node at most."""
+"""Most crashes of each node."""
 LONGEST_BLACKOUT_S: Final = 1800.0
 """Longest blackout, s."""
 YEAR_S: Final = 31_557_600.0
-"""A year, s: what wall clocks jump by."""
+"""A year, s: unit of the jumps of wall clocks."""
 CALM_S: Final = 3600.0
 """Time without faults at the end, s: reliable samples must arrive by then."""
 
@@ -40,14 +40,14 @@ _MODEMS: Final = (
 def draw_scenario(seed: int, *, reliable: bool = True) -> RandomScenario:
     """Draw a random scenario.
 
-    Two to five nodes within two kilometres, three streams or more, loss to 60 % and in bursts,
-    damage where the modem does not check, repetitions, jitter, directions that differ, blackouts to
-    half an hour, modems unplugged, up to ten crashes of each node, journals that take their time,
-    clocks that drift and jump by years. Then an hour of calm.
+    It has two to five nodes within two kilometres, three streams or more, loss up to 60 % and in
+    bursts, damage if the modem does not check, repetitions, jitter, unequal directions, blackouts
+    of up to half an hour, unplugged modems, up to ten crashes of each node, slow journals, clocks
+    that drift and jump by years. An hour of calm follows.
 
     Args:
-        seed: Everything follows from it.
-        reliable: With reliable topics.
+        seed: Every draw follows from it.
+        reliable: Whether there are reliable topics.
     """
     rng = random.Random(f"story {seed}")
     count = rng.choice((2, 2, 3, 4, 5))
@@ -195,7 +195,7 @@ def _clock(rng: random.Random, address: int, busy_s: float) -> dict[str, Any]:
 
 
 def _lanes(rng: random.Random, count: int, room_bytes: int, *, reliable: bool) -> dict[int, Lane]:
-    """Draw three streams or more; an introduction of 11 bytes, and a head, go before a payload."""
+    """Draw three streams or more; an introduction of 11 bytes and a head precede a payload."""
     largest = room_bytes - 18
     parts = (Wildcard(name="part", values=("a", "b")),)
     pool = {

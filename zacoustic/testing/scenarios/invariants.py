@@ -1,7 +1,6 @@
-"""Invariants of every random scenario; each is a checker that complains.
+"""Invariants of every random scenario; each is a checker.
 
-That nothing is altered, and nothing comes on a wrong stream, is not here: `ScenarioRun` sees it
-itself.
+`ScenarioRun` itself checks that nothing is altered or arrives on a wrong stream.
 """
 
 from typing import Final
@@ -23,12 +22,12 @@ def is_reliable(stream: Stream) -> bool:
 
 
 class NothingTwice(Checker):
-    """No node gets a sample twice.
+    """No node receives a sample twice.
 
-    A reliable one never, over all boot epochs of a node with a journal, except one that says so:
-    a crash came as it was handed on; a best-effort one not later than the settling time, within
-    which a modem may repeat a frame. A node that has crashed meanwhile does not know the numbers of
-    best-effort samples that press, which go again for half a minute.
+    A reliable sample never comes twice, over all boot epochs of a node with a journal, unless it is
+    marked: a crash interrupted its delivery. A best-effort sample may come again only within the
+    settling time, in which a modem may repeat a frame. A node that has crashed meanwhile has
+    forgotten the numbers of urgent best-effort samples, which are repeated for half a minute.
     """
 
     def begins(self, scenario_run: Run) -> None:
@@ -40,7 +39,7 @@ class NothingTwice(Checker):
         self._first: dict[tuple[int, int], Arrived] = {}
 
     def received(self, arrived: Arrived) -> None:
-        """Compare with the first time."""
+        """Compare with the first arrival."""
         publication = arrived.publication
         first = self._first.setdefault((arrived.node, publication.number), arrived)
         if first is arrived or (arrived.again and first.life < arrived.life):
@@ -64,7 +63,7 @@ class InOrder(Checker):
         self._last: dict[tuple[int, int, int, Instance], Arrived] = {}
 
     def received(self, arrived: Arrived) -> None:
-        """Compare with the one before."""
+        """Compare with the previous arrival."""
         publication = arrived.publication
         if not is_reliable(publication.stream) or arrived.again:
             return
@@ -81,10 +80,10 @@ class InOrder(Checker):
 
 
 class NothingLost(Checker):
-    """A reliable sample arrives at every subscriber, or its publisher gets another outcome.
+    """A reliable sample reaches every subscriber, or its publisher gets another outcome.
 
-    What was accepted and not yet written down when its publisher crashed may be lost, and so may be
-    all that a publisher without a journal had.
+    A crash of the publisher may lose samples that were accepted and not yet journalled, and without
+    a journal all its samples.
     """
 
     def __init__(self) -> None:
@@ -119,11 +118,11 @@ class NothingLost(Checker):
         }
 
     def received(self, arrived: Arrived) -> None:
-        """One less to wait for."""
+        """Note one arrival."""
         self._owed.get(arrived.publication.number, set()).discard(arrived.node)
 
     def crashed(self, node: int, at: int) -> None:
-        """Forget what may be lost."""
+        """Forget samples that may be lost."""
         journal = self._scenario_run.network.journal(node)
         for publication in list(self._open.values()):
             if publication.node != node:
@@ -132,7 +131,7 @@ class NothingLost(Checker):
                 self._close(publication)
 
     def happened(self, node: int, event: Event, at: int) -> None:
-        """Take a publisher's outcome."""
+        """Note a publisher's outcome."""
         if not isinstance(event, DeliveryEnded):
             return
         publication = self._by_id.get((node, event.delivery_id))
@@ -147,7 +146,7 @@ class NothingLost(Checker):
         self._close(publication)
 
     def ends(self, scenario_run: Run) -> None:
-        """Complain about what never ended."""
+        """Report samples that never had an outcome."""
         for publication in self._open.values():
             owed = sorted(self._owed[publication.number])
             self.violations.append(
@@ -160,7 +159,7 @@ class NothingLost(Checker):
 
 
 class OncePerCall(Checker):
-    """No server executes a call twice, over all boot epochs if it keeps a journal and its table."""
+    """No server executes a call twice, over all boot epochs if it keeps journal and table."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -172,7 +171,7 @@ class OncePerCall(Checker):
         self._forgets = bool(drawn.pool) or drawn.scenario.faults.journal.keeps is False
 
     def served(self, arrived: Arrived) -> None:
-        """Compare with what ran before."""
+        """Compare with the calls executed before."""
         forgets = self._forgets or not _keeps(arrived.publication.stream)
         call = (arrived.publication.number, arrived.life if forgets else 0)
         if call in self._served:
@@ -181,7 +180,7 @@ class OncePerCall(Checker):
 
 
 INVARIANTS: Final[tuple[type[Checker], ...]] = (NothingTwice, InOrder, NothingLost, OncePerCall)
-"""All of them; they must hold in the scenarios of `draw_scenario`."""
+"""All invariants; they hold in the scenarios of `draw_scenario`."""
 
 
 def _keeps(stream: Stream) -> bool:

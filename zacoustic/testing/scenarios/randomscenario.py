@@ -12,24 +12,24 @@ from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtualmodems import Modem
 
 TICKETS: Final = 1 << 24
-"""Tickets are below this: three bytes; a shape may have room for fewer."""
+"""Tickets are below this, three bytes; a shape may allow fewer."""
 
 
 class Shape(msgspec.Struct, frozen=True):
-    """How a ticket becomes a value, and how it is read back."""
+    """Turns a ticket into a value and back."""
 
     type_spec: TypeSpec | None
     """Type of the value; None: opaque bytes."""
     write: Callable[[int], Any]
-    """Makes a value of a ticket, the same each time."""
+    """Makes a value from a ticket, the same each time."""
     read: Callable[[Any], int]
-    """Returns the ticket in a value; raises KeyError, TypeError or ValueError for another's."""
+    """Returns the ticket in a value; raises KeyError, TypeError or ValueError for a foreign one."""
     tickets: int = TICKETS
-    """Tickets that it has room for."""
+    """Number of tickets that it can carry."""
 
 
 class Lane(msgspec.Struct, frozen=True):
-    """A stream, and what its payloads look like."""
+    """A stream and the shape of its payloads."""
 
     spec: StreamSpec
     """The stream."""
@@ -40,7 +40,7 @@ class Lane(msgspec.Struct, frozen=True):
 
 
 class Cast(msgspec.Struct, frozen=True):
-    """The table of a node, and the lanes that it was made of."""
+    """The table of a node, and the lanes of which it consists."""
 
     table: StreamTable
     """The table."""
@@ -49,7 +49,7 @@ class Cast(msgspec.Struct, frozen=True):
 
 
 class RandomScenario(msgspec.Struct, frozen=True, kw_only=True):
-    """All that happens, as far as it does not follow from it."""
+    """A random scenario, from which a run follows."""
 
     seed: int
     """Every draw follows from it."""
@@ -58,20 +58,20 @@ class RandomScenario(msgspec.Struct, frozen=True, kw_only=True):
     casts: dict[int, Cast]
     """The table of each node."""
     pool: tuple[Cast, ...] = ()
-    """A node that starts again takes one of these; empty: it keeps its table."""
+    """Tables, one of which a node takes when it starts again; empty: it keeps its table."""
     modem: Modem = Modem()
-    """What the modems do."""
+    """Features of the modems."""
     busy_s: float
-    """How long the nodes send every `pause_s`, and how long faults happen."""
+    """How long the nodes send every `pause_s`, and faults happen, s."""
     calm_s: float
-    """How long it goes on afterwards."""
+    """How long the run goes on afterwards, s."""
     pause_s: float = 30.0
     """Longest time between two samples of a node on a stream, s."""
     beat_s: float | None = None
-    """Time between two samples of a node on a stream while it speaks, s, but for one in twenty;
-    None: any up to `pause_s`."""
+    """Time between two samples of a node on a stream, except for one in twenty, s; None: any time
+    up to `pause_s`."""
     calm_pause_s: float | None = None
-    """The same when it is calm; None: no more samples."""
+    """The same in the calm, s; None: no more samples."""
 
     @property
     def until_s(self) -> float:
@@ -80,7 +80,7 @@ class RandomScenario(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def cast_of(lanes: Mapping[int, Lane], nodes: Mapping[int, str]) -> Cast:
-    """Make the table that these lanes need.
+    """Return the cast of these lanes.
 
     Raises:
         ConfigError: The lanes contradict each other.
@@ -95,7 +95,7 @@ def cast_of(lanes: Mapping[int, Lane], nodes: Mapping[int, str]) -> Cast:
 
 
 def opaque(size_bytes: int) -> Shape:
-    """Return opaque payloads of one size, ≥ 3 bytes, which follow from their ticket."""
+    """Return opaque payloads of one size, ≥ 3 bytes, that follow from their tickets."""
 
     def write(ticket: int) -> bytes:
         filler = bytes((ticket * 31 + index * 17) & 0xFF for index in range(size_bytes - 3))
@@ -105,7 +105,7 @@ def opaque(size_bytes: int) -> Shape:
 
 
 def typed(name: str, *, text: int = 0) -> Shape:
-    """Return values of a type with the ticket, a depth that follows from it, and maybe a text."""
+    """Return values of a type with the ticket, a depth that follows from it, maybe a text."""
     fields = [
         FieldSpec(name="ticket", type="uint32", range=(0, TICKETS)),
         FieldSpec(name="depth", type="float64", range=(0, 1000), step=0.5),

@@ -39,7 +39,7 @@ class RunResult(msgspec.Struct, frozen=True):
     violations: tuple[str, ...]
     """What must not have happened."""
     digest: str
-    """SHA-256 of the trace, if it was asked for."""
+    """SHA-256 of the trace, if requested."""
 
 
 def run_scenario(
@@ -53,9 +53,9 @@ def run_scenario(
 
     Args:
         drawn: The scenario.
-        checkers: Make the checkers.
-        digest: Make the digest of the trace as well.
-        build: Makes the engines.
+        checkers: Create the checkers.
+        digest: Compute the digest of the trace as well.
+        build: Creates the engines.
     """
     scenario_run = ScenarioRun(drawn, [make() for make in checkers], digest=digest, build=build)
     scenario_run.run()
@@ -85,10 +85,10 @@ class ScenarioRun:
         self.drawn = drawn
         self.checkers = tuple(checkers)
         self.misread: list[str] = []
-        """What arrived and is not what anybody published so, one line each."""
+        """Arrivals that nobody published in this form, one line each."""
         self._early: list[tuple[int, Event]] | None = []
         self.casts = dict(drawn.casts)
-        """Cast of each node's present boot epoch."""
+        """The cast of each node in its present boot epoch."""
         self._rng = random.Random(f"{drawn.seed}/telling")
         self._tickets: dict[int, Publication] = {}
         self._next = itertools.count(1)
@@ -105,7 +105,7 @@ class ScenarioRun:
         )
 
     def run(self) -> None:
-        """Tell it; once."""
+        """Run it, once."""
         try:
             self._run()
         except Exception as error:  # raised again
@@ -133,18 +133,18 @@ class ScenarioRun:
             checker.ends(self)
 
     def violations(self) -> list[str]:
-        """Return the complaints of all checkers."""
+        """Return the violations that all checkers report."""
         return self.misread + [line for each in self.checkers for line in each.violations]
 
     @property
     def settling_ns(self) -> int:
-        """Time within which a frame may come a second time, ns."""
+        """Time within which a frame may come again, ns."""
         return max(settling_ns(self.network.capabilities(each)) for each in self.casts)
 
     # What the nodes do
 
     def _go_on(self, address: int, stream_id: int, now_s: float) -> None:
-        """Act on a stream at a random instant or on the beat, and again."""
+        """Act on a stream at a random instant or on the beat, repeatedly."""
         drawn = self.drawn
         longest_s = drawn.pause_s if now_s < drawn.busy_s else drawn.calm_pause_s
         if longest_s is None:
@@ -164,7 +164,7 @@ class ScenarioRun:
         self.network.at(at_s, act)
 
     def _act(self, address: int, stream_id: int) -> None:
-        """Publish or call, if the node's table has the stream for it."""
+        """Publish or call, if the node's table has the stream."""
         cast = self.casts[address]
         lane = cast.lanes.get(stream_id)
         if lane is None:
@@ -181,7 +181,7 @@ class ScenarioRun:
         value = lane.shape.write(number % lane.shape.tickets)
 
         def command(engine: Engine, now: int) -> None:
-            # Noted before the engine acts: what it sends or commits at once is part of it.
+            # Noted before the engine acts: frames and writes that follow at once belong to it.
             if is_service:
                 result = engine.call(stream_id, value, now)
             else:
@@ -228,7 +228,7 @@ class ScenarioRun:
             self.network.set_table(address, self.casts[address].table)
 
     def _take(self, node: int, event: Event) -> None:
-        if self._early is not None:  # the network is being made
+        if self._early is not None:  # the network is under construction
             self._early.append((node, event))
             return
         for checker in self.checkers:
@@ -262,7 +262,7 @@ class ScenarioRun:
         instance: Instance,
         event: SampleReceived | RequestReceived,
     ) -> Arrived | None:
-        """Return the publication of an arrival; None, and a complaint, if there is none."""
+        """Return the publication of an arrival; None, and a violation, if there is none."""
         try:
             known = self._tickets.get(shape.read(event.value))
         except (KeyError, TypeError, ValueError) as error:
@@ -289,7 +289,7 @@ class ScenarioRun:
         )
 
     def _serve(self, node: int, cast: Cast, event: RequestReceived) -> None:
-        """Answer with the ticket of the request, a little later."""
+        """Answer with the ticket of the request after a short time."""
         lane = cast.lanes[event.call.stream_id]
         stream = cast.table.by_id(event.call.stream_id)
         found = self._find(node, stream, lane.shape, event.call.client, (), event)

@@ -1,12 +1,13 @@
 """Endpoints for programs: publish and subscribe, call and serve, with asyncio or without.
 
-A `Node` uses a link (one process, one modem, no Zenoh) or the local Zenoh network; the endpoints
-are the same. In reading order:
+A `Node` uses a link (one process, one modem, no Zenoh) or the local Zenoh network; its endpoints
+are the same on both. In reading order:
 
-- `api`: the node, which makes endpoints, and the endpoints; names to streams; without asyncio;
-- `form`, `agreement`: classes to types and back;
-- `carrier`: what an endpoint needs of the carrier of its values; `routes`, `delivery`, `goals`;
-- `onlink`: with its own engine; `onzenoh`: by a gateway.
+- `api`: the node, its endpoints, from names to streams, and all of it without asyncio;
+- `form`, `agreement`: from classes to types and back;
+- `carrier`: the contract between endpoints and what carries their values; `routes`, `delivery`,
+  `goals`;
+- `onlink`: a carrier with its own engine; `onzenoh`: a carrier that uses a gateway.
 
 Importing this package imports no Zenoh.
 """

@@ -11,14 +11,14 @@ from zacoustic.errors import ConfigError
 from zacoustic.ros.names import is_interface
 
 PARTS: Final = ("goal", "feedback", "result")
-"""What the three types of an action are for."""
+"""The parts of an action that have a type."""
 
 
 def pair_of(service_type: object, name: str) -> tuple[object, object]:
     """Return the types of request and response.
 
     Raises:
-        ConfigError: There are none in it.
+        ConfigError: `service_type` does not have them.
     """
     if isinstance(service_type, tuple) and len(service_type) == 2:
         return service_type
@@ -37,7 +37,7 @@ def triple_of(action_type: object, name: str) -> tuple[object, object, object]:
     """Return the types of goal, feedback and result.
 
     Raises:
-        ConfigError: They are not in it.
+        ConfigError: `action_type` does not have them.
     """
     if isinstance(action_type, tuple) and len(action_type) == 3:
         return action_type
@@ -53,7 +53,7 @@ def triple_of(action_type: object, name: str) -> tuple[object, object, object]:
 
 
 def tune(stream: Stream, qos: Qos | None) -> None:
-    """Let the code set how this node's payloads wait; what both ends must agree on stays."""
+    """Apply the code's QoS to the payloads of this node; keep what both ends must agree on."""
     if qos is None:
         return
     if qos.stamp not in (Stamp.NONE, stream.qos.stamp):
@@ -96,7 +96,7 @@ def tune(stream: Stream, qos: Qos | None) -> None:
 
 
 def kind_of(stream: Stream) -> str:
-    """Say what a stream is, with its article."""
+    """Return the kind of a stream, with its article."""
     match stream.spec:
         case TopicSpec():
             return "a topic"

@@ -1,8 +1,8 @@
-"""What carries the endpoints of a node: a link, or a Zenoh session.
+"""`Carrier`: a link or a Zenoh session, which carries the values of endpoints.
 
-Endpoints know a `Carrier` and no more, so they behave alike on both. Values cross this contract as
-codecs have them, dicts and bytes; classes are the endpoints' affair. Everything is called on the
-loop, except where it says otherwise, and no callback given to a carrier may raise.
+Endpoints know only a `Carrier`, so they behave alike on both. Values cross this contract as dicts
+and bytes, as in the codecs; only endpoints know classes. All calls are on the loop, unless a
+docstring says otherwise, and no callback given to a carrier may raise.
 """
 
 from collections.abc import Callable
@@ -72,66 +72,66 @@ NodeEvent = (
     | ObjectProgress
     | RosEntitySeen
 )
-"""Events of a node besides samples and calls; on Zenoh the first kind only."""
+"""Events of a node other than samples and calls; on Zenoh only the first kind."""
 
 CLOSED_TEXT: Final = "the service was closed"
-"""What a caller reads whose call was under way then."""
+"""The error text for a caller whose call was under way."""
 
 
 class Incoming(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample as it arrived."""
+    """A received sample."""
 
     key: str
-    """The key that it was published under."""
+    """The key of the sample."""
     value: Any
-    """A dict or bytes; None for a delete."""
+    """The value, a dict or bytes; None for a delete."""
     source: int | None
-    """Acoustic address of its source; None: it was published locally."""
+    """Acoustic address of the source; None: it was published locally."""
     deleted: bool
     """The key was deleted."""
     encoding: str
     """Encoding that the publisher used."""
     age_s: float | None
-    """How old it was when its frame was composed, s."""
+    """Age when the frame was composed, s."""
     received_at: int
-    """Instant of its arrival, ns."""
+    """Instant of arrival, ns."""
     metrics: LinkMetrics
-    """What the modem measured."""
+    """The modem's measurements of the frame."""
 
 
 class IncomingCall(Protocol):
-    """A call to answer once."""
+    """A received call, to be answered once."""
 
     value: Any
     """The request, a dict or bytes."""
     client: int | None
-    """Acoustic address of the caller; None: it is local."""
+    """Acoustic address of the caller; None: the caller is local."""
     call_id: str | None
     """Call id; None: the caller is local."""
     deadline_at: int
-    """Instant after which an answer is worthless, ns."""
+    """Instant after which an answer is useless, ns."""
 
     def reply(self, value: object) -> bool:
-        """Answer; False when it is too late or answered already.
+        """Answer; False: it is too late, or the call was already answered.
 
         Raises:
-            LocalError: The response cannot be sent; the caller knows it.
+            LocalError: The response cannot be sent; the caller has been told.
         """
         ...
 
     def fail(self, failure: CallFailure, text: str) -> bool:
-        """Answer with an error; False when it is too late or answered already."""
+        """Answer with an error; False: it is too late, or the call was already answered."""
         ...
 
 
 class Outlet(Protocol):
-    """Where one publisher puts its samples."""
+    """Takes the samples of one publisher."""
 
     def put(self, value: object, encoding: str | None) -> Delivery | None:
-        """Send a value; returns at once; may be called from any thread.
+        """Send a value and return at once; any thread may call this.
 
         Returns:
-            Its delivery, on a reliable topic, if the carrier learns the outcome.
+            The delivery, on a reliable topic, if the carrier learns the outcome.
 
         Raises:
             LocalError: The value cannot be sent, or a bounded queue is full.
@@ -139,11 +139,11 @@ class Outlet(Protocol):
         ...
 
     def delete(self) -> Delivery | None:
-        """Say that the key is deleted; as `put`."""
+        """Tell the subscribers that the key is deleted; otherwise as `put`."""
         ...
 
     def close(self) -> None:
-        """Withdraw. May be called again."""
+        """Close the outlet. May be called again."""
         ...
 
 
@@ -152,84 +152,84 @@ class Carrier(Protocol):
 
     @property
     def stats(self) -> EngineStats:
-        """What was counted."""
+        """The counters."""
         ...
 
     @property
     def can_declare(self) -> bool:
-        """Streams can be added from code."""
+        """Whether code can add streams."""
         ...
 
     def declare(self, spec: StreamSpec) -> Stream:
-        """Add a stream; only where `can_declare`."""
+        """Add a stream; only if `can_declare`."""
         ...
 
     def expired(self) -> dict[int, int]:
-        """Samples and calls that became too old before they could be sent, by stream id."""
+        """Return how many samples and calls expired before their transmission, by stream id."""
         ...
 
     def ledger(self) -> list[LedgerEntry]:
-        """Bytes given to the link, by stream and cause."""
+        """Return the bytes given to the link, by stream and cause."""
         ...
 
     @property
     def goals(self) -> GoalCarrier:
-        """What carries the goals of actions."""
+        """The carrier of the goals of actions."""
         ...
 
     async def open(self) -> None:
-        """Begin.
+        """Open.
 
         Raises:
-            ZacousticError: It cannot be opened; nothing is left behind.
+            ZacousticError: It cannot be opened; nothing stays open.
         """
         ...
 
     async def close(self) -> None:
-        """End; fails the calls that are under way."""
+        """Close, and fail the calls under way."""
         ...
 
     async def flush(self) -> None:
-        """Wait until everything that was published has left this process."""
+        """Wait until all published samples have left this process."""
         ...
 
     async def range(self, address: int, timeout_s: float) -> Range:
-        """Measure the range of another node; cancelling gives it up.
+        """Measure the range of another node; cancelling gives up.
 
         Raises:
-            LocalError: No such node, this one itself, or a time that is none.
+            LocalError: There is no such node, it is this one, or the time limit is not valid.
             RangeUnavailableError: No range can be measured from here.
-            CallTimeoutError: None was measured in time.
+            CallTimeoutError: No range was measured in time.
         """
         ...
 
     async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
-        """Give a command to a node; cancelling gives it up.
+        """Give a command to a node; cancelling gives up.
 
         Raises:
-            LocalError: No such node, or the command makes no sense here.
-            ServiceError: The node refuses it.
-            CallTimeoutError: No answer in time.
-            DeliveryError: It cannot be given from here.
+            LocalError: There is no such node, or the command makes no sense here.
+            ServiceError: The node refuses the command.
+            CallTimeoutError: No answer came in time.
+            DeliveryError: The command cannot be given from here.
         """
         ...
 
     def refuse(self, source: int, transfer: int) -> bool:
-        """Refuse the rest of a large sample that is on its way to here.
+        """Refuse the rest of an incoming large sample.
 
         Returns:
-            Whether it was still on its way.
+            Whether the sample was still under way.
         """
         ...
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
-        """Make the way out of a publisher."""
+        """Create the outlet of a publisher."""
         ...
 
     def subscribe(
         self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
     ) -> Callable[[], None]:
-        """Deliver what arrives; returns what ends it."""
+        """Deliver arriving samples; return the function that ends it."""
         ...
 
     async def call(
@@ -246,7 +246,7 @@ class Carrier(Protocol):
     def serve(
         self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
     ) -> Callable[[], None]:
-        """Hand over the calls of a service; returns what ends it."""
+        """Pass on the calls of a service; return the function that ends it."""
         ...
 
 
@@ -265,12 +265,12 @@ _REASONS: Final = {CallFailure.UNKNOWN: "the server ended without an answer"}
 
 
 def call_error(name: str, failure: CallFailure, text: str) -> ZacousticError:
-    """Make the exception of a call without a response.
+    """Return the exception for a call without a response.
 
     Returns:
-        `ServiceError` when the handler failed, with its own text; `CallTimeoutError` when nothing
-        came in time; `OutcomeUnknownError` when the server ended without one; `DeliveryError` for
-        everything between them.
+        `ServiceError` if the handler failed, with its text; `CallTimeoutError` if no answer came in
+        time; `OutcomeUnknownError` if the server ended without an answer; otherwise
+        `DeliveryError`.
     """
     if failure is CallFailure.HANDLER:
         return ServiceError(text or "the handler failed without a word")
@@ -280,10 +280,10 @@ def call_error(name: str, failure: CallFailure, text: str) -> ZacousticError:
 
 
 def range_error(event: RangeFailed) -> ZacousticError:
-    """Make the exception of a range that will not come.
+    """Return the exception for a range that will not come.
 
     Returns:
-        `CallTimeoutError` when none was measured in time, `RangeUnavailableError` when none can be.
+        `CallTimeoutError` if no range was measured in time, `RangeUnavailableError` if none can be.
     """
     text = f"range to node {event.address}: {event.failure.name}: {event.text}"
     if event.failure is RangeFailure.TIMED_OUT:

@@ -1,7 +1,6 @@
 """`Delivery`: the progress and the outcome of one reliable sample, for its publisher.
 
-It may be made in any thread, before the engine has seen the sample; it is updated and awaited on
-the loop.
+Any thread may create one, before the engine has seen the sample; the loop updates and awaits it.
 """
 
 import asyncio
@@ -20,28 +19,28 @@ class Delivery:
         delivery = publisher.publish(order)
         outcome = await delivery          # DELIVERED, SUPERSEDED, EXPIRED, …
 
-    To wait for it is optional, and nothing is lost with it.
+    Waiting is optional; a delivery that nobody awaits loses nothing.
 
     Args:
-        key: What the sample was published under.
-        is_journalled: The journal keeps it.
-        cancel: Gives it up.
+        key: Key of the sample.
+        is_journalled: Whether the journal keeps the sample.
+        cancel: Cancels the delivery.
     """
 
     def __init__(
         self, key: str, *, is_journalled: bool, cancel: "Callable[[Delivery], None]"
     ) -> None:
         self.key = key
-        """What the sample was published under."""
+        """The key of the sample."""
         self.outcome: DeliveryOutcome | None = None
-        """Its outcome; None: it has none yet."""
+        """The outcome; None: none yet."""
         self.missing: tuple[int, ...] = ()
-        """Addresses of the subscribers that have not acknowledged it, when it has ended."""
+        """At the end: addresses of the subscribers that have not acknowledged the sample."""
         self.detail = ""
         """The reason, if the outcome does not say it."""
         self.progress: ObjectProgress | None = None
-        """Its last known progress, if it is larger than a frame; None: it is not, or nothing
-        is known yet."""
+        """Last known progress of a sample larger than a frame; None: it is not larger, or no
+        progress is known yet."""
         self._is_journalled = is_journalled
         self._cancel = cancel
         self._is_stored = False
@@ -49,25 +48,25 @@ class Delivery:
         self._waiters: set[asyncio.Future[None]] = set()
 
     def __await__(self) -> Generator[object, None, DeliveryOutcome]:
-        """Wait for its end; `asyncio.timeout` limits how long.
+        """Wait for the outcome; `asyncio.timeout` sets a limit.
 
         Returns:
-            How it ended.
+            The outcome.
 
         Raises:
-            LocalError: It was refused, after `publish` had returned in another thread.
+            LocalError: The sample was refused after `publish` had returned in another thread.
             LinkClosedError: The node was closed, or has failed; a journalled sample goes on after a
                 restart.
         """
         return self._wait().__await__()
 
     async def stored(self) -> None:
-        """Wait until the journal has it: from then on it survives a restart of this node.
+        """Wait until the sample is in the journal; from then on it survives a restart of this node.
 
         Raises:
             LocalError: The topic is not journalled, or as for awaiting the delivery.
             LinkClosedError: As for awaiting the delivery.
-            DeliveryError: It ended before, without being delivered.
+            DeliveryError: The delivery ended before that, and not as DELIVERED.
         """
         if not self._is_journalled:
             raise LocalError(
@@ -81,10 +80,10 @@ class Delivery:
             await self._progress()
 
     def cancel(self) -> None:
-        """Give it up; from any thread. It ends as CANCELLED, unless it has ended.
+        """Cancel the delivery, from any thread. It ends as CANCELLED, unless it has ended.
 
         Raises:
-            QueueFullError: From another thread: the loop is far behind.
+            QueueFullError: In another thread: the loop is far behind.
             LinkClosedError: The node was closed, or has failed.
         """
         self._cancel(self)
@@ -92,21 +91,21 @@ class Delivery:
     # For the carrier
 
     def note_progress(self, event: ObjectProgress) -> None:
-        """It has progressed."""
+        """Note progress."""
         self.progress = event
 
     def note_stored(self) -> None:
-        """The journal has it."""
+        """Note that the sample is in the journal."""
         self._is_stored = True
         self._wake()
 
     def end(self, event: DeliveryEnded) -> None:
-        """It has ended."""
+        """Note the outcome."""
         self.outcome, self.missing, self.detail = event.outcome, event.missing, event.detail
         self._wake()
 
     def fail(self, error: Exception) -> None:
-        """Its outcome will not be known here."""
+        """Note that the outcome will not be known here."""
         if self.outcome is None and self._error is None:
             self._error = error
             self._wake()
@@ -119,7 +118,7 @@ class Delivery:
         return self.outcome
 
     async def _progress(self) -> None:
-        """Wait until something happens to it."""
+        """Wait for the next change."""
         if self._error is not None:
             raise self._error
         waiter: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -142,11 +141,11 @@ class Deliveries:
         self._deliveries: dict[int, Delivery] = {}
 
     def add(self, delivery_id: int, delivery: Delivery) -> None:
-        """Note which one the engine means by an id."""
+        """Note the engine's id of a delivery."""
         self._deliveries[delivery_id] = delivery
 
     def id_of(self, delivery: Delivery) -> int | None:
-        """Return what the engine calls a delivery; None: it has ended."""
+        """Return the engine's id of a delivery; None: it has ended."""
         known = (each for each, other in self._deliveries.items() if other is delivery)
         return next(known, None)
 
@@ -157,13 +156,13 @@ class Deliveries:
             delivery.note_progress(event)
 
     def stored(self, event: DeliveryStored) -> None:
-        """Note that the delivery is in the journal."""
+        """Note that the sample is in the journal."""
         delivery = self._deliveries.get(event.delivery_id)
         if delivery is not None:
             delivery.note_stored()
 
     def ended(self, event: DeliveryEnded) -> bool:
-        """Give the delivery its outcome; False if it is of another boot epoch."""
+        """Give a delivery its outcome; False: it is of another boot epoch."""
         delivery = self._deliveries.pop(event.delivery_id, None)
         if delivery is not None:
             delivery.end(event)

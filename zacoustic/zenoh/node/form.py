@@ -1,8 +1,8 @@
-"""How an application gives and gets the values of a stream: as a class, a dict, or bytes.
+"""The Python form of a stream's values: a class, a dict, or bytes.
 
-The engine and the codecs know dicts and bytes. A *form* is the Python side of one stream: which
-class its values are, the type on the wire that follows from it, and how a decoded value becomes an
-instance. Where the configuration defines the stream, the class must agree with it: that is checked
+The engine and the codecs know dicts and bytes. A *form* is the Python side of one stream: the class
+of its values, the type on the wire that follows from the class, and the way from a decoded value to
+an instance. If the configuration defines the stream, the class must agree with it; this is checked
 when an endpoint is created, not when the first sample is lost.
 """
 
@@ -27,7 +27,7 @@ class Form(Generic[T]):
 
     Args:
         spec: Their type; None: opaque bytes.
-        build: Makes a value out of what a codec decoded; may raise what the class raises.
+        build: Makes a value from a decoded one; may raise whatever the class raises.
     """
 
     def __init__(self, spec: TypeSpec | None, build: Callable[[Any], T]) -> None:
@@ -38,7 +38,7 @@ class Form(Generic[T]):
         """Encode a value of the application for the local network.
 
         Raises:
-            PayloadInvalidError: The type does not allow it, or it is opaque and not bytes.
+            PayloadInvalidError: The type does not allow the value, or it is opaque and not bytes.
         """
         checked = value if self.spec is None else self.spec.validate(value)
         return write_value(checked, self.spec, encoding)
@@ -47,14 +47,14 @@ class Form(Generic[T]):
         """Decode a local payload, for `build`.
 
         Raises:
-            PayloadInvalidError: It is not of the type.
+            PayloadInvalidError: The payload is not of the type.
         """
         value = read_value(payload, self.spec, encoding)
         return value if self.spec is None else self.spec.validate(value)
 
 
 def free_form(value_type: object, *, where: str) -> Form[Any]:
-    """Make the form of a stream that no configuration defines.
+    """Return the form of a stream that no configuration defines.
 
     Args:
         value_type: A `msgspec.Struct` class, the name of a ROS message, or `bytes`.
@@ -78,11 +78,11 @@ def free_form(value_type: object, *, where: str) -> Form[Any]:
 
 
 def configured_form(value_type: object, spec: TypeSpec | None, *, where: str) -> Form[Any]:
-    """Make the form of a stream that is defined already.
+    """Return the form of a stream that is already defined.
 
     Args:
         value_type: A `msgspec.Struct` class, the name of the type, or `bytes`.
-        spec: The type that the stream has; None: opaque bytes.
+        spec: The type of the stream; None: opaque bytes.
         where: The stream, named in errors.
 
     Raises:

@@ -1,6 +1,6 @@
-"""What carries goals: the part of the contract of a `Carrier` that is about actions.
+"""The contract of a `Carrier` for the goals of actions.
 
-Values cross it as codecs have them, dicts and bytes.
+Values cross it as dicts and bytes, as in the codecs.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,50 +13,50 @@ from zacoustic.errors import CallTimeoutError, DeliveryError, ZacousticError
 from zacoustic.zenoh.node.routes import ActionRoute
 
 TakeFeedback = Callable[[object], None]
-"""Takes each feedback, a dict or bytes."""
+"""Receives feedback, a dict or bytes."""
 
 
 class GoalEnd(msgspec.Struct, frozen=True, kw_only=True):
-    """How a goal ended for its client."""
+    """The end of a goal for its client."""
 
     status: GoalStatus = GoalStatus.UNKNOWN
-    """How, where there is no error."""
+    """The status, if there is no error."""
     value: Any = None
-    """The result, a dict or bytes; None: there is none."""
+    """The result, a dict or bytes; None: no result."""
     text: str = ""
     """One line for people."""
     error: Exception | None = None
-    """Why that is not known here."""
+    """Why the end is unknown here."""
 
 
 class SentGoal(Protocol):
-    """A goal that the server has answered, or that a former boot epoch has sent."""
+    """A goal that the server has answered, or that a former boot epoch sent."""
 
     @property
     def accepted(self) -> bool:
-        """It runs, or has run."""
+        """Whether the goal runs or has run."""
         ...
 
     @property
     def text(self) -> str:
-        """Why it was rejected, one line."""
+        """Why the goal was rejected, one line."""
         ...
 
     @property
     def tag(self) -> bytes:
-        """What was given with it."""
+        """The bytes given with the goal."""
         ...
 
     async def cancel(self) -> tuple[bool, str]:
-        """Ask the server to end it; returns whether it will, or why not.
+        """Ask the server to cancel the goal; return whether it agrees, or why not.
 
         Raises:
-            LocalError: It has ended.
+            LocalError: The goal has ended.
         """
         ...
 
     async def end(self) -> GoalEnd:
-        """Wait for its end; may be called several times, and cancelled."""
+        """Wait for the end of the goal; may be called several times, and cancelled."""
         ...
 
 
@@ -66,51 +66,51 @@ class TakenGoal(Protocol):
     value: Any
     """The goal, a dict or bytes."""
     client: int | None
-    """Acoustic address of the client; None: it is local."""
+    """Acoustic address of the client; None: the client is local."""
 
     def accept(self) -> bool:
-        """Accept it; False: its client has given up, and it must not begin."""
+        """Accept the goal; False: its client has given up, and the goal must not begin."""
         ...
 
     def reject(self, failure: GoalFailure, text: str) -> bool:
-        """Refuse it."""
+        """Reject the goal."""
         ...
 
     def feed(self, value: object) -> bool:
-        """Send feedback; False: it does not run.
+        """Send feedback; False: the goal does not run.
 
         Raises:
-            LocalError: It cannot be sent.
+            LocalError: The feedback cannot be sent.
         """
         ...
 
     def finish(self, status: GoalStatus, value: object) -> bool:
-        """End it; False: it does not run.
+        """End the goal; False: it does not run.
 
         Raises:
-            LocalError: The result cannot be sent; it is aborted without one.
+            LocalError: The result cannot be sent; the goal is aborted without one.
         """
         ...
 
     def answer_cancel(self, accepted: bool, text: str) -> bool:
-        """Answer the wish to cancel it."""
+        """Answer the request to cancel the goal."""
         ...
 
 
 class GoalHandler(Protocol):
-    """Who serves an action."""
+    """The server of an action."""
 
     def take(self, goal: TakenGoal) -> None:
-        """A goal arrived."""
+        """Take a goal that has arrived."""
         ...
 
     def cancel(self, goal: TakenGoal) -> None:
-        """An accepted goal was cancelled."""
+        """Take a request to cancel an accepted goal."""
         ...
 
 
 class GoalCarrier(Protocol):
-    """Carries goals: the part of a `Carrier` that is about actions."""
+    """Carries goals: the part of a `Carrier` for actions."""
 
     async def send(
         self,
@@ -120,31 +120,31 @@ class GoalCarrier(Protocol):
         feed: TakeFeedback,
         tag: bytes,
     ) -> SentGoal:
-        """Send a goal, and wait until it is answered; cancelling this cancels the goal.
+        """Send a goal and wait for the answer; cancelling this call cancels the goal.
 
         Raises:
             LocalError: The goal cannot be sent.
-            DeliveryError: Nobody has answered it; see `goal_error`.
+            DeliveryError: Nobody has answered; see `goal_error`.
         """
         ...
 
     def recovered(
         self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
     ) -> Sequence[SentGoal]:
-        """Return the goals that a former boot epoch has sent, each once."""
+        """Return the goals that former boot epochs have sent, each once."""
         ...
 
     def serve(self, route: ActionRoute[Any, Any, Any], handler: GoalHandler) -> Callable[[], None]:
-        """Hand over the goals of an action; returns what ends it.
+        """Pass on the goals of an action; return the function that ends it.
 
         Raises:
-            LocalError: It is served already.
+            LocalError: This node already serves the action.
         """
         ...
 
 
 def goal_error(name: str, failure: GoalFailure, text: str) -> ZacousticError:
-    """Make the exception of a goal without an answer, or with an unknown end."""
+    """Return the exception for a goal without an answer, or with an unknown end."""
     kind = CallTimeoutError if failure is GoalFailure.TIMED_OUT else DeliveryError
     return kind(
         f"{name}: {text or failure.name.lower().replace('_', ' ')}", hint=_HINTS.get(failure, "")

@@ -1,4 +1,4 @@
-"""Where endpoints go: a stream, or on Zenoh a key that no configuration maps."""
+"""Routes of endpoints: to a stream, or on Zenoh to a key that no configuration maps."""
 
 from typing import Any, Final, Generic, TypeVar
 
@@ -12,10 +12,10 @@ from zacoustic.errors import ConfigError
 from zacoustic.zenoh.node.form import Form, free_form
 
 FREE_TIMEOUT_S: Final = 60.0
-"""Time that a call takes at most which no stream describes, s: as a stream's default."""
+"""Time limit of a call that no stream describes, s: a stream's default."""
 
 FREE_RESULT_TIMEOUT_S: Final = 3600.0
-"""How long the result of a goal is kept that no stream describes, s: as a stream's default."""
+"""How long the result of a goal that no stream describes is kept, s: a stream's default."""
 
 T = TypeVar("T")
 Request = TypeVar("Request")
@@ -26,25 +26,25 @@ Result = TypeVar("Result")
 
 
 class Route(msgspec.Struct, frozen=True, kw_only=True):
-    """Where one endpoint goes."""
+    """The route of one endpoint."""
 
     name: str
-    """The topic as the application called it; of a service or an action its key."""
+    """The topic as the application names it; for a service or an action its key."""
     stream: Stream | None
-    """The stream; None: a Zenoh key that no config maps."""
+    """The stream; None: a Zenoh key that no configuration maps."""
 
     @property
     def known_stream(self) -> Stream:
-        """The stream, where each route has one: on a link."""
+        """The stream, on a link, where every route has one."""
         assert self.stream is not None, f"{self.name} is no stream"
         return self.stream
 
 
 class TopicRoute(Route, Generic[T], frozen=True, kw_only=True):
-    """Where the samples of one endpoint go, or come from."""
+    """The route of the samples of one endpoint."""
 
     key: str | None
-    """The one key; None: every key that the name stands for."""
+    """The only key; None: every key of the name."""
     expression: str
     """Zenoh key expression that covers the keys."""
     instance: Instance = ()
@@ -58,7 +58,7 @@ class TopicRoute(Route, Generic[T], frozen=True, kw_only=True):
 
 
 class ServiceRoute(Route, Generic[Request, Response], frozen=True, kw_only=True):
-    """Where the calls of one endpoint go, or come from."""
+    """The route of the calls of one endpoint."""
 
     request: Form[Request]
     """The Python side of requests."""
@@ -67,13 +67,13 @@ class ServiceRoute(Route, Generic[Request, Response], frozen=True, kw_only=True)
     encoding: str
     """Encoding on Zenoh."""
     timeout_s: float
-    """Time from call to answer after which the caller gives up, s."""
+    """Time after which a caller without an answer gives up, s."""
     qos: Qos
     """Priority and linger."""
 
 
 class ActionRoute(Route, Generic[Goal, Feedback, Result], frozen=True, kw_only=True):
-    """Where the goals of one endpoint go, or come from."""
+    """The route of the goals of one endpoint."""
 
     goal: Form[Goal]
     """The Python side of goals."""
@@ -84,7 +84,7 @@ class ActionRoute(Route, Generic[Goal, Feedback, Result], frozen=True, kw_only=T
     encoding: str
     """Encoding on Zenoh."""
     timeout_s: float
-    """Time from a goal to its answer after which its client gives up, s."""
+    """Time after which a client without an answer to its goal gives up, s."""
     result_timeout_s: float
     """How long a result is kept, s."""
     qos: Qos
@@ -92,10 +92,10 @@ class ActionRoute(Route, Generic[Goal, Feedback, Result], frozen=True, kw_only=T
 
 
 def free_topic(sample_type: object, name: str, qos: Qos, *, wildcards: bool) -> TopicRoute[Any]:
-    """Make the route of a key that no configuration maps.
+    """Return the route of a key that no configuration maps.
 
     Raises:
-        ConfigError: The name is no key expression, or holds wildcards where there are none allowed.
+        ConfigError: The name is not a key expression, or has wildcards that are not allowed.
     """
     _check_name(name, wildcards=wildcards)
     form = free_form(sample_type, where=name)
@@ -111,10 +111,10 @@ def free_topic(sample_type: object, name: str, qos: Qos, *, wildcards: bool) -> 
 
 
 def free_service(types: tuple[object, object], name: str, qos: Qos) -> ServiceRoute[Any, Any]:
-    """Make the route of a service that no configuration maps; `types` of request and response.
+    """Return the route of a service that no configuration maps; `types`: request, response.
 
     Raises:
-        ConfigError: The name is no key.
+        ConfigError: The name is not a key.
     """
     _check_name(name, wildcards=False)
     request = free_form(types[0], where=f"{name}: request")
@@ -134,10 +134,10 @@ def free_service(types: tuple[object, object], name: str, qos: Qos) -> ServiceRo
 def free_action(
     types: tuple[object, object, object], name: str, qos: Qos
 ) -> ActionRoute[Any, Any, Any]:
-    """Make the route of an action that no configuration maps; types of goal, feedback and result.
+    """Return the route of an action that no configuration maps; types: goal, feedback, result.
 
     Raises:
-        ConfigError: The name is no key.
+        ConfigError: The name is not a key.
     """
     _check_name(name, wildcards=False)
     parts = ("goal", "feedback", "result")

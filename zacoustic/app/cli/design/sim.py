@@ -53,7 +53,8 @@ class SimCommand(Command):
             "  zacoustic sim water.json5 --until 86400 --trace trace.jsonl\n"
             "  zacoustic decode --config fleet.json5 < trace.jsonl\n"
             "  zacoustic sim water.json5 --record trial.mcap && zacoustic report trial.mcap\n"
-            "  zacoustic sim --random 1234    exits with 1 if something is lost, altered or doubled"
+            "  zacoustic sim --random 1234    exits with 1 if something is lost, altered, doubled"
+            "\n  zacoustic sim campaign --help  many runs with parameters swept"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:

@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import msgspec
@@ -13,10 +14,21 @@ from zacoustic.core.wire.envelope import Envelope
 from zacoustic.core.wire.seal import LEAST_ROOM_BYTES
 from zacoustic.errors import ConfigError
 from zacoustic.link.contract import Finding
+from zacoustic.run.journal import journal_in
+from zacoustic.run.journal.inspection import inspect
+from zacoustic.run.journal.lives import age_of, start_in
+from zacoustic.run.journal.mark import read_mark
 from zacoustic.seal.keyring import Keyring, open_keyring
+from zacoustic.seal.lives import Lives
 from zacoustic.text.safetext import one_line
 
 _COUNTS: Final = re.compile(r" \([0-9]+\)")
+
+_OLD: Final = (
+    "frames of others that were recorded since then are opened once more; for some time after the "
+    "start it refuses calls and goals that it may have executed"
+)
+_CURE: Final = "copies of a journal must not be put back; in doubt roll the key: docs/security.md"
 
 Findings = Iterator[Finding]
 
@@ -40,12 +52,15 @@ class KeyCheck(msgspec.Struct, frozen=True, kw_only=True):
     """What is wrong."""
 
 
-def check_keys(config: Config, fingerprint: str | None = None) -> KeyCheck:
+def check_keys(
+    config: Config, fingerprint: str | None = None, *, is_running: bool = False
+) -> KeyCheck:
     """Examine the seal of a node; nothing is changed.
 
     Args:
         config: Of the node.
         fingerprint: That of the key that it should have; None: any.
+        is_running: Its gateway runs, and knows more of its journal than the files say.
     """
     ring: Keyring | None = None
     findings: list[Finding] = []
@@ -73,7 +88,7 @@ def check_keys(config: Config, fingerprint: str | None = None) -> KeyCheck:
         findings += _of_fingerprint(ring, fingerprint)
         if not config.security.only_opens:
             findings += _of_lives(ring, config.address)
-            findings += _of_journal(config)
+            findings += _of_journal(config, None if is_running else ring.lives)
         found = ring.lives.find()
         life = found.life if found.generation == ring.key.generation else None
     return KeyCheck(
@@ -223,10 +238,33 @@ def _of_lives(ring: Keyring, address: int) -> Findings:
         )
 
 
-def _of_journal(config: Config) -> Findings:
+def _of_journal(config: Config, lives: Lives | None) -> Findings:
+    if config.journal is not None and lives is not None:
+        yield from _of_age(journal_in(config.journal, config.address).path, lives)
     if config.journal is None:
         yield Finding(
             what=f"{config.source}: plugins.acoustic.journal: is missing",
             why="after a restart the node takes recorded frames of before for new ones",
             cure='name a folder: journal: "journal", or give --journal to the gateway',
+        )
+
+
+def _of_age(path: Path, lives: Lives) -> Findings:
+    """Compare the journal with the life records: each tells whether the other is an old copy."""
+    try:
+        found = inspect(path, None, read_mark(path))
+    except OSError:
+        return  # the doctor says whether it can be read and written
+    if found.fault:
+        return  # the next start sets it aside, and says so
+    started, last = start_in(found.entries, lives), lives.find().last
+    if age := age_of(started, lives):
+        yield Finding(what=f"old journal: {path}: {age}", why=_OLD, cure=_CURE)
+    elif started is not None and last is not None and started.life and started > last.next:
+        yield Finding(
+            what=f"old life records: {path} is of life {started.life}, and the records are of "
+            f"life {last.life}",
+            why="the next start goes on behind the journal; were that old, too, numbers would be "
+            "used twice",
+            cure="leave the folder of life records out of backups",
         )

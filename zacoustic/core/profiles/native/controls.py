@@ -1,4 +1,4 @@
-"""The controls of the native wire: the forms of all that speak it."""
+"""The controls of the native wire: the forms of all components that use it."""
 
 from typing import Final
 

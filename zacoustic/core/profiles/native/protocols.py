@@ -1,8 +1,8 @@
 """The components of an engine above one link, one for each mechanism between nodes.
 
 They share the transmit queue, and of the link they know only its airtimes. Handshake and journal
-are common to all links. What concerns all components (a link, a report, the timer) is passed on
-from here.
+are common to all links. This module passes on whatever concerns all components: a link, a report,
+the timer.
 
 This is the native wire; `zacoustic.core.profiles.rmw_desert.protocols` has the other one.
 """
@@ -56,7 +56,7 @@ ProtocolEvent = (
     | PeerFound
     | RosEntitySeen
 )
-"""Events of the components for the application."""
+"""The components' events for the application."""
 
 
 class Protocols(Profile):
@@ -64,8 +64,8 @@ class Protocols(Profile):
 
     Args:
         context: What they share.
-        rules: What the config says.
-        transports: Make transports of somebody else.
+        rules: The rules of the config.
+        transports: Make third-party transports.
 
     Raises:
         ConfigError: Two of them have the same name, or one has none.
@@ -89,7 +89,12 @@ class Protocols(Profile):
         context.reception.read.connect(context.pacers.heard)
         self.transports = make_transports(context, transports)
         self.receiver = Receiver(
-            context.table, context.handshake, context.reception, context.stats, context.seal
+            context.table,
+            context.handshake,
+            context.reception,
+            context.stats,
+            context.seal,
+            context.node.alarms.forbidden,
         )
         made_of = Ingredients(
             queue=context.queue,
@@ -113,19 +118,19 @@ class Protocols(Profile):
         return delivery_id
 
     def pending(self, stream_id: int) -> int:
-        """Count the payloads of a stream that wait."""
+        """Return how many payloads of a stream wait."""
         return super().pending(stream_id) + self.objects.pending(stream_id)
 
     def delivering(self, stream_id: int) -> int:
-        """Count the reliable samples of a stream that have not ended."""
+        """Return how many reliable samples of a stream have not ended."""
         return self.topics.sending.delivering(stream_id)
 
     def is_delivering(self, delivery_id: int) -> bool:
-        """Tell whether a reliable sample has not ended."""
+        """Return whether a reliable sample has not ended."""
         return self.topics.sending.is_delivering(delivery_id)
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
-        """Give up a reliable sample; see `Engine.cancel_delivery`."""
+        """Cancel a reliable sample; see `Engine.cancel_delivery`."""
         return self.topics.large.cancel(delivery_id, now)
 
     def refuse_object(self, source: int, transfer: int, now: int) -> bool:
@@ -137,7 +142,7 @@ class Protocols(Profile):
         return self.services.call(stream_id, value, now, timeout_s=timeout_s)
 
     def cancel(self, call_id: int, now: int) -> None:
-        """Give up a call; see `Engine.cancel`."""
+        """Cancel a call; see `Engine.cancel`."""
         self.services.cancel(call_id, now)
 
     def reply(self, call: CallKey, value: object, now: int) -> bool:
@@ -149,7 +154,7 @@ class Protocols(Profile):
         return self.services.reply_error(call, failure, text, now)
 
     def override(self, stream: Stream, override: Override) -> None:
-        """Lay an override over the QoS of what waits of a topic."""
+        """Apply an override to the QoS of a topic's waiting samples."""
         super().override(stream, override)
         self.objects.override(stream.stream_id, override.over(stream.qos).priority, on=override.on)
 
@@ -157,41 +162,41 @@ class Protocols(Profile):
 
     @property
     def is_idle(self) -> bool:
-        """Nothing waits."""
+        """Whether nothing waits."""
         return super().is_idle and self.objects.is_idle
 
     @property
     def is_exclusive(self) -> bool:
-        """What is under way needs the channel for itself."""
+        """Whether the transfer under way needs the channel to itself."""
         return self.objects.is_exclusive
 
     def owes_acknowledgement(self, now: int) -> bool:
-        """Tell whether something waits that says what has come."""
+        """Return whether an acknowledgement or feedback waits."""
         return self.queue.has_acknowledgement or self.objects.owes_answer(now)
 
     def has_fragment(self, now: int) -> bool:
-        """Whether a fragment of an object is due, which fills its frame."""
+        """Return whether a fragment of an object is due, which fills its frame."""
         return self.objects.has_fragment(now)
 
     def hold(self, stream_id: int, until: int) -> None:
-        """Send nothing of a stream before an instant."""
+        """Hold everything of a stream until an instant, ns."""
         super().hold(stream_id, until)
         self.objects.hold(stream_id, until)
 
-    # What is said and heard
+    # Transmission and reception
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
-        """Make what goes around a frame on a link.
+        """Make the envelope of the frames on a link.
 
         Raises:
-            ConfigError: It has no room for frames as the config wants them sealed.
+            ConfigError: The link has no room for frames sealed as the config requires.
         """
         made = Envelope(capabilities, self._context.address, sealed=self._context.is_sealed)
         self._context.seal.check_room(made.room_bytes)
         return made
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+        """Return the instant from which a frame should go, ns; None: nothing to send."""
         return self.composer.due_at(now)
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
@@ -200,17 +205,17 @@ class Protocols(Profile):
         return self.composer.compose(port, now)
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Make a frame of what waits in one lane, or return None."""
+        """Make a frame of one lane's payloads, or return None."""
         return self.composer.compose_only(port, lane, now)
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame of what medium access has to say, or return None."""
+        """Make a frame with only the controls of medium access, or return None."""
         return self.composer.speak(port, now)
 
     def receive(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> tuple[int, ...]:
-        """Take a frame apart; returns the streams of what was in it."""
+        """Decode a frame; return the streams of its content."""
         self._context.doubt.settle(now)
         self._context.peers[opened.source].link = self._context.link
         return self.receiver.handle(opened, frame, port, now)
@@ -223,22 +228,22 @@ class Protocols(Profile):
         allowed: Set[int],
         now: int,
     ) -> tuple[int, ...]:
-        """Take samples out of a frame that nobody has sealed; returns their streams."""
+        """Take samples from an unsealed frame; return their streams."""
         return self.receiver.handle_unsealed(opened, frame, port, allowed, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
-        """Learn from a frame for somebody else when its sender listens."""
+        """Learn from a frame for another node when its sender listens."""
         self.receiver.overhear(opened, frame, port, now)
         self._context.pacers.heard(opened.source, now)
 
-    # The life of the engine
+    # Life cycle of the engine
 
     def begin(self, now: int) -> None:
-        """This is the first instant of the life; no effect later on."""
+        """Record the first instant since the restart; later calls have no effect."""
         self.heartbeats.begin(now)
 
     def recover(self) -> None:
-        """Go on with what a former life has left."""
+        """Restore the journal's entries."""
         stored = self._context.stored
         self.subscriptions.recover(stored)
         self.topics.recover(stored)
@@ -246,7 +251,7 @@ class Protocols(Profile):
         self.actions.recover(stored)
 
     def use_link(self, port: LinkPort, now: int) -> None:
-        """Take the airtimes of a link, and drop what is too large for it."""
+        """Set the link's airtimes, and drop what is too large for it."""
         capabilities = port.capabilities
         self._context.handshake.use_link(self._context.link, capabilities, now)
         self.ranging.use_link(capabilities)
@@ -267,7 +272,7 @@ class Protocols(Profile):
             self._stats.drop("oversized")
 
     def link_up(self, now: int) -> None:
-        """The link is up."""
+        """Resume the work of all components: the link is up."""
         self._context.doubt.link_up(now)
         self.topics.link_up(now)
         self._context.pacers.link_up(now)
@@ -277,18 +282,18 @@ class Protocols(Profile):
             each.link_up(now)
 
     def note(self, now: int) -> None:
-        """Something is called back now that is not told the instant."""
+        """Record the instant for a callback that does not take it."""
         self.topics.large.at(now)
 
     def handle_timeout(self, now: int) -> None:
-        """The node is awake, and timers may be due: do what has no instant of its own."""
+        """Do, while the node is awake, the work that has no timer of its own."""
         self.topics.awake(now)
 
 
 def make_transports(
     context: Context, makers: Sequence[MakeTransport]
 ) -> MappingProxyType[str, Transport]:
-    """Make transports of somebody else; returns them by name.
+    """Make third-party transports; return them by name.
 
     Raises:
         ConfigError: Two have the same name, or one has none.

@@ -1,6 +1,6 @@
-"""What comes off the channel: taken apart, checked, handed to topics and services.
+"""Decodes and checks received frames, and dispatches their content.
 
-Nothing here raises, whatever arrives. Each thing that is dropped is counted under one word:
+Nothing here raises, whatever arrives. Each drop is counted under one word:
 
 ======================  ===================================================================
 ``short check stuffing  the envelope could not be opened (`zacoustic.core.wire.envelope`)
@@ -8,35 +8,35 @@ overlong address``
 ``own not_for_us``      a frame of this address, or for another one
 ``echo``                the same bytes again sooner than the sender can have sent them
 ``version``             a frame of another wire version
-``truncated reserved    the frame cannot be read further (`zacoustic.core.wire.frame`)
+``truncated reserved    the frame cannot be decoded further (`zacoustic.core.wire.frame`)
 unknown_stream``
 ``unconfirmed differs`` the tables are not known to agree (`zacoustic.core.peers.handshake`)
-``stranger``            what would be answered, of a node that is not in the table's list
+``stranger``            an item that needs an answer, from a node outside of the table's list
 ``not_publisher         the table does not allow this record between these nodes
 not_subscriber``
 ``weak``                a command, call or goal in a frame with the short tag
 ``payload``             the content does not decode, or is out of the bounds of its type
-``dense``               a dense block that is damaged, or refers to what is not known here
+``dense``               a dense block that is damaged, or refers to one that is not held here
 ``unexpected_answer     an answer to no call, or too late; a request that came before
 repeated_request
 repeated_goal``
-``stale_subscribe``        subscriptions of a node as they were before
+``stale_subscribe``     outdated subscriptions of a node
 ``repeated_sample       a reliable sample that came before; one whose count is not known here
 out_of_sync``
-``unexpected_ack``      an acknowledgement of nothing, or of a former life
-``too_many_calls        more requests or goals of one client than two lives of it can have
+``unexpected_ack``      an acknowledgement of nothing, or from an earlier boot epoch
+``too_many_calls        more requests or goals of one client than two of its boot epochs allow
 too_many_goals``
-``former_life``         a request or goal of a life of its client that is over: played back
-``suspended``           a request or goal that may be older than this life, while it is in question
-                        whether this node has forgotten some; it is repeated
+``former_life``         a request or goal from a boot epoch of its client that is over: replayed
+``suspended``           a request or goal that may be older than this boot epoch, while this
+                        node may have forgotten some; its client repeats it
 ``old_cancel``          a cancel of a goal, or its refusal, before the last one
-``object_answer         what a receiver says of no object of ours, or says again; an object that
-object_digest           was not what its digest says; more transfers than are kept
+``object_answer         feedback about no object of this node, or repeated; an object that
+object_digest           contradicts its digest; more transfers than are kept
 object_room``
 ======================  ===================================================================
 """
 
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from functools import partial
 
 import msgspec
@@ -58,18 +58,20 @@ from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
 from zacoustic.core.wire.objects import Fragment
 
 _REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
-"""Whoever says these again has not got the answer."""
+"""A node that repeats these has not received the answer."""
 
 
 class Receiver:
-    """Takes opened frames apart.
+    """Decodes opened frames.
 
     Args:
         table: The streams of this node.
         handshake: Decides what may be decoded.
-        reception: Knows who takes what.
+        reception: Knows which component takes what.
         stats: Counts what is dropped.
-        seal: Says what wants the long tag.
+        seal: Decides which records need the long tag.
+        forbidden: Takes source, stream and instant of a record that its source may not send, where
+            that is authentic.
     """
 
     def __init__(
@@ -79,7 +81,9 @@ class Receiver:
         reception: Reception,
         stats: EngineStats,
         seal: Unsealed,
+        forbidden: Callable[[int, int, int], None],
     ) -> None:
+        self._forbidden = forbidden
         self._seal = seal
         self._table = table
         self._handshake = handshake
@@ -89,7 +93,7 @@ class Receiver:
     def handle(
         self, opened: Opened, received: ReceivedFrame, port: HearingPort, now: int
     ) -> tuple[int, ...]:
-        """Take one frame apart; returns the streams of what was in it."""
+        """Decode one frame; return the streams of its content."""
         heard = self._heard(opened, received, port, now)
         self._handshake.begin_frame(
             heard.source, len(opened.records), now, unicast=heard.is_unicast
@@ -106,6 +110,8 @@ class Receiver:
         for item in items:
             reason = self._take(heard, item)
             self._drop(reason)
+            if reason == "not_publisher" and opened.life is not None and isinstance(item, Record):
+                self._forbidden(heard.source, item.stream_id, now)
             if reason in _REPEATED:
                 self._reception.came_again(heard.source)
         if heard.streams and heard.epoch is not None:
@@ -123,9 +129,9 @@ class Receiver:
         allowed: Set[int],
         now: int,
     ) -> tuple[int, ...]:
-        """Take samples of some topics out of a frame that nobody has sealed; returns their streams.
+        """Take samples of the allowed topics from an unsealed frame; return their streams.
 
-        Nothing is known of its sender, so nothing else is believed, and no count of samples is.
+        Its sender is unknown, so nothing else in it is believed, and no count of samples is.
         """
         heard = self._heard(opened, received, port, now)
         for item in self._items(opened, unicast=heard.is_unicast):
@@ -142,7 +148,7 @@ class Receiver:
     def overhear(
         self, opened: Opened, received: ReceivedFrame, port: HearingPort, now: int
     ) -> None:
-        """Take from a frame for another node what concerns everybody."""
+        """Take what concerns all nodes from a frame for another node."""
         heard = self._heard(opened, received, port, now)
         for item in self._items(opened, unicast=True):
             if isinstance(item, Hello) and item.version != WIRE_VERSION:
@@ -153,7 +159,7 @@ class Receiver:
 
     def _heard(self, opened: Opened, received: ReceivedFrame, port: HearingPort, now: int) -> Heard:
         if received.destination != opened.destination:
-            # The frame's own destination: a link without addresses does not know it.
+            # The frame's own destination, which a link without addresses does not know.
             received = msgspec.structs.replace(received, destination=opened.destination)
         return Heard(opened.source, received, port, self._handshake, now)
 
@@ -162,7 +168,7 @@ class Receiver:
         return parse_frame(opened.records, measure, CONTROLS, unicast=unicast)
 
     def _take(self, heard: Heard, item: Item) -> str | None:
-        """Take something in the second pass; returns why it is dropped, or None."""
+        """Take an item in the second pass; return why it is dropped, or None."""
         if isinstance(item, Stray):
             return item.reason
         if not self._table.lists(heard.source) and self._is_answered(item):
@@ -186,7 +192,7 @@ class Receiver:
         return give(heard, stream, item)
 
     def _is_answered(self, item: Item) -> bool:
-        """Tell whether this node would answer something, or keep it: it does so for its fleet."""
+        """Return whether this node would answer or keep an item: only its fleet gets that."""
         if not isinstance(item, Record):
             return isinstance(item, Fragment)
         stream = self._table.get(item.stream_id)

@@ -1,15 +1,15 @@
 """Services over rmw_desert: each request is sent once, and each one that arrives is served.
 
 The wire has a sequence id and nothing else: no client, no acknowledgement, no error, no repetition.
-So a call without an answer at its deadline has failed, and nobody knows whether it was executed. It
-is never repeated, since its server would do the work again. This wire cannot carry a server's
-error: the client hears nothing and gives up by itself.
+So a call without an answer at its deadline has failed, and whether it was executed is unknown. It
+is never repeated, since its server would execute it again. This wire cannot carry a server's error:
+the client hears nothing and times out.
 
 An answer goes to all clients of the service; each finds its own by the sequence id. Clients of
 rmw_desert draw theirs from 0…999, this node counts from 1000 on (`specs.FIRST_SEQUENCE`). Two
-clients may draw the same one at the same time. Both requests are served: whoever left one out would
-tell its client that it was done. But the very same bytes, as long as a modem or the channel may
-have duplicated a frame, are one request: its answer is sent again, if there is one.
+clients may draw the same one at the same time. Both requests are served: a server that dropped one
+would tell its client that it was executed. But identical bytes, within the time in which a modem or
+the channel may duplicate a frame, are one request: its answer is sent again, if there is one.
 """
 
 from collections.abc import Callable
@@ -39,12 +39,11 @@ from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError, QueueFullError
 
 CALLS_LIMIT = 16
-"""Most calls of this node to one service at the same time."""
+"""The most calls of this node to one service at the same time."""
 SERVED_LIMIT = 64
-"""Most unanswered requests of one service; further ones are dropped."""
+"""The most unanswered requests of one service; further ones are dropped."""
 SETTLING_UNITS = 4
-"""A duplicate made by a modem or the channel arrives within this many times the duration of the
-largest frame."""
+"""A duplicate by a modem or the channel arrives within this many durations of the largest frame."""
 
 _REQUEST_LANE = 1
 _ANSWER_LANE = 2
@@ -59,11 +58,11 @@ class _Call(msgspec.Struct):
 
 
 class _Served(msgspec.Struct):
-    """A request that this node serves, or has answered just now."""
+    """A request that this node serves or has just answered."""
 
     fields: bytes
     response: bytes | None = None
-    """Fields of the answer."""
+    """The fields of the answer."""
 
 
 class DesertCalls:
@@ -88,7 +87,7 @@ class DesertCalls:
         self._by_sequence: dict[tuple[int, int], int] = {}
         self._served: dict[CallKey, _Served] = {}
         self.settling_ns = 0
-        """Time within which a duplicate of a frame can arrive, ns."""
+        """Time in which a duplicate of a frame can arrive, ns."""
 
     # As client
 
@@ -116,7 +115,7 @@ class DesertCalls:
         return call_id
 
     def cancel(self, call_id: int) -> None:
-        """Give up a call; see `Engine.cancel`."""
+        """Cancel a call; see `Engine.cancel`."""
         if call_id in self._calls:
             self._end(call_id)
 
@@ -131,18 +130,18 @@ class DesertCalls:
         stream = self._table.by_id(key.stream_id)
         served.response = stream.response_codec.encode(value)
         self._respond(stream, key.number, served.response, now)
-        self._serve(key, served, now + self.settling_ns)  # the newest of those that are answered
+        self._serve(key, served, now + self.settling_ns)  # now the newest of the answered requests
         return True
 
     def reply_error(self, key: CallKey, now: int) -> bool:
-        """Forget a request that failed: nothing on this wire says so, hence False."""
+        """Forget a request that failed; return False, since this wire cannot report it."""
         self._forget(key, now)
         return False
 
     # For the channel
 
     def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
-        """Take a request or a response; returns why it is dropped, or None."""
+        """Take a request or a response; return why it is dropped, or None."""
         spec = stream.spec
         if not isinstance(spec, ServiceSpec):
             return "unknown_stream"
@@ -185,7 +184,7 @@ class DesertCalls:
             value = stream.codec.decode(message.fields)
         except PayloadError:
             return "payload"
-        # Two clients may draw the same number: what is counted here tells them apart.
+        # Two clients may draw the same number: this count tells them apart.
         self._arrivals += 1
         key = CallKey(source, self._arrivals, stream.stream_id, message.sequence)
         deadline_at = now + self._timeout_ns(stream)
@@ -224,7 +223,7 @@ class DesertCalls:
     ) -> None:
         head = encode_head(stream.stream_id, sequence)
         size_bytes = _KIND_BYTES + len(head) + len(fields)
-        check_limits(stream.name, 0, size_bytes)  # a foreign sequence id may take nine bytes
+        check_limits(stream.name, 0, size_bytes)  # a client's sequence id may take nine bytes
         self._queue.check_size(stream.name, size_bytes)
         item = Waiting(
             stream_id=stream.stream_id,

@@ -1,11 +1,11 @@
-"""Discovery of rmw_desert: beacons that announce what a node has, and requests for them.
+"""Discovery of rmw_desert: beacons that announce a node's entities, and requests for them.
 
 A node of rmw_desert sends a *beacon* for each publisher, subscription, client and service that it
 makes, a *request* when it starts, and all its beacons again when it hears a request. Its
-command-line tools learn from that what there is. A beacon takes 75 to 140 bytes, and data flow
-without it, so this node sends none unless the two topics have ids.
+command-line tools list entities from these. A beacon takes 75 to 140 bytes, and data flow without
+it, so this node sends none unless the two topics have ids.
 
-A node announces what the stream table says of it. A beacon waits at the lowest priority and
+A node announces the entities in its stream table. A beacon waits at the lowest priority and
 replaces one for the same entity that still waits.
 """
 
@@ -47,14 +47,14 @@ BEACON: Final = TypeSpec(
 
 
 class Discovery:
-    """Beacons and requests of one node.
+    """The beacons and requests of one node.
 
     Args:
         address: Address of the node.
         table: Its streams.
-        spec: Which ids they have.
-        queue: Takes what is to be said.
-        emit: Takes what others say.
+        spec: The stream ids of beacons and requests.
+        queue: Takes beacons and requests.
+        emit: Takes the beacons of other nodes.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Discovery:
         self._has_begun = False
 
     def begin(self, now: int) -> None:
-        """The link is up: send the request and the beacons; no effect later on."""
+        """Send the request and the beacons when the link first comes up; later, do nothing."""
         if self._has_begun:
             return
         self._has_begun = True
@@ -83,7 +83,7 @@ class Discovery:
         self._announce(now)
 
     def receive(self, message: Message, now: int) -> str | None:
-        """Take a message of discovery; returns why it is dropped, or None."""
+        """Take a discovery message; return why it is dropped, or None."""
         if message.kind is Kind.SAMPLE and message.stream_id == self._spec.request_id:
             self._announce(now)
             return None
@@ -112,7 +112,7 @@ class Discovery:
             }
             try:
                 fields = self._codec.encode(beacon)
-            except LocalError:  # a name too long for a beacon: it is found without one
+            except LocalError:  # the name is too long for a beacon; the stream works without
                 continue
             self._say(self._spec.beacon_id, fields, now, which=(kind, stream.stream_id))
 

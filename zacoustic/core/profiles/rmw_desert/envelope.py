@@ -1,11 +1,11 @@
 """The envelope of a message of rmw_desert: a packet, if the link is a byte stream.
 
 This wire has no addresses and no check, so nothing is added for a link that lacks them. A link with
-frames carries the message alone, and may put the packet around it by itself.
+frames carries the message alone, and may add the packet by itself.
 
-A packet may be longer than a frame of the link. It goes in pieces then, as rmw_desert's writes,
-which DESERT cuts in the same way. An incomplete packet waits for its pieces until `patience_ns` of
-silence; then its bytes are searched for other packets.
+A packet may be longer than a frame of the link. Then it goes in pieces, like the writes of
+rmw_desert, which DESERT cuts in the same way. An incomplete packet waits for its pieces until
+`patience_ns` of silence; then its bytes are searched for other packets.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from zacoustic.core.values.rmw_desert.packets import (
 )
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
 
-# One packet of 512 bytes comes in nine pieces of DESERT's usual 64; each grants new patience.
+# One packet of 512 bytes comes in nine pieces of DESERT's usual 64; each extends the wait.
 _PATIENCE_FRAMES: Final = 4
 NO_PACKET: Final = "no_packet"
 """Reason for dropping bytes that belong to no packet."""
@@ -30,10 +30,10 @@ class PacketEnvelope(Envelope):
     """Wraps and opens the messages of one node on one link.
 
     Args:
-        capabilities: What the link brings by itself.
+        capabilities: What the link can do.
         address: Address of this node, 1…254.
-        timers: Tell when what is incomplete is given up.
-        give_up: Called then; it is to `flush`.
+        timers: Tell when an incomplete packet is given up.
+        give_up: Called then; must call `flush`.
     """
 
     def __init__(
@@ -50,11 +50,11 @@ class PacketEnvelope(Envelope):
         self._decoder = None if capabilities.framed else PacketDecoder()
         self._patience_ns = _PATIENCE_FRAMES * capabilities.airtime_ns(mtu_bytes)
         self.piece_bytes = mtu_bytes
-        """Largest piece that the link takes, bytes."""
+        """The largest piece that the link takes, bytes."""
         self.room_bytes = (
             min(PAYLOAD_LIMIT_BYTES, mtu_bytes) if capabilities.framed else PAYLOAD_LIMIT_BYTES
         )
-        timers.cancel((Due.PACKET,))  # of a link before
+        timers.cancel((Due.PACKET,))  # armed for the link before
 
     def wrap(self, records: bytes, destination: int) -> bytes:
         """Make the packet of a message; it may be longer than a frame of the link."""
@@ -81,7 +81,7 @@ class PacketEnvelope(Envelope):
         return self._found(self._decoder.flush(), discarded_before, UNKNOWN_SOURCE)
 
     def forget(self) -> None:
-        """A new connection: an incomplete packet will never be completed."""
+        """Forget an incomplete packet, which a new connection will never complete."""
         self._timers.cancel((Due.PACKET,))
         if self._decoder is not None:
             self._decoder = PacketDecoder()

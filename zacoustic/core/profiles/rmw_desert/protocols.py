@@ -1,17 +1,17 @@
-"""The components of an engine above a link on which rmw_desert is spoken.
+"""The components of an engine above a link with the wire of rmw_desert.
 
 The transmit queue with its lanes, priorities and lifespans is that of the native wire; so are
-medium access, silence and airtime caps, which are around it. What is said and heard is here: one
-message in a packet, nothing beside it: no handshake, no acknowledgement, no object, no heartbeat.
+medium access, silence and airtime caps, which surround it. This module sends and receives one
+message in a packet and nothing else: no handshake, no acknowledgement, no object, no heartbeat.
 
-A packet does not name its sender. If only one other node may publish a topic, its samples count as
-that node's. If there are several, or none is listed, the source is unknown (0), unless the link
-itself carries addresses.
+A packet does not name its sender. If only one other node may publish a topic, its samples are
+attributed to that node. If there are several, or none is listed, the source is unknown (0), unless
+the link itself carries addresses.
 
-What is dropped is counted under the words of `zacoustic.core.profiles.native.receiver`: ``payload``
-(no message, or one that its sender cannot have written), ``unknown_stream``, ``not_publisher``,
+Drops are counted under the words of `zacoustic.core.profiles.native.receiver`: ``payload`` (no
+message, or one that its sender cannot have written), ``unknown_stream``, ``not_publisher``,
 ``not_subscriber``, ``not_for_us``, ``unexpected_answer``, ``repeated_request``, ``too_many_calls``;
-and ``no_packet`` for bytes of the stream that belong to none.
+and ``no_packet`` for bytes of the stream that belong to no packet.
 """
 
 from collections.abc import Sequence
@@ -57,11 +57,11 @@ class RmwDesertProtocols(Profile):
 
     Args:
         context: What they share.
-        rules: What the config says.
-        transports: None can be spoken on this wire.
+        rules: The rules of the config.
+        transports: Must be empty: this wire has no extensions.
 
     Raises:
-        ConfigError: There are some.
+        ConfigError: `transports` is not empty.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class RmwDesertProtocols(Profile):
         return self._calls.call(stream_id, value, now, timeout_s=timeout_s)
 
     def cancel(self, call_id: int, now: int) -> None:
-        """Give up a call; see `Engine.cancel`."""
+        """Cancel a call; see `Engine.cancel`."""
         self._calls.cancel(call_id)
 
     def reply(self, call: CallKey, value: object, now: int) -> bool:
@@ -121,20 +121,20 @@ class RmwDesertProtocols(Profile):
         return self._calls.reply(call, value, now)
 
     def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
-        """Forget a request: there are no errors on this wire, and its client hears nothing."""
+        """Forget a request: this wire has no errors, and its client hears nothing."""
         return self._calls.reply_error(call, now)
 
-    # What is said and heard
+    # Transmission and reception
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
-        """Make what goes around a message on a link."""
+        """Make the envelope of the messages on a link."""
         self._packets = PacketEnvelope(
             capabilities, self._context.address, self._context.timers, self._give_up
         )
         return self._packets
 
     def due_at(self, now: int) -> int | None:
-        """Return the instant from which a packet is to go, ns; None: nothing is to be said."""
+        """Return the instant from which a packet should go, ns; None: nothing to send."""
         return now if self._pieces else self.queue.due_at(now)
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
@@ -155,30 +155,30 @@ class RmwDesertProtocols(Profile):
     def receive(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> tuple[int, ...]:
-        """Take a message apart; returns its stream."""
+        """Decode a message; return its stream."""
         return self._take(opened, frame, now)
 
-    # The life of the engine
+    # Life cycle of the engine
 
     @property
     def is_idle(self) -> bool:
-        """Nothing waits."""
+        """Whether nothing waits."""
         return super().is_idle and not self._pieces
 
     def use_link(self, port: LinkPort, now: int) -> None:
-        """Take a link, and drop what is too large for it."""
+        """Set the link's airtimes, and drop what is too large for it."""
         self._pieces.clear()
         capabilities = port.capabilities
         unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
         unit_ns += seconds_to_ns(capabilities.propagation_s)
         self._calls.settling_ns = SETTLING_UNITS * unit_ns
-        # Whatever the modem measures: nothing is sent on this wire for the sake of a range.
+        # Whatever the modem measures, this wire sends nothing only to measure a range.
         self.ranging.use_link(msgspec.structs.replace(capabilities, measures_range=False))
         for _ in self.queue.limit(port.envelope.room_bytes):
             self._stats.drop("oversized")
 
     def link_up(self, now: int) -> None:
-        """The link is up: a packet begun on another connection is not completed."""
+        """Drop the rest of a packet begun on another connection, and begin discovery."""
         self._pieces.clear()
         if self._packets is not None:
             self._packets.forget()
@@ -187,7 +187,7 @@ class RmwDesertProtocols(Profile):
     # Below the methods above
 
     def _give_up(self, now: int) -> None:
-        """Search the bytes of a packet whose rest did not come."""
+        """Search the bytes of an incomplete packet for other packets."""
         for opened in self._packets.flush() if self._packets is not None else ():
             if isinstance(opened, Damaged):
                 self._stats.drop(opened.reason)
@@ -207,7 +207,7 @@ class RmwDesertProtocols(Profile):
         return (message.stream_id,)
 
     def _reported(self, report: TransmitReport, now: int) -> None:
-        """A packet that lost a piece is not completed."""
+        """Drop the rest of a packet that has lost a piece."""
         if report.outcome in (TransmitOutcome.REJECTED, TransmitOutcome.ABORTED):
             self._pieces.clear()
 

@@ -5,14 +5,14 @@ One file per policy, all with the interface of `zacoustic.core.schedule.access.b
 =================  =================================================================================
 `delegated`        the modem, or what is behind it, decides
 `aloha`            at once, or at the next slot; a back-off after losses
-`carriersense`     not while somebody is heard; a back-off behind him
-`tdma`             in the slots of this node, by a clock that all have
-`polling`          when one node gives the turn
+`carriersense`     not while another node is heard; a back-off after that
+`tdma`             in the slots of this node, by a common clock
+`polling`          when one node gives this node the turn
 =================  =================================================================================
 
-`spec` has the settings; `choose` makes the policy of them, or picks one by the link's capabilities.
-`listening` holds for all policies without turns: pauses in which others are heard. `networktime` is
-the clock of slots; the controls of policies are in `zacoustic.core.wire.access`.
+`spec` has the settings; `choose` makes a policy from them, or picks one by the link's capabilities.
+`listening` applies to all policies without turns: pauses in which others are heard. `networktime`
+is the clock of slots; the controls of policies are in `zacoustic.core.wire.access`.
 """
 
 import random
@@ -59,10 +59,10 @@ def choose(
     """Make the policy of a link.
 
     Args:
-        spec: What the config says; None: delegated where the device controls access, else carrier
-            sense where it senses one, else ALOHA.
+        spec: The settings of the config; None: delegated where the device controls access, else
+            carrier sense where it senses a carrier, else ALOHA.
         capabilities: The link's.
-        address: Of this node.
+        address: Address of this node.
         rng: For the back-off.
 
     Raises:

@@ -1,8 +1,8 @@
 """ALOHA: a frame goes when it is due, or at the next slot.
 
-Nothing is better where the delay of sound exceeds the frame: what a carrier sense could hear is
-over, and a schedule would mostly be guard time. With random traffic G of all nodes (in frames per
-frame's airtime), G·exp(-2G) gets through, at most 18 % of the channel.
+Nothing is better where the propagation delay exceeds the frame: whatever a carrier sense could hear
+is over, and a schedule would mostly be guard time. With random traffic G of all nodes (in frames
+per frame's airtime), G·exp(-2G) gets through, at most 18 % of the channel.
 
 Slots (starts at multiples of a length, in network time) help only as far as the slot has a guard
 for the differences in delay: with a guard of the longest delay aT, 1/(e(1 + a)). A slot as long as
@@ -24,13 +24,13 @@ from zacoustic.core.schedule.access.base import MediumAccess, Wanted
 from zacoustic.core.schedule.access.networktime import NetworkTime
 from zacoustic.core.schedule.access.spec import AlohaSpec
 
-# A timer that fires late has still met its slot: by a fiftieth of it, and 20 ms at most.
+# A timer that fires late still meets its slot: within a fiftieth of it, and at most 20 ms.
 _LATE_PARTS: Final = 50
 _LATE_LIMIT_NS: Final = NS_PER_S // 50
 
 
 class Aloha(MediumAccess):
-    """Waits for no other node.
+    """ALOHA: waits for no other node.
 
     Args:
         spec: The settings.
@@ -47,7 +47,7 @@ class Aloha(MediumAccess):
         self._resume_at = 0
 
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
-        """Return the due instant, or the next slot, behind the back-off."""
+        """Return the due instant, or the next slot, after the back-off."""
         due_at = wanted.due_at if wanted.is_urgent else max(wanted.due_at, self._resume_at)
         offset_ns = self._time.offset_ns
         if self._slot_ns is None or offset_ns is None or self._time.sure_at is not None:
@@ -68,5 +68,5 @@ class Aloha(MediumAccess):
             self._back_off.grow()
 
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
-        """Take the time of the host."""
+        """Take the host's time."""
         self._time.tell(offset_ns, error_ns, now)

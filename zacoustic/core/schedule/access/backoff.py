@@ -1,4 +1,4 @@
-"""Back-off: a random wait whose window doubles with each failure and is small again after success.
+"""Back-off: a random wait; its window doubles with each failure and shrinks after a success.
 
 Nodes that collided would collide again, so each draws its own wait. The window is bounded, so a
 node that failed often still tries.
@@ -15,7 +15,7 @@ class BackOff:
 
     Args:
         slot_ns: Length of the smallest window, ns.
-        rng: Draws.
+        rng: Draws the waits.
     """
 
     def __init__(self, slot_ns: int, rng: random.Random) -> None:

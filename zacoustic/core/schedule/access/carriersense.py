@@ -1,21 +1,21 @@
-"""Carrier sense: wait while somebody is heard, then back off by a seeded random time.
+"""Carrier sense: wait while another node is heard, then back off by a seeded random time.
 
 On a quiet channel a frame goes at once. While another node is heard it waits: modems are
 half-duplex, so transmitting would destroy the reception and help nobody. When the carrier ends,
-every node that waited would start at the same instant, so each draws a back-off: uniform in a
-window of one slot, doubled each time the channel is taken again before the node's turn, back to one
-slot after an own transmission. A slot is the time in which the start of another node is noticed:
-the airtime of a short frame. A node that wanted nothing meanwhile has no back-off, and an urgent
-frame waits only for the end of the carrier.
+every node that waited would start at the same instant, so each draws a back-off. It is uniform in a
+window of one slot; the window doubles each time the channel is taken again before the node's turn,
+and is back to one slot after an own transmission. A slot is the time in which the start of another
+node is noticed: the airtime of a short frame. A node that had nothing to send meanwhile has no
+back-off, and an urgent frame waits only for the end of the carrier.
 
-A frame for the announced pause of another node does not wait: it has to leave before that pause is
+A frame for the announced pause of another node does not wait: it must leave before that pause is
 heard (`zacoustic.core.schedule.access.listening`).
 
-The delay of sound weakens carrier sensing (a frame that has left the other end is not heard yet):
-it pays for frames longer than the delay. Between few nodes it is a courtesy, not a schedule.
+The propagation delay weakens carrier sensing (a frame that has left the other end is not heard
+yet): it pays for frames longer than the delay. Between few nodes it is a courtesy, not a schedule.
 
-A carrier whose end is never reported (a modem that forgets a notification) is taken to have ended
-after twice the airtime of the largest frame.
+If the end of a carrier is never reported (a modem that forgets a notification), the carrier is
+assumed to have ended after twice the airtime of the largest frame.
 """
 
 import random
@@ -61,7 +61,7 @@ class CarrierSense(MediumAccess):
         return max(wanted.due_at, clear_at)
 
     def handle_carrier(self, busy: bool, now: int) -> None:
-        """Take note of the carrier; at its end, draw a back-off if a frame waited for it."""
+        """Record the carrier; at its end, draw a back-off if a frame waited for it."""
         if busy:
             if now < self._resume_at and self._waits:
                 self._back_off.grow()

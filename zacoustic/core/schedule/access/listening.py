@@ -1,46 +1,47 @@
 """Listen windows: a node that transmits for long pauses regularly, so that others reach it.
 
-A half-duplex modem is deaf while it transmits. A node that sends one frame behind the other (an
-object, a thousand queued samples) would not hear an emergency, nor the acknowledgement that it
-waits for. So no node transmits for more than four seconds without a pause that holds a short frame
-and some uncertainty about the distance. Frames in a row are a *run*; runs and pauses alternate in a
-fixed rhythm as long as there is something to send.
+A half-duplex modem is deaf while it transmits. A node that sends one frame after another (an
+object, a thousand queued samples) would hear neither an emergency nor the acknowledgement that it
+awaits. So no node transmits for more than four seconds without a pause; the pause holds a short
+frame and some uncertainty about the distance. Frames in a row are a *run*; runs and pauses
+alternate in a fixed rhythm as long as there is something to send.
 
-The delay of sound makes the rhythm necessary. At 1 km a frame that was sent when the pause was
-heard arrives 1.3 s after it began, when the next run is under way. The other node must start
-*before* it hears the pause, by the round trip. So the pause is announced: a TURN for anybody says
-when it begins, counted from the beginning of the frame, and a node that has heard it computes the
+The propagation delay makes the rhythm necessary. At 1 km a frame that is sent when the pause is
+heard arrives 1.3 s after the pause began, when the next run is under way. The other node must start
+*before* it hears the pause, by the round trip. So the pause is announced: a TURN for all nodes says
+when it begins, counted from the start of the frame, and a node that has heard the TURN computes the
 later pauses from the same rhythm. The TURN costs three bytes in the second frame of a first run and
-in one of every third run, and only while so much waits that the run will be full. Payloads that
-fill a frame leave no room for it; their mechanism can announce the pause in its own way and hand it
-to `heard_pause` at the other end; `end_run` tells this one.
+in one frame of every third run, and only while so much waits that the run will be full. Payloads
+that fill a frame leave no room for it; their mechanism can announce the pause in its own way and
+pass it to `heard_pause` at the other end; `end_run` informs this end.
 
 An announced rhythm is kept until nothing was transmitted for more than a period: while an answer is
-awaited it goes on, and the next run begins in its midst. A smaller frame, such as a report among
-the fragments of a photo, leaves no room for a whole number of fragments: the last one waits until
-it ends with the run, so that it can announce the pause (`sends_full`). If none fits, the pause is
-longer: it begins when the last frame ends, and ends as planned. Such a frame does not announce a
-pause (`frames_before_pause`).
+awaited it continues, and the next run begins in the middle of a run period. A smaller frame, such
+as a report among the fragments of a photo, leaves no room for a whole number of fragments: the last
+fragment waits until it ends with the run, so that it can announce the pause (`sends_full`). If none
+fits, the pause is longer: it begins when the last frame ends, and ends as planned. Such a frame
+does not announce a pause (`frames_before_pause`).
 
-A node that hears a run and does not know its pauses has to hear an announcement, and does not
-transmit meanwhile (`listens_until`). If none came of a run of largest frames, where carriers are
-sensed, copies of an emergency go for a whole period, whatever is heard: one of them is in the pause
-(`search_ns`). What is heard of others is in `zacoustic.core.schedule.access.otherruns`.
+A node that hears a run and does not know its pauses must hear an announcement, and does not
+transmit meanwhile (`listens_until`). If a run of largest frames brings no announcement, and
+carriers are sensed, copies of an emergency go for a whole period, whatever is heard: one of them is
+in the pause (`search_ns`). `zacoustic.core.schedule.access.otherruns` records what is heard of
+other nodes.
 
 While another node is in a run, a frame of this node starts so that it arrives in the next pause,
-and shall be short (`comfort_ns`); a longer one goes nevertheless. Any one frame may be lost, and
-the next pause is four seconds away. So where carriers are sensed, the pausing node hears out what
-begins in its pause. If no frame came of it, it waits for another one to follow at once, again and
-again, for the airtime of the largest frame and the round trip (`_heard_out_until`). A node with
-something urgent counts on that and sends a few copies in a row (`is_heard_out`,
-`zacoustic.core.schedule.copies`). A frame for another node than the pausing one may arrive too
-early by the round trip, so the row goes on for that much longer (`detour_ns`). A pause that is
-longer because of that costs a frame, but not the rhythm.
+and should be short (`comfort_ns`); a longer one goes all the same. Any one frame may be lost, and
+the next pause is four seconds away. So where carriers are sensed, the pausing node keeps listening
+to a sound that begins in its pause. If the sound gave no frame, it waits for another one to follow
+at once, again and again, for the airtime of the largest frame and the round trip
+(`_heard_out_until`). A node with something urgent counts on that and sends a few copies in a row
+(`is_heard_out`, `zacoustic.core.schedule.copies`). A frame for another node than the pausing one
+may arrive too early by the round trip, so the row continues for that much longer (`detour_ns`). A
+pause that is longer because of that costs a frame, but not the rhythm.
 
-`exclusive` switches the own pauses off, for a transfer that has the channel alone by agreement.
-Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent. Nor
-do devices that hear while they send; DESERT counts as one, since its airtime is mostly waiting,
-with sound for some hundredths of it.
+`exclusive` switches this node's pauses off, for a transfer that has the channel to itself by
+agreement. Policies with turns (TDMA, polling) need no windows: in the turns of others this node is
+silent. Nor do devices that hear while they send; DESERT counts as one, since its airtime is mostly
+waiting, with a few hundredths of sound.
 """
 
 from typing import Final
@@ -52,19 +53,19 @@ from zacoustic.core.wire.access import ANYBODY, TURN_BYTES, Turn
 ANNOUNCED_RUNS: Final = 3
 """Runs for which one announcement holds."""
 _BACKLOG_FRAMES: Final = 2
-"""Frames that must wait behind the pause to make it worth while."""
+"""Frames that must wait behind the pause to make it worthwhile."""
 _LISTENED_PERIODS: Final = 2
 """An announcement is awaited for this many runs and pauses: at 40 % loss one comes in 84 of 100
 cases."""
 _LONG_ROW_FRAMES: Final = 3
-"""This many of the largest frames in a row are a run that has pauses."""
+"""This many of the largest frames in a row are a run with pauses."""
 _LISTENED_PERIODS_OF_SEARCH: Final = 1
-"""The same before something urgent that finds the pause by itself."""
+"""The same for an urgent frame that searches for the pause by itself."""
 _GOLDEN_RATIO: Final = 0.618
 
 
 class Listening(OtherRuns):
-    """Pauses of this node and of the others.
+    """The pauses of this node and of others.
 
     Args:
         capabilities: The link's.
@@ -73,35 +74,36 @@ class Listening(OtherRuns):
     def __init__(self, capabilities: LinkCapabilities) -> None:
         super().__init__(capabilities)
         self.sends_full = False
-        """The waiting payloads fill frames, and announce a pause if one ends with the run."""
+        """Whether the waiting payloads fill frames, and announce a pause if one ends with the
+        run."""
         self.exclusive = False
-        """A transfer has the channel alone: no pauses."""
+        """Whether a transfer has the channel to itself, so that there are no pauses."""
         self._run_begun_at = 0
         self._last_ended_at: int | None = None
         self._is_announced = False
-        """Other nodes were told of the rhythm since it began."""
+        """Whether other nodes were told of the rhythm since it began."""
         self._runs_since_announcement = ANNOUNCED_RUNS
         self._announces = False
         self._ends_run = False
         self._row_since: int | None = None
-        """Instant since when others are heard, one sound directly behind the other, ns."""
+        """Instant since which others are heard, one sound directly after another, ns."""
         self._row_ends_at: int | None = None
-        """Instant until which a sound is awaited behind one that gave no frame, ns."""
+        """Instant until which a sound is awaited after one that gave no frame, ns."""
         self._is_understood = False
-        """The sound that is, or was, heard gave a frame."""
+        """Whether the present or last sound gave a frame."""
         self._burst_at: int | None = None
-        """Start of the first own frame of those that followed each other at once."""
+        """Start of the first of the own frames that followed each other at once, ns."""
         self._searches = False
-        """It went into a run whose pauses are not known."""
+        """Whether these frames went into a run whose pauses are unknown."""
         self._largest_in_row = 0
-        """Sounds as long as a largest frame, one directly behind the other."""
+        """Sounds as long as a largest frame, one directly after another."""
         self._largest_ended_at = 0
         """End of the last one, ns."""
 
     # This node
 
     def pauses_until(self, due_at: int, now: int, *, is_urgent: bool) -> int:
-        """Return `due_at`, or the end of the own pause that a frame has to wait for, ns."""
+        """Return `due_at`, or the end of this node's pause that a frame must wait for, ns."""
         if self._last_ended_at is None or self.exclusive or is_urgent:
             return due_at
         at = max(due_at, now)
@@ -109,11 +111,11 @@ class Listening(OtherRuns):
         return paused_until if paused_until > at else due_at
 
     def comfort_ns(self, now: int, *, is_copy: bool = False) -> int | None:
-        """Return the longest desirable airtime of a frame that starts now, ns; None: any.
+        """Return the longest preferred airtime of a frame that starts now, ns; None: any.
 
         Args:
             now: The instant.
-            is_copy: It follows itself, maybe to find a pause.
+            is_copy: It follows a copy of itself, perhaps to find a pause.
         """
         comforts = [
             opens_at + self.pause_ns - 2 * MARGIN_NS - now
@@ -126,9 +128,9 @@ class Listening(OtherRuns):
         return 0 if is_short else None
 
     def frames_before_pause(self, now: int) -> int:
-        """Return how many of the largest frames go before the pause, one that starts now included.
+        """Return how many largest frames go before the pause, one that starts now included.
 
-        1 only if others may expect the pause behind this frame, and behind all that follow.
+        1 only if other nodes may expect the pause after this frame, or after any later one.
         """
         if not self._continues(now):
             begin_at = self._told_begin_at(now)
@@ -136,12 +138,12 @@ class Listening(OtherRuns):
         return self._fitting(self._run_begun_at, now)
 
     def ends_run_now(self, now: int) -> bool:
-        """Tell whether a largest frame that starts now is the last of several in a run."""
+        """Return whether a largest frame that starts now is the last of several in a run."""
         has_pauses = self._frames > 1 and not self.exclusive
         return has_pauses and self.frames_before_pause(now) == 1
 
     def end_run(self) -> None:
-        """Take note: the frame that is about to start announces a pause."""
+        """Record that the frame that is about to start announces a pause."""
         self._ends_run = True
 
     def controls(
@@ -150,11 +152,11 @@ class Listening(OtherRuns):
         """Return the announcement of the pause, if it is worth it.
 
         Args:
-            room_bytes: What the frame, which starts now, has left.
-            backlog_bytes: All that waits, this frame's payload included.
+            room_bytes: Room left in the frame, which starts now, bytes.
+            backlog_bytes: Size of all waiting payloads, this frame's included.
             now: The instant.
-            has_object: An object is being sent. Its fragments have no room for this, so whatever
-                has says it, in every run.
+            has_object: An object is being sent. Its fragments have no room for a TURN, so any other
+                frame with room carries one, in every run.
         """
         if self.exclusive or room_bytes < TURN_BYTES or not self._follows(now):
             return b""
@@ -172,7 +174,7 @@ class Listening(OtherRuns):
         return Turn(ANYBODY, begun_at + self._run_ns - now).encode()
 
     def handle_started(self, now: int) -> None:
-        """Take note of an own frame that goes to the link."""
+        """Record an own frame that goes to the link."""
         if not self._follows_at_once(now):
             self._burst_at = now
             self._searches = self._hears_full_run(now) and not self._active(now)
@@ -188,7 +190,7 @@ class Listening(OtherRuns):
             self._runs_since_announcement = 0
 
     def handle_transmitted(self, started_at: int, ended_at: int) -> None:
-        """Take note of its end; it began when the device was ready."""
+        """Record the end of an own frame, and its start, for which the device may have waited."""
         is_told = self._is_told(started_at)
         if not is_told and not self._continues(started_at):
             self._run_begun_at = started_at
@@ -202,7 +204,7 @@ class Listening(OtherRuns):
             self._runs_since_announcement = 0
 
     def handle_carrier(self, busy: bool, now: int) -> None:
-        """Another node began to be heard, or is not heard any more."""
+        """Record the begin or end of another node's sound."""
         if busy:
             if self._busy_since is None:
                 self._is_understood = False
@@ -223,13 +225,13 @@ class Listening(OtherRuns):
     # Others
 
     def invited_at(self, at: int, *, follows: bool = False) -> int | None:
-        """Return when to start, not before `at`, to arrive in the pauses of those in a run, ns.
+        """Return when to start, not before `at`, to arrive in the pauses of nodes in a run, ns.
 
-        None when nobody is known to be in one.
+        None when no node is known to be in one.
 
         Args:
             at: The instant.
-            follows: It may follow at once what was sent into a pause.
+            follows: It may directly follow what was sent into a pause.
         """
         if follows and self.is_heard_out(at):
             return at
@@ -243,20 +245,20 @@ class Listening(OtherRuns):
         return invited_at
 
     def listens_until(self, at: int, *, is_urgent: bool, follows: bool) -> int:
-        """Return until when to listen for an announcement before a frame starts, ns; or `at`.
+        """Return until when to listen for an announcement before a frame starts, ns, or `at`.
 
-        A node that transmits into a run is not heard, and does not hear when it ends. But a run may
-        be one that is never announced, so the wait is bounded.
+        A node that transmits into a run is not heard, and does not hear when the run ends. But a
+        run may never be announced, so the wait is bounded.
 
         Args:
-            at: When the frame is to start.
-            is_urgent: What is said is; else an own run goes on.
-            follows: It may follow at once what was sent last.
+            at: When the frame should start.
+            is_urgent: Its content is urgent; otherwise an own run continues.
+            follows: It may directly follow what was sent last.
         """
         goes_on = self._follows_at_once(at) if follows else not is_urgent and self._follows(at)
         if at > self._run_heard_until or goes_on or self._active(at):
             return at
-        # Never twice at the same place of a run: its announcement may be there.
+        # Never twice at the same position in a run: its announcement may be there.
         part = self._listened * _GOLDEN_RATIO % 1.0
         searches = is_urgent and self._hears_full_run(at)
         periods = _LISTENED_PERIODS_OF_SEARCH if searches else _LISTENED_PERIODS
@@ -264,29 +266,29 @@ class Listening(OtherRuns):
         return max(at, min(until, self._run_heard_until + 1))
 
     def row_began_at(self, ended_at: int) -> int:
-        """Return when the first of the own frames began that ended then in a row, ns."""
+        """Return when the first frame of the own row began that ended at an instant, ns."""
         return ended_at if self._burst_at is None else min(ended_at, self._burst_at)
 
     def next_invitation_at(self, now: int, not_before: int) -> int | None:
-        """Return when to start, from `not_before` on, by what is known now; None: of nobody."""
+        """Return when to start, from `not_before` on, by what is known now, ns; None: no rhythm."""
         opens = [self._opens_at(each, not_before) for each in self._active(now)]
         last_ns, period_ns = self._last_ns, self.period_ns
         return max((at + (not_before > at + last_ns) * period_ns for at in opens), default=None)
 
     @property
     def search_ns(self) -> int:
-        """How long copies of what was sent last go on to find a pause that is not known, ns."""
+        """How long copies of the last record continue to search for an unknown pause, ns."""
         return self.period_ns if self._searches else 0
 
     def is_heard_out(self, at: int) -> bool:
-        """Tell whether the last frame went into a pause, and a short one may follow it there.
+        """Return whether the last frame went into a pause and a short one may follow it there.
 
-        So it may where the pause is not known, for one period: then it is in one of these frames.
+        This also holds where the pause is unknown, for one period: one of these frames meets it.
         """
         return self._finds_pause(at) or self._is_in_pause(at)
 
     def heard_frame(self, source: int, airtime_ns: int, now: int) -> None:
-        """A frame of `source` has arrived."""
+        """Record a frame from `source`."""
         self._is_understood = True
         if self._busy_since is None and self._row_ends_at is not None:
             self._row_ends_at = min(self._row_ends_at, now)
@@ -295,9 +297,9 @@ class Listening(OtherRuns):
     # Below the methods above
 
     def _heard_sound(self, began_at: int, now: int) -> None:
-        """A sound has ended: a few that are as long as a largest frame, in a row, are a full run.
+        """Record that a sound has ended; a few of a largest frame's length in a row are a full run.
 
-        Shorter ones are not: copies in a row are such, and what is said in a busy fleet.
+        Shorter sounds are not: rows of copies, and the traffic of a busy fleet.
         """
         if abs(now - began_at - self._largest_ns) > 2 * MARGIN_NS:
             self._largest_in_row = 0
@@ -309,11 +311,11 @@ class Listening(OtherRuns):
             self._full_run_heard_until = now + self._memory_ns
 
     def _hears_full_run(self, at: int) -> bool:
-        """Whether somebody is in a run that has pauses, as far as it can be heard."""
+        """Return whether a run that has pauses can be heard."""
         return self._senses_carrier and at <= min(self._run_heard_until, self._full_run_heard_until)
 
     def _continues(self, now: int) -> bool:
-        """Whether a frame that starts now would be in the run that there is."""
+        """Return whether a frame that starts now would belong to the present run."""
         if self._last_ended_at is None:
             return False
         if self._is_told(now) and now < self._run_begun_at + self._run_ns:
@@ -321,11 +323,11 @@ class Listening(OtherRuns):
         return now - self._last_ended_at < self.pause_ns
 
     def _is_told(self, now: int) -> bool:
-        """Whether others know the rhythm of this node, and count on it."""
+        """Return whether other nodes know this node's rhythm and count on it."""
         return self._is_announced and self._follows(now)
 
     def _told_begin_at(self, now: int) -> int | None:
-        """When the run began, or was to begin, in which a frame is now, ns; None: nobody knows."""
+        """Return the planned start of the run that holds `now`, ns; None: no node knows it."""
         if not self._is_told(now):
             return None
         periods = max(0, now - self._run_begun_at) // self.period_ns
@@ -333,14 +335,14 @@ class Listening(OtherRuns):
         return begin_at if self._keeps_phase or now < begin_at + self._latest_ns else None
 
     def _fitting(self, begun_at: int, now: int) -> int:
-        """How many of the largest frames fit the rest of a run, as `frames_before_pause`."""
+        """Return how many largest frames fit the rest of a run; see `frames_before_pause`."""
         left_ns = begun_at + self._frames * self._unit_ns - now
         count = max(1, (left_ns + self._late_ns) // self._unit_ns)
         is_early = left_ns - self._unit_ns > MARGIN_NS
         return count + 1 if count == 1 and is_early and self._is_told(now) else count
 
     def _follows(self, now: int) -> bool:
-        """Whether a frame that starts now comes so soon behind the last that there is a rhythm."""
+        """Return whether a frame that starts now follows the last one soon enough for a rhythm."""
         if self._last_ended_at is None:
             return False
         if self._is_announced and self._keeps_phase:
@@ -351,13 +353,13 @@ class Listening(OtherRuns):
         return now - ended_at < self.pause_ns + self._latest_ns
 
     def _own_pause_end(self, at: int) -> int:
-        """End of the own pause that has to come before a frame at `at`, ns; or earlier."""
+        """Return the end of the own pause that must precede a frame at `at`, ns, or less."""
         assert self._last_ended_at is not None
         if self._continues(at):
             run_ends_at = self._run_begun_at + self._run_ns
             if self._fits(run_ends_at, at):
                 return max(at, self._last_at(run_ends_at, at))
-            # Nobody counts on an end of the run that nobody was told.
+            # No node counts on an end of the run that was not announced.
             told_at = run_ends_at if self._is_told(at) else 0
             return max(self._last_ended_at, told_at) + self.pause_ns
         pause_until = self._last_ended_at + self.pause_ns
@@ -371,21 +373,21 @@ class Listening(OtherRuns):
         return self._heard_out_until(pause_until)
 
     def _last_at(self, run_ends_at: int, at: int) -> int:
-        """When the last full frame of a told run starts, so that it ends with the run; or 0, ns.
+        """Return when the last full frame of an announced run starts to end with the run, ns, or 0.
 
-        What else went in the run has left no room for a whole number of them. Behind this one the
-        pause begins, and it says so.
+        Other frames of the run have left no room for a whole number of full ones. The pause begins
+        after this frame, which announces it.
         """
         last_at = run_ends_at - self._largest_ns
         is_last = self.sends_full and self._is_told(at) and at + self._unit_ns > last_at
         return last_at if is_last else 0
 
     def _fits(self, run_ends_at: int, at: int) -> bool:
-        """Whether the largest frame may start then, in a run that ends or was to end so."""
+        """Return whether the largest frame may start then, given the planned end of the run."""
         return at + self._largest_ns <= run_ends_at + self._late_ns
 
     def _heard_out_until(self, pause_until: int) -> int:
-        """Until when the own pause is, for who was invited to speak, and spoke; or earlier, ns."""
+        """Return the end of this node's pause, extended for nodes that used it, ns, or earlier."""
         if self._row_since is None or self._row_since >= pause_until:
             return pause_until
         ends_at = self._row_ends_at or 0
@@ -395,29 +397,29 @@ class Listening(OtherRuns):
 
     @property
     def _last_ns(self) -> int:
-        """How long after a pause opens a short frame may start, ns."""
+        """How long after the start of a pause a short frame may start, ns."""
         return self.pause_ns - 2 * MARGIN_NS - self._short_ns
 
     def _follows_at_once(self, at: int) -> bool:
-        """Whether a frame that starts then is in a row with the last one."""
+        """Return whether a frame that starts then is in a row with the last one."""
         ended_at = self._last_ended_at
         return ended_at is not None and at <= ended_at + self._gap_ns + MARGIN_NS
 
     def _finds_pause(self, at: int) -> bool:
-        """Whether copies of what was sent last go on, since one of them will be in a pause."""
+        """Return whether copies of the last record continue, since one will meet a pause."""
         if self._burst_at is None or not self._searches or not self._follows_at_once(at):
             return False
         return at <= self._burst_at + self.period_ns + self._patience_ns
 
     def _is_in_pause(self, at: int) -> bool:
-        """Whether the last frame went into a known pause, and a short one may follow it there."""
+        """Return whether the last frame went into a known pause and a short one may follow."""
         if self._burst_at is None:
             return False
         rhythms = self._active(self._burst_at)
         return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
 
     def _hears_out(self, opens_at: int, at: int) -> bool:
-        """Whether who heard our first frame in its pause still listens for a short one."""
+        """Return whether a node that heard our first frame in its pause still listens."""
         first_at = self._burst_at
         if first_at is None or not self._senses_carrier or not self._follows_at_once(at):
             return False

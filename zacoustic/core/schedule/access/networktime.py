@@ -1,18 +1,18 @@
-"""Network time: what slots are counted in, and how wrong it may be.
+"""Network time: the time base of slots, and its error.
 
 A policy with slots needs a time that several nodes have in common; the engine has only its own
-monotonic one. What relates the two is an *offset*, and it has a source: the host of the node, whose
-clock is UTC (a GPS receiver, NTP, a chip-scale clock), or one node of the fleet, which tells its
-time in frames (CLOCK). With each offset comes the error that it may have; afterwards that error
-grows by the drift of an oscillator until the next statement.
+monotonic time. An *offset* relates the two, and it has a source: the host of the node, whose clock
+is UTC (a GPS receiver, NTP, a chip-scale clock), or one node of the fleet, which sends its time in
+frames (CLOCK). Each offset comes with its largest error; afterwards that error grows by the drift
+of an oscillator until the next statement.
 
 A new offset that differs from the old one by more than both errors allow is a *jump*: one of the
 two was wrong, and nothing tells which. The network time is then not sure until a later statement,
-at least ten seconds after, agrees with the new one. Whoever needs a time that is sure keeps silent
-so long.
+at least ten seconds after, agrees with the new one. A component that needs a sure time keeps silent
+that long.
 
-A source may say that it does not know how wrong it is. Nothing is learnt from such a statement: the
-offset that is known stays, with its error. But a statement that contradicts it is a jump as well.
+A source may say that it does not know its error. Nothing is learnt from such a statement: the known
+offset stays, with its error. But a statement that contradicts it is a jump as well.
 """
 
 from typing import Final
@@ -20,16 +20,16 @@ from typing import Final
 from zacoustic.core.base.clock import NS_PER_S
 
 SETTLING_NS: Final = 10 * NS_PER_S
-"""After a jump, the new time must hold so long."""
+"""How long the new time must hold after a jump, ns."""
 _PARTS: Final = 1_000_000
 
 
 class NetworkTime:
-    """The offset of network time to the engine's, as far as it is known.
+    """The offset of network time from the engine's time, as far as it is known.
 
     Args:
-        drift_ppm: How fast the engine's clock goes wrong, 1e-6.
-        tolerance_ns: What two statements may differ beyond their errors, ns.
+        drift_ppm: Drift of the engine's clock, 1e-6.
+        tolerance_ns: Allowed difference of two statements beyond their errors, ns.
         settling_ns: How long a new time must hold after a jump, ns; 0: it counts at once.
     """
 
@@ -46,19 +46,19 @@ class NetworkTime:
 
     @property
     def offset_ns(self) -> int | None:
-        """Network time less the engine's, ns; None: never told."""
+        """Network time minus the engine's time, ns; None: unknown."""
         return self._offset_ns
 
     @property
     def sure_at(self) -> int | None:
-        """Earliest instant at which a statement can end the doubt, ns; None: there is none."""
+        """The earliest instant at which a statement can end the doubt, ns; None: no doubt."""
         return None if self._doubted_at is None else self._doubted_at + self._settling_ns
 
     def tell(self, offset_ns: int, error_ns: int | None, now: int) -> bool:
-        """Take a statement: network time is `now + offset_ns`, wrong by `error_ns` at most.
+        """Take a statement: network time is `now + offset_ns`, within `error_ns`.
 
         Returns:
-            Whether it is what counts from now on; otherwise what is known is better.
+            Whether it is used from now on; otherwise the known offset is better.
         """
         if self._offset_ns is not None:
             known_ns = self._error_now(now)
@@ -77,7 +77,7 @@ class NetworkTime:
         return True
 
     def error_at(self, instant: int) -> int | None:
-        """By how much network time may be wrong at an instant, ns; None: unknown, or in doubt."""
+        """Return the largest error of network time at an instant, ns; None: unknown."""
         if self._offset_ns is None or self._doubted_at is not None:
             return None
         return self._error_now(instant)

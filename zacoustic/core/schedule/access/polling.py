@@ -1,10 +1,10 @@
-"""Polling: one node gives each of the others its turn, so that nobody speaks unasked.
+"""Polling: one node gives each of the others its turn, so that no node transmits unasked.
 
-No clock is needed, and no guard but the way there and back. The poller goes round its list: its own
+No clock is needed, and no guard time but the round trip. The poller goes round its list: its own
 turn first, then a TURN to each node. A node that has the turn sends what it has, as long as the
-largest frame still ends within it, and gives the channel back by a TURN for nobody; of a node that
-is not heard the poller takes it back when the turn and two ways are over. After a round in which
-nobody had anything to say the poller rests; only then, and never unasked, is the channel quiet::
+largest frame still ends within the turn, and gives the channel back by a TURN for no node. If a
+node is not heard, the poller takes the channel back when the turn and a round trip are over. After
+a round in which no node had anything to send the poller rests; only then is the channel quiet::
 
                     a payload is due                      its list has ended, somebody spoke
     REST ────────────────────────────────► OWN ◄─────────────────────────────────┐
@@ -32,28 +32,28 @@ from zacoustic.core.wire.access import (
 )
 from zacoustic.errors import ConfigError
 
-# What a bare TURN needs at most: three bytes, and the envelope of a link that brings nothing.
+# The most that a bare TURN needs: three bytes, and the envelope of a link that brings none.
 _GIVING_BACK_BYTES: Final = TURN_BYTES + 9
-# Timers of both nodes, and what a modem needs between receiving and sending.
+# Timers of both nodes, and the modem's time between receiving and sending.
 _TURNAROUND_NS: Final = NS_PER_S // 4
 _TURN_FRAMES: Final = 2
 
 
 class _Phase(enum.Enum):
-    """What the poller does."""
+    """The state of the poller."""
 
     REST = enum.auto()
     """The last round was empty."""
     OWN = enum.auto()
-    """It sends what it has."""
+    """The poller sends its own frames."""
     ASK = enum.auto()
-    """It is to give the next node its turn."""
+    """The poller is about to give the next node its turn."""
     HEAR = enum.auto()
-    """The turn is another node's."""
+    """Another node has the turn."""
 
 
 def polling(spec: PollingSpec, capabilities: LinkCapabilities, address: int) -> "Poller | Polled":
-    """Make the policy of a node: that of the poller or of one of the others.
+    """Make the policy of a node: that of the poller or that of a polled node.
 
     Raises:
         ConfigError: A turn does not hold the largest frame.
@@ -65,7 +65,7 @@ def polling(spec: PollingSpec, capabilities: LinkCapabilities, address: int) -> 
 
 
 class _Times:
-    """Durations of one polling on one link, ns."""
+    """Durations of polling on one link, ns."""
 
     def __init__(self, spec: PollingSpec, capabilities: LinkCapabilities) -> None:
         gap_ns = seconds_to_ns(capabilities.gap_s)
@@ -92,7 +92,7 @@ class _Times:
 
 
 class Polled(MediumAccess):
-    """A node that speaks when it is asked."""
+    """A node that transmits when it is polled."""
 
     is_scheduled = True
 
@@ -103,7 +103,7 @@ class Polled(MediumAccess):
         self._ends_at: int | None = None
 
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
-        """Return the due instant if it is within the turn of this node, else None."""
+        """Return the due instant if it is within this node's turn, else None."""
         if self._ends_at is None:
             return None
         ready_at = wanted.earliest(now)
@@ -111,7 +111,7 @@ class Polled(MediumAccess):
         return ready_at if ready_at + needed_ns <= self._ends_at else None
 
     def speak_at(self, now: int) -> int | None:
-        """Return when the channel is to be given back, which is as soon as nothing is due."""
+        """Return when to give the channel back: as soon as nothing is due."""
         return None if self._ends_at is None else self._begun_at
 
     def controls(self, room_bytes: int, now: int, *, alone: bool) -> bytes:
@@ -122,21 +122,21 @@ class Polled(MediumAccess):
         return Turn(NOBODY, 0).encode()
 
     def handle_timeout(self, now: int) -> None:
-        """Take an end that was missed, because the link was busy, as the end."""
+        """Treat an end that was missed, because the link was busy, as the end."""
         if self._ends_at is not None and now > self._ends_at:
             self._ends_at = None
 
     def handle_control(
         self, source: int, control: AccessControl, started_at: int, error_ns: int, now: int
     ) -> None:
-        """Take the turn; the engine hands over what is meant for this node."""
+        """Begin this node's turn; the engine passes only turns for this node."""
         if isinstance(control, Turn) and source == self.answers_to and control.node != NOBODY:
             self._begun_at = now
             self._ends_at = now + control.span_ns
 
 
 class Poller(MediumAccess):
-    """The node that asks."""
+    """The node that polls."""
 
     is_scheduled = True
 
@@ -151,7 +151,7 @@ class Poller(MediumAccess):
         self.answers_to = self._nodes[0]
 
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
-        """Return the due instant where the channel is the poller's own, else None."""
+        """Return the due instant if the channel is the poller's own, else None."""
         ready_at = wanted.earliest(now)
         if self._phase is _Phase.REST:
             return ready_at
@@ -160,7 +160,7 @@ class Poller(MediumAccess):
         return None
 
     def speak_at(self, now: int) -> int | None:
-        """Return when the next node is to be asked, or the turn of one is over."""
+        """Return when to poll the next node, or when a node's turn ends."""
         return now if self._phase in (_Phase.OWN, _Phase.ASK) else self._until
 
     def controls(self, room_bytes: int, now: int, *, alone: bool) -> bytes:
@@ -176,18 +176,18 @@ class Poller(MediumAccess):
         return Turn(self._nodes[self._next], self._times.turn_ns).encode()
 
     def handle_transmitted(self, now: int) -> None:
-        """An own frame at rest begins a round."""
+        """Begin a round with an own frame at rest."""
         if self._phase is _Phase.REST:
             self._begin(now)
         if self._phase is _Phase.OWN:
             self._was_used = True
 
     def handle_heard(self, source: int, now: int) -> None:
-        """Somebody speaks."""
+        """Record that a node transmits."""
         self._heard += 1
 
     def handle_timeout(self, now: int) -> None:
-        """The rest, or somebody's turn, is over."""
+        """End the rest, or another node's turn."""
         if self._until > now:
             return
         if self._phase is _Phase.HEAR:
@@ -198,7 +198,7 @@ class Poller(MediumAccess):
     def handle_control(
         self, source: int, control: AccessControl, started_at: int, error_ns: int, now: int
     ) -> None:
-        """The channel was given back."""
+        """Record that the channel was given back."""
         if (
             isinstance(control, Turn)
             and control.node == NOBODY
@@ -209,7 +209,7 @@ class Poller(MediumAccess):
             self._advance(now)
 
     def _advance(self, now: int) -> None:
-        """The next node is to be asked, or a round has ended."""
+        """Poll the next node, or end the round."""
         self._was_used = self._was_used or self._heard > 0
         self._next = (self._next + 1) % len(self._nodes)
         self.answers_to = self._nodes[self._next]

@@ -1,8 +1,8 @@
-"""Which policy a link is given, with its settings: what the config says under `access`.
+"""The medium access settings of the config, key `access`: a policy with its parameters.
 
-The records check what can be checked without the link; what depends on the link's capabilities is
-checked when a policy is made (`zacoustic.core.schedule.access.choose`). Every refusal says the key,
-the value, and why the choice cannot work.
+The records check what can be checked without the link; `zacoustic.core.schedule.access.choose`
+checks what depends on the link's capabilities. Every error states the key, the value, and why the
+choice cannot work.
 """
 
 from typing import Final, TypeAlias
@@ -13,11 +13,11 @@ from zacoustic.core.base.clock import DURATIONS, NS_PER_S, is_duration, seconds_
 from zacoustic.errors import ConfigError
 
 SLOWEST_SOUND_M_S: Final = 1400.0
-"""Slower than sound in any sea or lake: a guard made of it holds everywhere."""
-# What a cheap oscillator drifts; temperature included.
+"""Slower than sound in any sea or lake, so a guard computed with it holds everywhere."""
+# The drift of a cheap oscillator, temperature included.
 _DRIFT_PPM: Final = 50.0
 _STATEMENTS_S: Final = 10.0
-"""A host says what its clock shows at least this often, s (`Engine.handle_clock`)."""
+"""A host states its time at least this often, s (`Engine.handle_clock`)."""
 _MOST_SLOTS: Final = 1024
 
 
@@ -25,7 +25,7 @@ class DelegatedSpec(
     msgspec.Struct,
     frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="delegated",
 ):  # fmt: skip
-    """The modem, or what is behind it, decides."""
+    """The modem, or what is behind it, controls access."""
 
 
 class AlohaSpec(
@@ -35,15 +35,15 @@ class AlohaSpec(
     """A frame goes when it is due."""
 
     slot_s: float | None = None
-    """Frames start at multiples of this of UTC, s, > 0; none: at any instant."""
+    """Frames start at multiples of this in UTC, s, > 0; None: at any instant."""
     back_off: bool = True
-    """After a frame of which nothing was heard, wait a random time that doubles."""
+    """Whether to wait a random time that doubles after each frame without any answer."""
 
     def __post_init__(self) -> None:
         """Check the slot.
 
         Raises:
-            ConfigError: Names key, value and what is allowed.
+            ConfigError: States key, value and what is allowed.
         """
         if self.slot_s is not None:
             _check_positive("slot_s", self.slot_s)
@@ -53,39 +53,39 @@ class CarrierSenseSpec(
     msgspec.Struct,
     frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="carrier_sense",
 ):  # fmt: skip
-    """A frame waits while somebody is heard, and a random time afterwards."""
+    """A frame waits while another node is heard, and then a random time."""
 
 
 class TdmaSpec(
     msgspec.Struct,
     frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="tdma",
 ):  # fmt: skip
-    """Each node speaks in its slots of a common clock."""
+    """Each node transmits in its slots of a common clock."""
 
     slots: tuple[int, ...]
-    """Address of the owner of each slot, in their order; an address may have several."""
+    """Address of the owner of each slot, in order; an address may own several."""
     slot_s: float
     """Length of a slot, s, > 0; slots begin at multiples of the cycle since 1970 (UTC)."""
     clock_error_s: float
-    """Largest error of a node's clock against the common one, s, ≥ 0; a node that may be wrong by
-    more keeps silent."""
+    """Largest error of a node's clock against the common one, s, ≥ 0; a node whose error may be
+    larger keeps silent."""
     max_range_m: float | None = None
-    """Largest distance between two nodes, m, > 0; or `guard_s`."""
+    """Largest distance between two nodes, m, > 0; alternative to `guard_s`."""
     guard_s: float | None = None
-    """Silence at the end of each slot, s, > 0; none: from `max_range_m`."""
+    """Silence at the end of each slot, s, > 0; None: computed from `max_range_m`."""
     clock: int | None = None
-    """Node whose clock is the common one, told in its frames; none: UTC, which each host has."""
+    """The node whose clock is the common one, sent in its frames; None: UTC from each host."""
     beacon_s: float | None = None
-    """That node tells the time this often also when it has nothing else to say, s, > 0; none: only
-    in frames that go anyway."""
+    """How often that node sends the time when it has nothing else to send, s, > 0; None: only in
+    frames that go anyway."""
     drift_ppm: float = _DRIFT_PPM
-    """How fast a clock that is told nothing goes wrong, 1e-6, ≥ 0."""
+    """Drift of a clock without statements, 1e-6, ≥ 0."""
 
     def __post_init__(self) -> None:
-        """Check each value, and that the guard leaves something of the slot.
+        """Check each value, and that the guard leaves a part of the slot.
 
         Raises:
-            ConfigError: Names key, value and what is allowed.
+            ConfigError: States key, value and what is allowed.
         """
         if not 1 <= len(self.slots) <= _MOST_SLOTS:
             raise ConfigError(f"slots: {len(self.slots)} slots; allowed: 1..{_MOST_SLOTS}")
@@ -124,13 +124,13 @@ class TdmaSpec(
     def error_limit_ns(self) -> int:
         """Error beyond which a node keeps silent, ns.
 
-        The stated one, and the drift from one statement of the host to the next.
+        It is the stated error plus the drift from one statement of the host to the next.
         """
         return seconds_to_ns(self.clock_error_s + _STATEMENTS_S * self.drift_ppm * 1e-6)
 
     @property
     def guard_ns(self) -> int:
-        """Silence at the end of each slot, ns: sound travels, and two clocks may be wrong."""
+        """Silence at the end of each slot, ns: propagation delay, and twice the clock error."""
         if self.guard_s is not None:
             return seconds_to_ns(self.guard_s)
         assert self.max_range_m is not None
@@ -150,15 +150,15 @@ class PollingSpec(
     turn_s: float | None = None
     """Length of a turn, s, > 0, at most 5.1; None: two of the largest frames."""
     idle_s: float = 10.0
-    """Pause after a round in which nobody had anything to say, s, ≥ 0."""
+    """Pause after a round in which no node had anything to send, s, ≥ 0."""
     max_range_m: float | None = None
-    """Largest distance to the poller, m, > 0; None: as the link says."""
+    """Largest distance to the poller, m, > 0; None: as the link states."""
 
     def __post_init__(self) -> None:
         """Check each value.
 
         Raises:
-            ConfigError: Names key, value and what is allowed.
+            ConfigError: States key, value and what is allowed.
         """
         if not self.nodes:
             raise ConfigError("nodes: nobody to poll; allowed: at least one address")
@@ -186,7 +186,7 @@ METHODS: Final[dict[str, type[AccessSpec]]] = {
     "polling": PollingSpec,
     "delegated": DelegatedSpec,
 }
-"""The policies by the word that a config uses."""
+"""The policies by their names in the config."""
 
 
 def _check_positive(key: str, value: float) -> None:

@@ -1,21 +1,21 @@
-"""TDMA: each node speaks in its slots of a common clock, so that no two frames ever meet.
+"""TDMA: each node transmits in its slots of a common clock, so that no two frames ever meet.
 
-The cycle is a list of owners; slot *k* of it begins at multiples of the cycle since 1970, plus *k*
-slots. A frame starts in a slot of this node and ends before the *guard* at the slot's end. The
-guard is what sound needs for the longest distance, and twice the clock error: a node whose clock is
-late by the error ends so much later, and one whose clock is early starts so much sooner. Then what
-was sent in a slot has arrived everywhere before the next one begins, whatever the geometry: nothing
-collides, and nobody transmits while another's frame arrives.
+The cycle is a list of owners; slot *k* begins at multiples of the cycle since 1970, plus *k* slots.
+A frame starts in a slot of this node and ends before the *guard* at the slot's end. The guard is
+the propagation delay of the longest distance plus twice the clock error: a node whose clock is late
+by the error ends that much later, and one whose clock is early starts that much sooner. Then every
+frame of a slot has arrived everywhere before the next slot begins, whatever the geometry: nothing
+collides, and no node transmits while another's frame arrives.
 
-That holds as long as every clock is within the stated error. So a node that is not sure of it is
-*muted*: its error, which grows by drift since the last statement, exceeds the stated one; its clock
-has jumped; or it was never told (`zacoustic.core.schedule.access.networktime`).
+This holds as long as every clock is within the stated error. So a node that is not sure of its
+clock is *muted*: its error, which grows by drift since the last statement, exceeds the stated one;
+its clock has jumped; or it was never told the time (`zacoustic.core.schedule.access.networktime`).
 
-The common clock is UTC, which each host has, or that of one node. The latter takes the UTC that its
-host shows first, right or not, and goes on from there: no step of the host's clock moves the slots
-of a fleet. It tells the time by CLOCK in frames that go anyway, at most once a minute, and in
-frames of its own if that is asked for; the others correct by the propagation delay that the modem
-measured, or by half of the longest one, and count what they do not know of it as error.
+The common clock is UTC from each host, or that of one node. That node takes the UTC that its host
+shows first, right or not, and continues from there: no step of the host's clock moves the slots of
+a fleet. It sends the time by CLOCK in frames that go anyway, at most once a minute, and in frames
+of its own if the config says so. The others correct by the propagation delay that the modem
+measured, or by half of the longest one, and count the uncertainty as error.
 """
 
 from typing import Final
@@ -29,7 +29,7 @@ from zacoustic.core.wire.access import CLOCK_BYTES, CLOCK_TICK_NS, AccessControl
 from zacoustic.errors import ConfigError
 
 _CLOCK_EVERY_NS: Final = 60 * NS_PER_S
-"""A frame that goes anyway carries the time, unless it was told within this time."""
+"""A frame that goes anyway carries the time unless it was sent within this time."""
 
 
 class Tdma(MediumAccess):
@@ -69,7 +69,7 @@ class Tdma(MediumAccess):
         self._clock_told_at: int | None = None
 
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
-        """Return the first instant of an own slot at which the largest frame fits, or None."""
+        """Return the first instant in an own slot at which the largest frame fits, ns, or None."""
         earliest = wanted.earliest(now)
         offset_ns = self._time.offset_ns
         if offset_ns is None or not self._own:
@@ -78,12 +78,12 @@ class Tdma(MediumAccess):
         if sure_at is not None:
             return sure_at if sure_at > now else None
         ready_at = self._opening(earliest + offset_ns) - offset_ns
-        # Whoever drives the engine tells the time again before that instant, if it can.
+        # Whoever drives the engine states the time again before that instant, if possible.
         error_ns = self._time.error_at(now)
         return None if error_ns is None or error_ns > self._error_limit_ns else ready_at
 
     def speak_at(self, now: int) -> int | None:
-        """Return when the time is to be told for its own sake, or None."""
+        """Return when to send the time in a frame of its own, ns, or None."""
         if self._beacon_ns is None or not self._is_reference:
             return None
         told_at = self._clock_told_at
@@ -91,7 +91,7 @@ class Tdma(MediumAccess):
         return self.ready_at(Wanted(due_at), now)
 
     def controls(self, room_bytes: int, now: int, *, alone: bool) -> bytes:
-        """Tell the time, if it is this node's to tell and there is room."""
+        """Return the time control, if this node sends the time and there is room."""
         offset_ns = self._time.offset_ns
         if not self._is_reference or offset_ns is None or room_bytes < CLOCK_BYTES:
             return b""
@@ -102,16 +102,16 @@ class Tdma(MediumAccess):
         return ClockTime(now + offset_ns, self._time.error_at(now)).encode()
 
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
-        """Take the time of the host, where that counts."""
+        """Take the host's time where it counts."""
         if self._is_reference:
-            # Its clock is the common one, by definition.
+            # Its clock is the common one by definition.
             known_ns = self._time.offset_ns
             self._time.tell(offset_ns if known_ns is None else known_ns, 0, now)
         elif self._reference is None:
             self._time.tell(offset_ns, error_ns, now)
 
     def clock_doubt(self, now: int) -> str:
-        """Return why this node does not use its slots, where that is for want of the time."""
+        """Return why this node does not use its slots for want of the time; empty: it does."""
         if not self._own:
             return ""
         if self._time.offset_ns is None:
@@ -127,7 +127,7 @@ class Tdma(MediumAccess):
     def handle_control(
         self, source: int, control: AccessControl, started_at: int, error_ns: int, now: int
     ) -> None:
-        """Take the time that the reference tells."""
+        """Take the time that the reference node sends."""
         if not isinstance(control, ClockTime) or source != self._reference or self._is_reference:
             return
         if control.error_ns is not None:
@@ -135,7 +135,7 @@ class Tdma(MediumAccess):
             self._time.tell(control.time_ns - started_at, known_ns, now)
 
     def _opening(self, network_ns: int) -> int:
-        """First instant of network time, not before `network_ns`, at which a frame may start."""
+        """Return the first network time from `network_ns` on at which a frame may start, ns."""
         cycle_at = network_ns // self._cycle_ns * self._cycle_ns
         while True:
             for index in self._own:

@@ -433,7 +433,7 @@ class GoalClient:
         self._journal.forget(goal.key, forgotten, now)
 
     def _confirm(self, key: GoalKey, stream: Stream, server: int, now: int) -> None:
-        """Tell a server that it need not keep a result any longer."""
+        """Let a server forget a result that this node has."""
         numbers = self._numbers.get(key.stream_id)
         if numbers is not None and key.epoch == self._handshake.epoch:
             numbers.rest(key.number, now + self.settling_ns)

@@ -16,7 +16,7 @@ class ServedStage(enum.Enum):
     RUNS = "runs"
     """The application has accepted it."""
     REFUSED = "refused"
-    """It does not run; `answer` says why."""
+    """It does not run; `answer` has the reason."""
     ENDED = "ended"
     """It has run; `answer` is its result."""
 

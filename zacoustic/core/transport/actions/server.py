@@ -209,7 +209,7 @@ class GoalServer:
                 )
 
     def client_forgotten(self, client: int, now: int) -> None:
-        """Forget all goals of a client; those that run go on, and nobody is told of their end."""
+        """Forget all goals of a client; those that run continue, without a report of their end."""
         for goal in [goal for goal in self._goals.values() if goal.key.client == client]:
             self._forget(goal, now)
 

@@ -57,7 +57,7 @@ class Answering:
 
     Args:
         context: What the components of its engine share.
-          repeater: Sends the answers until they are confirmed.
+        repeater: Sends the answers until they are confirmed.
     """
 
     def __init__(self, context: Context, repeater: Repeater) -> None:

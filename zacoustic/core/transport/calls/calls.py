@@ -59,7 +59,7 @@ class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
     """A call of this node has its response."""
 
     call_id: int
-    """What `Engine.call` returned."""
+    """The return value of `Engine.call`."""
     stream_id: int
     """The service's stream."""
     value: Any
@@ -72,7 +72,7 @@ class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
     """A call of this node ended without a response."""
 
     call_id: int
-    """What `Engine.call` returned."""
+    """The return value of `Engine.call`."""
     stream_id: int
     """The service's stream."""
     failure: CallFailure

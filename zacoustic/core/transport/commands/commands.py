@@ -89,6 +89,7 @@ class Commands:
         self._executes = executes
         self._services = services
         self._handshake = node.handshake
+        self._alarms = node.alarms if node.seal is not None else None
         self._silence = silence
         self._deduplication = DeduplicationTable(node.stored, node.journal)
         self._emit: Callable[[StreamOverridden | CommandHandled], None] = node.emit
@@ -183,6 +184,8 @@ class Commands:
         call, age_s = request.call, request.age_s or 0.0
         executes = self._table.nodes if self._executes is None else self._executes
         if call.client not in executes:
+            if self._alarms is not None:
+                self._alarms.forbidden(call.client, COMMANDS_STREAM_ID, now)
             self._refuse(call, f"node {self._address} takes no orders of node {call.client}", now)
             return
         try:

@@ -55,13 +55,13 @@ class Objects:
     Args:
         epoch: Boot epoch of the node.
         limits: How much memory they may take.
-        pacers: When something may be repeated to others.
-        timers: Withdraw what is too old.
-        generators: One for each component that draws.
-        admission: Knows the table, and when it is whose turn; takes complete objects, once each.
-        owner: Gets events of own objects, and knows when it is their turn.
-        emit: Takes progress.
-        journal: Keeps what must survive a restart.
+        pacers: Decide when to repeat to other nodes.
+        timers: Withdraw expired objects.
+        generators: Provide one random generator for each component.
+        admission: Knows the table and whose turn it is; takes complete objects, once each.
+        owner: Gets events of outgoing objects, and knows whose turn it is.
+        emit: Takes progress events.
+        journal: Holds what must survive a restart.
     """
 
     def __init__(

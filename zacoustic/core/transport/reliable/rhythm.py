@@ -76,7 +76,7 @@ class SendRhythm:
     """The rhythm of a publisher's samples of one key, which has one receiver.
 
     Args:
-          qos: The stream's QoS.
+        qos: The stream's QoS.
     """
 
     def __init__(self, qos: Qos) -> None:

@@ -28,8 +28,8 @@ class Spans:
     """The spans of one key.
 
     Args:
-          spans: Ordered by number, at least one.
-          own: The spans of single receivers, by address.
+        spans: Ordered by number, at least one.
+        own: The spans of single receivers, by address.
     """
 
     def __init__(self, spans: Iterable[Span], own: dict[int, Span] | None = None) -> None:

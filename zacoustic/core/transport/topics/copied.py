@@ -61,7 +61,11 @@ class _Copied:
 
 
 class CopiedSamples:
-    """The copied samples of one node, and the copies that it receives."""
+    """The copied samples of one node, and the copies that it receives.
+
+    Args:
+        context: What the components of its engine share.
+    """
 
     def __init__(self, context: Context) -> None:
         self._timers = context.timers
@@ -75,7 +79,7 @@ class CopiedSamples:
         """Samples to be sent once unless a run begins; some have been sent."""
         self._came: dict[tuple[int, ...], deque[Sync]] = {}
 
-    # What this node publishes
+    # Transmission
 
     def use_link(self, times: LinkTimes) -> None:
         """Set the airtimes of a link, and drop the copies for the link before."""
@@ -119,7 +123,7 @@ class CopiedSamples:
             if is_over or not (waits or self._queue.holds(each.key, each.record)):
                 self._end(each)
 
-    # What others publish
+    # Reception
 
     def is_repeated(self, source: int, stream_id: int, instance: Instance, sync: Sync) -> bool:
         """Record the number of a copied sample; return whether it came before."""

@@ -63,7 +63,12 @@ class _Heard:
 
 
 class DenseStreams:
-    """The dense blocks that one node sends and receives."""
+    """The dense blocks that one node sends and receives.
+
+    Args:
+        context: What the components of its engine share.
+        subscriptions: Knows the subscribers of on-demand topics.
+    """
 
     def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
         self._address = context.address
@@ -120,7 +125,7 @@ class DenseStreams:
             return "unexpected_ack"
         return None
 
-    # What this node hears
+    # Blocks of other nodes
 
     def concerns_us(self, source: int, destination: int) -> bool:
         """Return whether this node can decode the blocks from a source to `destination`.
@@ -176,7 +181,7 @@ class DenseStreams:
                 heard.said_mark, heard.unsaid_bytes = heard.listener.mark, 0
         return taken
 
-    # What changes
+    # Changes
 
     def peer_restarted(self, address: int, epoch: int, now: int) -> None:
         """Forget the blocks of a peer that begins a new boot epoch; it has forgotten ours too."""

@@ -1,21 +1,21 @@
 """Dense blocks: typed samples of several streams as one arithmetic-coded block.
 
-A `Speaker` writes the blocks of a source and knows what they may refer to; a `Listener` reads them
-and returns what to acknowledge. Both use a `DenseCodec`, which remembers nothing. In this package a
-block is called a frame. In reading order:
+A `Speaker` writes a source's blocks and knows what they may refer to; a `Listener` reads them and
+returns what to acknowledge. Both use a `DenseCodec`, which keeps no state. This package calls a
+block a frame. In reading order:
 
-- `stream`: `references`, `frame`, `streamcodec`, `restcodec`; `packedbytes` uses the texts alone.
+- `stream`: `references`, `frame`, `streamcodec`, `restcodec`; `packedbytes` uses only the texts.
 - `model`: `snapshot`, `rowmodel`, `leastsquares`, `layout`, `attitude`, `course`, `adaptation`,
-  `habits`; `prior`, which is made by `fitting`.
+  `habits`; `prior`, which `fitting` makes.
 - `text`: `text`, `spelling`, `examples`, `lines`.
 - `coder`: `arithmetic` with `shares`, `writer` and `reader`; `curve` and `offcurve`.
 
-A nav message of nine fields takes some 0.15 ms at both ends together in pure Python; its airtime is
-five hundred times as long. For many nodes in one process, `mypyc` makes it faster without a change
-(docs/design.md).
+A nav message of nine fields takes about 0.15 ms for both ends together in pure Python; its airtime
+is five hundred times as long. For many nodes in one process, `mypyc` makes it faster without a
+change (docs/design.md).
 
-Invariant: everything that both ends compute alike is integers. Floats are in `fitting`, which one
-end does beforehand, and in `attitude`, before rounding and after decoding.
+Invariant: everything that both ends must compute alike is integers. Floats are in `fitting`, which
+one end does beforehand, and in `attitude`, before rounding and after decoding.
 """
 
 from zacoustic.core.values.dense.fitting import fit

@@ -1,10 +1,10 @@
-"""A model from recordings: where samples start from when nothing else is known.
+"""A model from recordings: where learning starts when nothing else is known.
 
-A fit knows at once what online learning finds out in the first minutes of every mission: the mean
-of what was learnt along the recording, at each distance from the reference; where the first sample
-of a frame lies, and which other column predicts it; the usual texts; the usual contents of frames.
-A fit never replaces learning: it sets where learning starts, since models that were only fitted
-lose to plain coders on half of all real logs.
+A fit provides at once what online learning finds out in the first minutes of every mission: the
+mean of what was learnt along the recording, at each distance from the reference; where the first
+sample of a frame lies, and which other column predicts it; the usual texts; the usual contents of
+frames. A fit never replaces learning: it sets where learning starts, since models that are only
+fitted do worse than plain coders on half of all real logs.
 
 Means, not last values: the weights at the end of a recording are those of its last minutes.
 """
@@ -47,13 +47,13 @@ Recording = Sequence[tuple[float, int, Any]]
 """Time in seconds, stream id, value; in the order of time."""
 
 Mission = tuple[Mapping[int, TypeSpec], Recording]
-"""The type of each dense stream, by stream id, and what was recorded of them and others."""
+"""The type of each dense stream by stream id, and the recording of these and other streams."""
 
-# Steps behind the reference that stand for their class.
+# Distances to the reference that stand for their class, steps.
 _STEPS: Final = (1, 2, 3, 5, 7, 12, 16)
-# Energies are made less by this, so that the first dozen samples of a mission can move the weights.
+# Energies are divided by this, so that the first dozen samples of a mission can move the weights.
 _RESTLESS: Final = 8
-# Scales are made wider by that, 3/16 octave: a start that is too narrow costs more than a wide one.
+# Scales are widened by this, 3/16 octave: too narrow a start costs more than too wide a one.
 _WIDER_START: Final = 3 * OCTAVE >> 4
 _LEAST_ROWS: Final = 64
 _MOST_ROWS: Final = 4000
@@ -62,15 +62,15 @@ _UNUSUAL: Final = 1 << 13  # 1/8: a frame that holds something else costs 3 bits
 _FEW: Final = 8
 _OFTEN: Final = 7 << 13
 _WORTH: Final = 4  # a companion must leave at most this part of the scale
-_WIDER: Final = 3, 2  # other missions differ from each other more than this one from itself
+_WIDER: Final = 3, 2  # missions differ from each other by more than one differs from itself
 
 
 def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
     """Make a model of the recordings of one or more missions.
 
     Args:
-        missions: Of one kind, each by itself. Their types may differ in where a range begins (the
-            place of a mission), but not in how many values it has.
+        missions: Missions of one kind, each by itself. Their types may differ in where a range
+            begins (the place of a mission), but not in how many values it has.
         window_s: Time whose samples usually share a frame, s.
 
     Raises:
@@ -115,7 +115,7 @@ def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
 
 
 class _StreamFitting:
-    """What is collected of one stream."""
+    """The data collected for one stream."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
@@ -124,7 +124,7 @@ class _StreamFitting:
         self.windows: list[int] = []
         self._bits: list[int] = []
         self._texts: Counter[str] = Counter()
-        # For companions: rows beside the latest rows of the streams that a frame has earlier.
+        # For companions: each row with the latest rows of the streams earlier in a frame.
         self._beside: list[tuple[Row, dict[int, Row]]] = []
 
     def add(self, row: Row, rest: list[Any], latest: Mapping[int, Row], stream_id: int) -> None:
@@ -195,7 +195,7 @@ class _StreamFitting:
         )
 
     def _companion(self, n: int, stream_id: int, scale: int) -> Companion | None:
-        """The column from which this one follows best, if one is worth it."""
+        """Return the column that predicts this one best, if one is worth it."""
         order = [*self.model.symbols, *self.model.numbers]
         candidates = [
             (stream_id, other)
@@ -243,7 +243,7 @@ class _StreamFitting:
         return found
 
     def _run(self, steps: int, *, moving: bool) -> Learnt | None:
-        """What is learnt on the average along all runs, at one distance."""
+        """Return the mean of what is learnt along all runs, at one distance."""
         model = self.model
         place = step_class(steps, moving=moving)
         mean = _Mean(model)
@@ -283,7 +283,7 @@ class _StreamFitting:
 
 
 class _Mean:
-    """The mean of adaptations, the later ones of a recording counting as much as all."""
+    """The mean of adaptations over a recording, each sample counting the same."""
 
     _WARM: Final = 32  # samples that are left out: the weights start from nothing
 
@@ -338,25 +338,25 @@ class _Mean:
 
 
 def _usual(often: int, of: int) -> int:
-    """A probability in 2**-16 that leaves room for frames of another kind."""
-    if of < _FEW:  # more than there ever was in a window: then frames are being filled
+    """Return a probability in 2**-16 that leaves room for frames of another kind."""
+    if of < _FEW:  # more samples than any window had: then frames are being filled
         return _OFTEN
     return max(_UNUSUAL, min((1 << 16) - _UNUSUAL, _chance(often, of)))
 
 
 def _chance(often: int, of: int) -> int:
-    """A probability in 2**-16, away from 0 and 1."""
+    """Return a probability in 2**-16, away from 0 and 1."""
     return max(1 << 9, min((1 << 16) - (1 << 9), ((2 * often + 1) << 16) // (2 * of + 2)))
 
 
 def _mean_distance(values: Sequence[int], center: int) -> int:
-    """Mean distance from a center, 2**-12 steps, at least half a step."""
+    """Return the mean distance from a center, 2**-12 steps, at least half a step."""
     total = sum(abs(value - center) for value in values)
     return max((total << SCALE_BITS) // len(values), 1 << SCALE_BITS - 1)
 
 
 def _line(pairs: Sequence[tuple[int, int]]) -> tuple[int, int]:
-    """Slope in 2**-16 and offset in 1/16 of the line through pairs of integers."""
+    """Return slope in 2**-16 and offset in 1/16 of the line through pairs of integers."""
     count = len(pairs)
     sum_x, sum_y = sum(x for x, _ in pairs), sum(y for _, y in pairs)
     spread = count * sum(x * x for x, _ in pairs) - sum_x * sum_x

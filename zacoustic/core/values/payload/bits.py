@@ -6,7 +6,7 @@ from zacoustic.core.values.payload.codec import PayloadError
 
 
 class BitSink(ABC):
-    """What numbers are written to."""
+    """The destination of numbers."""
 
     @abstractmethod
     def write(self, number: int, width: int) -> None:
@@ -14,20 +14,20 @@ class BitSink(ABC):
 
 
 class BitSource(ABC):
-    """What numbers are read from; `PayloadError` where there are none."""
+    """The source of numbers; raises `PayloadError` where there are none."""
 
     @property
     @abstractmethod
     def bits_left(self) -> int:
-        """Bits behind the current position."""
+        """Bits after the current position."""
 
     @abstractmethod
     def read(self, width: int) -> int:
-        """Take the next `width` bits."""
+        """Return the next `width` bits as a number."""
 
     @abstractmethod
     def skip(self, width: int) -> int:
-        """Leave the next `width` bits out; what it gives means nothing here."""
+        """Skip the next `width` bits; the return value has no meaning here."""
 
 
 class BitWriter(BitSink):
@@ -42,24 +42,24 @@ class BitWriter(BitSink):
         """Append `number`, 0…2**width-1, in `width` bits."""
         self._rest = self._rest << width | number
         self._rest_bits += width
-        if self._rest_bits >= 64:  # seldom, so that appending stays cheap however long the string
+        if self._rest_bits >= 64:  # seldom, so that appending stays cheap at any length
             spare = self._rest_bits & 7
             self._full += (self._rest >> spare).to_bytes(self._rest_bits >> 3, "big")
             self._rest &= (1 << spare) - 1
             self._rest_bits = spare
 
     def to_bytes(self) -> bytes:
-        """All bits; zeros fill the last byte."""
+        """Return all bits; zeros fill the last byte."""
         padding = -self._rest_bits % 8
         tail = (self._rest << padding).to_bytes((self._rest_bits + padding) >> 3, "big")
         return bytes(self._full) + tail
 
 
 class BitReader(BitSource):
-    """Gives the numbers of a bit string back.
+    """Reads the numbers of a bit string.
 
     Args:
-        buffer: Where the string stands.
+        buffer: The bytes with the bit string.
         offset: Its first byte.
     """
 
@@ -70,7 +70,7 @@ class BitReader(BitSource):
 
     @property
     def bits_left(self) -> int:
-        """Bits behind the current position."""
+        """Bits after the current position."""
         return self._end - self._position
 
     @property
@@ -79,10 +79,10 @@ class BitReader(BitSource):
         return (self._position + 7) >> 3
 
     def read(self, width: int) -> int:
-        """Take the next `width` bits.
+        """Return the next `width` bits as a number.
 
         Raises:
-            PayloadError: There are fewer.
+            PayloadError: Fewer are left.
         """
         position = self._position
         end = self.skip(width)
@@ -90,10 +90,10 @@ class BitReader(BitSource):
         return window >> (-end & 7) & ((1 << width) - 1)
 
     def skip(self, width: int) -> int:
-        """Leave the next `width` bits out; gives the position behind them, bits.
+        """Skip the next `width` bits; return the position after them, bits.
 
         Raises:
-            PayloadError: There are fewer.
+            PayloadError: Fewer are left.
         """
         end = self._position + width
         if end > self._end:
@@ -102,10 +102,10 @@ class BitReader(BitSource):
         return end
 
     def finish(self) -> None:
-        """Check that nothing but padding is left.
+        """Check that only padding is left.
 
         Raises:
-            PayloadError: There is more, or the padding is not zero.
+            PayloadError: More is left, or the padding is not zero.
         """
         if self.bits_left >= 8:
             raise PayloadError(f"{self.bits_left >> 3} bytes behind the value")

@@ -9,23 +9,26 @@ field                       items
 bool                        ``f4`` or ``f5``
 integers                    integer
 number with a step          integer: the multiple of the step, see
-`zacoustic.core.values.types.quantiser` ... outside, escaping       float: the number itself;
-integer: its multiple of the step float32                     half where that is exact, else single
-float64                     the shortest of half, single, double that is exact string, bytes
-text, bytes enum                        unsigned: the position in `values` another type
-the items of its fields, in place fixed array (`length`)      the items of its elements, in place
-bounded array               unsigned: the number of elements, then their items optional
-``f6`` when there is no value, else as above
+                            `zacoustic.core.values.types.quantiser`
+... outside, escaping       float: the number itself; integer: its multiple of the step
+float32                     half where that is exact, else single
+float64                     the shortest of half, single, double that is exact
+string, bytes               text, bytes
+enum                        unsigned: the position in `values`
+another type                the items of its fields, in place
+fixed array (`length`)      the items of its elements, in place
+bounded array               unsigned: the number of elements, then their items
+optional                    ``f6`` when there is no value, else as above
 ==========================  ======================================================================
 
-So a payload delimits itself for who knows the type, and there is one payload for a value: the
-decoder refuses every other form. It also refuses counts above the bound before it makes an element;
-every element costs at least one byte, so a payload bounds the work that it can cause. A refused
-payload is a `PayloadError`, and nothing else is ever raised.
+So a reader that knows the type finds the end of a payload, and there is one payload for a value:
+the decoder refuses every other form. It also refuses counts above the bound before it makes an
+element; every element costs at least one byte, so a payload bounds the work that it can cause. A
+refused payload is a `PayloadError`, and nothing else is ever raised.
 
-Laws, tested: a value comes back within half a step, and what was decoded encodes to the payload
-that it came from. One exception to the second: a float32 in a range whose end is no float32 comes
-back as that end, which encodes the same.
+Laws, tested: a value comes back within half a step, and a decoded value encodes to the payload that
+it came from. One exception to the second: a float32 in a range whose end is no float32 comes back
+as that end, which encodes the same.
 """
 
 import struct
@@ -76,7 +79,7 @@ class CborCodec(TypedCodec):
         return value
 
     def measure(self, buffer: bytes, offset: int) -> int | None:
-        """Return the offset behind the payload that starts at `offset`; None if none does."""
+        """Return the offset after the payload that starts at `offset`; None if none does."""
         try:
             return self._skip(buffer, offset)
         except (PayloadError, *_TRUNCATED):

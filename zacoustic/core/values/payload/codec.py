@@ -1,4 +1,4 @@
-"""`PayloadCodec`, the contract of every codec, and the one that carries bytes as they are."""
+"""`PayloadCodec`, the contract of every codec, and the codec that carries bytes as they are."""
 
 from abc import ABC, abstractmethod
 
@@ -9,17 +9,17 @@ from zacoustic.errors import PayloadInvalidError
 
 
 class PayloadError(Exception):
-    """A received payload that its codec does not accept; never leaves the core."""
+    """A received payload that its codec refuses; never leaves the core."""
 
 
 class ReferenceUnknownError(PayloadError):
-    """It refers to something of its source that is not held here."""
+    """The payload refers to a block of its source that is not held here."""
 
 
 class PayloadCodec(ABC):
-    """Values of one stream as the bytes that cross the channel, and back.
+    """Encodes values of one stream as the bytes that cross the channel, and decodes them.
 
-    A codec has no state that changes, but for what it counts: one serves all sources of a stream.
+    A codec's only state is what it counts: one codec serves all sources of a stream.
     """
 
     delimits_itself: bool
@@ -31,10 +31,10 @@ class PayloadCodec(ABC):
 
     @abstractmethod
     def encode(self, value: object) -> bytes:
-        """Return the payload of a value of the application.
+        """Return the payload of an application's value.
 
         Raises:
-            PayloadInvalidError: The value is not one of the stream's type.
+            PayloadInvalidError: The value is not of the stream's type.
         """
 
     @abstractmethod
@@ -47,10 +47,10 @@ class PayloadCodec(ABC):
 
     @abstractmethod
     def measure(self, buffer: bytes, offset: int) -> int | None:
-        """Return the offset behind the payload that starts at `offset`; None if it shows no end.
+        """Return the offset after the payload that starts at `offset`; None if it shows no end.
 
         None is also the answer when no payload of this codec starts there. Only the structure is
-        looked at: what is measured may still be refused by `decode`. Never raises.
+        checked: `decode` may still refuse the payload. Never raises.
         """
 
     def decode_as(self, payload: bytes, cls: type[msgspec.Struct]) -> msgspec.Struct:
@@ -58,13 +58,13 @@ class PayloadCodec(ABC):
 
         Raises:
             PayloadError: As `decode`.
-            PayloadInvalidError: The stream is not of that class.
+            PayloadInvalidError: The stream's type is not that class.
         """
         raise PayloadInvalidError(f"{cls.__name__} is not the type of this stream, which has none")
 
 
 class OpaqueCodec(PayloadCodec):
-    """Bytes in, the same bytes out; the end of a payload must be known from elsewhere.
+    """Carries bytes unchanged; the end of a payload must be known from elsewhere.
 
     Args:
         largest_bytes: Size of the largest payload that is accepted either way; None: no bound.
@@ -94,5 +94,5 @@ class OpaqueCodec(PayloadCodec):
         return bytes(payload)
 
     def measure(self, buffer: bytes, offset: int) -> None:
-        """Return None: bytes show no end."""
+        """Return None: bytes do not show where they end."""
         return

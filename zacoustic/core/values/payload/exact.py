@@ -1,6 +1,6 @@
 """Numbers as the bits of their own type: those without a step, or outside of their range.
 
-A float is its IEEE 754 bits, with one form only for "not a number"; an integer is its distance from
+A float is its IEEE 754 bits, with only one form of "not a number"; an integer is its distance from
 the least value of its type.
 """
 
@@ -20,7 +20,7 @@ class ExactNumber:
     """A number of a numeric type as bits.
 
     Args:
-        field: Whose numbers; its range and step are not looked at.
+        field: The field of the numbers; its range and step are ignored.
 
     Attributes:
         width: Size, bits.
@@ -40,7 +40,7 @@ class ExactNumber:
             self._least = least
 
     def bits(self, number: float) -> int:
-        """The bits of a number of the type; a float64 is rounded to a float32 field."""
+        """Return the bits of a number of the type; a float64 is rounded for a float32 field."""
         if self._least is not None:
             return int(number) - self._least
         if number != number:
@@ -49,10 +49,10 @@ class ExactNumber:
         return bits
 
     def number(self, bits: int) -> float:
-        """The number of received bits, 0…2**width-1.
+        """Return the number of received bits, 0…2**width-1.
 
         Raises:
-            PayloadError: Another form of "not a number" than the one that is written.
+            PayloadError: Another form of "not a number" than the one that is sent.
         """
         if self._least is not None:
             return bits + self._least
@@ -62,5 +62,5 @@ class ExactNumber:
         return number
 
     def rounded(self, number: float) -> float:
-        """The number as it arrives."""
+        """Return the number as the receiver decodes it."""
         return self.number(self.bits(number))

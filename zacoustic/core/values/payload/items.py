@@ -1,14 +1,14 @@
 """Single CBOR items (RFC 8949), written and read in their shortest form only.
 
-Why not cbor2: values by position need the place where each item ends, and a length that comes off
-the water must be held against what remains *before* anything is allocated. cbor2 offers the first
-only through a stream object, and decides about the second by itself; it also reads what never
-belongs here (tags, shared references, indefinite lengths). And the shortest form of a float is wire
-format: the versions of cbor2 that we accept do not agree on 65504.0, a half or a single. The part
-of CBOR that is used is this file. In the tests, cbor2 reads and writes the same bytes.
+Why not cbor2: values by position need the offset at which each item ends, and a received length
+must be compared with what remains *before* anything is allocated. cbor2 offers the first only
+through a stream object, and decides the second by itself; it also decodes what never belongs here
+(tags, shared references, indefinite lengths). And the shortest form of a float is wire format: the
+versions of cbor2 that we accept differ on 65504.0, a half or a single. This file is the part of
+CBOR that is used. In the tests, cbor2 reads and writes the same bytes.
 
-Readers index beyond the end of a truncated buffer on purpose: `IndexError` and `struct.error` are
-caught once, by the codec, and become a `PayloadError`. Slices, which never fail, are checked here.
+Readers index beyond the end of a truncated buffer on purpose: the codec catches `IndexError` and
+`struct.error` once and raises a `PayloadError`. Slices, which never fail, are checked here.
 """
 
 import struct
@@ -47,7 +47,7 @@ _HEADS: Final = ((1 << 8, 24, ">BB"), (1 << 16, 25, ">BH"), (1 << 32, 26, ">BI")
 
 
 def head(major: int, argument: int) -> bytes:
-    """The head of an item: its major type and an argument of 0…2**64-1."""
+    """Return the head of an item: its major type and an argument of 0…2**64-1."""
     initial = major << 5
     if argument < 24:
         return bytes((initial | argument,))
@@ -58,23 +58,23 @@ def head(major: int, argument: int) -> bytes:
 
 
 def head_bytes(argument: int) -> int:
-    """Size of a head with that argument, bytes."""
+    """Return the size of a head with that argument, bytes."""
     return len(head(UNSIGNED, argument))
 
 
 def integer_item(number: int) -> bytes:
-    """An integer of -2**64…2**64-1 as an item."""
+    """Return an integer of -2**64…2**64-1 as an item."""
     return head(UNSIGNED, number) if number >= 0 else head(NEGATIVE, -1 - number)
 
 
 def integer_bytes(low: int, high: int) -> tuple[int, int]:
-    """Sizes of the smallest and of the largest item of the integers from `low` to `high`, bytes."""
+    """Return the sizes of the smallest and largest item of the integers `low` to `high`, bytes."""
     nearest = min(max(low, 0), high)
     return len(integer_item(nearest)), max(len(integer_item(low)), len(integer_item(high)))
 
 
 def float_item(number: float) -> bytes:
-    """A float as the shortest item that holds it exactly."""
+    """Return a float as the shortest item that holds it exactly."""
     if number != number:
         return _CANONICAL_NAN
     try:
@@ -91,7 +91,7 @@ def float_item(number: float) -> bytes:
 
 
 def read_argument(buffer: bytes, offset: int) -> tuple[int, int]:
-    """Read the head at `offset`: its argument and the offset behind it."""
+    """Read the head at `offset`; return its argument and the offset after it."""
     information = buffer[offset] & 0x1F
     if information < 24:
         return information, offset + 1
@@ -105,7 +105,7 @@ def read_argument(buffer: bytes, offset: int) -> tuple[int, int]:
 
 
 def read_integer(buffer: bytes, offset: int) -> tuple[int, int]:
-    """Read an integer item: its value and the offset behind it."""
+    """Read an integer item; return its value and the offset after it."""
     initial = buffer[offset]
     if initial < 0x18:
         return initial, offset + 1
@@ -116,14 +116,14 @@ def read_integer(buffer: bytes, offset: int) -> tuple[int, int]:
 
 
 def read_length(buffer: bytes, offset: int, major: int) -> tuple[int, int]:
-    """Read the head of bytes, a text or a count: its number and the offset behind it."""
+    """Read the head of bytes, a text or a count; return its number and the offset after it."""
     if buffer[offset] >> 5 != major:
         raise PayloadError(f"{buffer[offset]:#04x} where major type {major} is expected")
     return read_argument(buffer, offset)
 
 
 def read_content(buffer: bytes, offset: int, major: int) -> tuple[bytes, int]:
-    """Read bytes or a text: the content and the offset behind it."""
+    """Read bytes or a text; return the content and the offset after it."""
     length, start = read_length(buffer, offset, major)
     end = start + length
     if end > len(buffer):
@@ -132,7 +132,7 @@ def read_content(buffer: bytes, offset: int, major: int) -> tuple[bytes, int]:
 
 
 def read_float(buffer: bytes, offset: int) -> tuple[float, int]:
-    """Read a float item: its value and the offset behind it."""
+    """Read a float item; return its value and the offset after it."""
     initial = buffer[offset]
     if initial == _HALF:
         layout = _HALF_ITEM
@@ -150,7 +150,7 @@ def read_float(buffer: bytes, offset: int) -> tuple[float, int]:
 
 
 def skip_item(buffer: bytes, offset: int) -> int:
-    """The offset behind the item at `offset`, of any kind that fields use."""
+    """Return the offset after the item at `offset`, of any kind that fields use."""
     initial = buffer[offset]
     size = _SIMPLE_BYTES.get(initial)
     if size is None:

@@ -1,8 +1,9 @@
 """Packed: the values of a type's fields as bits, one after the other.
 
-The problem: CBOR spends whole bytes. A heading in steps of 0.1° has 3600 values, which is 12 bits
-and not 24; a flag is one bit and not eight. The idea: both ends know from the type how many values
-a field has, so its value is a number of as many bits as that takes, and nothing says where it ends.
+The problem: CBOR spends whole bytes. A heading in steps of 0.1° has 3600 values, which takes 12
+bits and not 24; a flag takes one bit and not eight. The idea: both ends know from the type how many
+values a field has, so its value is a number of exactly as many bits as that takes, and no mark says
+where it ends.
 
 ==========================  ======================================================================
 field                       bits, most significant first
@@ -18,12 +19,12 @@ string                      1: ASCII? length; 7 or 8 bits a character
 bytes                       length, 8 bits each
 another type                its fields, in place
 fixed array                 its elements
-bounded array               number of elements, then they
-optional                    1: is there a value? then it
+bounded array               number of elements, then these
+optional                    1: is there a value? then the value
 ==========================  ======================================================================
 
 Zeros fill the last byte. There is one payload for a value; every other form is refused, and so is
-what is out of bounds: `PayloadError`, and nothing else is ever raised.
+a value out of bounds: only `PayloadError` is ever raised.
 """
 
 from typing import Any
@@ -49,9 +50,9 @@ class PackedCodec(TypedCodec):
         super().__init__(type_spec)
         self._packing = TypePacking(type_spec)
         self.smallest_bits = self._packing.smallest_bits
-        """Size of the smallest payload before it is filled up, bits."""
+        """Size of the smallest payload before padding, bits."""
         self.largest_bits = self._packing.largest_bits
-        """Size of the largest payload before it is filled up, bits; None: no bound."""
+        """Size of the largest payload before padding, bits; None: no bound."""
         self.smallest_bytes = (self.smallest_bits + 7) // 8
         largest = self.largest_bits
         self.largest_bytes = None if largest is None else (largest + 7) // 8
@@ -70,7 +71,7 @@ class PackedCodec(TypedCodec):
         return value
 
     def measure(self, buffer: bytes, offset: int) -> int | None:
-        """Return the offset behind the payload that starts at `offset`; None if none does."""
+        """Return the offset after the payload that starts at `offset`; None if none does."""
         reader = BitReader(buffer, offset)
         try:
             self._packing.skip(reader)

@@ -1,8 +1,8 @@
 """How each kind of field is packed: one class per kind, composed once per type.
 
-A packing writes validated values and trusts them; it reads bits off the channel and trusts nothing:
-a number, count or form that the type does not allow is a `PayloadError`. Every element takes at
-least one bit, so a payload bounds the work that it can cause.
+A packing trusts the validated values that it writes, and trusts no bits that it reads from the
+channel: a number, count or form that the type does not allow is a `PayloadError`. Every element
+takes at least one bit, so a payload bounds the work that it can cause.
 """
 
 from abc import ABC, abstractmethod
@@ -16,24 +16,24 @@ from zacoustic.core.values.types import FieldSpec, Lattice, TypeSpec
 
 
 class Packing(ABC):
-    """The values of a field, or of a part of one, as bits."""
+    """Packs the values of a field, or of a part of one, as bits."""
 
     smallest_bits: int
-    """Size of the smallest value, bits, ≥ 1 but for a type without fields."""
+    """Size of the smallest value, bits, ≥ 1 except for a type without fields."""
     largest_bits: int | None
     """Size of the largest value, bits; None: no bound."""
 
     @abstractmethod
     def write(self, writer: BitSink, value: Any) -> None:  # noqa: ANN401 (one kind per class)
-        """Append a value that was validated and clamped."""
+        """Append a validated and clamped value."""
 
     @abstractmethod
     def read(self, reader: BitSource) -> Any:  # noqa: ANN401
-        """Take a value; `PayloadError` where there is none."""
+        """Read a value; raise `PayloadError` if there is none."""
 
     @abstractmethod
     def skip(self, reader: BitSource) -> None:
-        """Leave a value out, looking at no more than its size; `PayloadError` if it has none."""
+        """Skip a value, reading no more than its size; raise `PayloadError` if there is none."""
 
 
 class TypePacking(Packing):
@@ -51,17 +51,17 @@ class TypePacking(Packing):
             packing.write(writer, value[name])
 
     def read(self, reader: BitSource) -> dict[str, Any]:
-        """Take the fields."""
+        """Read the fields."""
         return {name: packing.read(reader) for name, packing in self._plan}
 
     def skip(self, reader: BitSource) -> None:
-        """Leave the fields out."""
+        """Skip the fields."""
         for _, packing in self._plan:
             packing.skip(reader)
 
 
 class _Index(Packing):
-    """A position in a lattice; where the field escapes, one more announces the number itself."""
+    """A position in a lattice; if the field escapes, one more code announces the number."""
 
     def __init__(self, field: FieldSpec) -> None:
         self._lattice = Lattice(field)
@@ -105,7 +105,7 @@ class _Index(Packing):
 
 
 class _Count(Packing):
-    """A number with a step and no range: the count of steps, its sign and its width before it."""
+    """A number with a step and no range: the count of steps, with its sign and width before it."""
 
     def __init__(self, field: FieldSpec) -> None:
         quantiser = self._quantiser = field.counting
@@ -172,7 +172,7 @@ class _Exact(Packing):
 
 
 class _Length:
-    """How many: in as many bits as the bound needs, or seven at a time where there is no bound."""
+    """A length: in as many bits as the bound needs, or seven bits at a time without a bound."""
 
     def __init__(self, name: str, longest: int | None) -> None:
         self._name = name
@@ -189,7 +189,7 @@ class _Length:
         writer.write(count, 8)
 
     def read(self, reader: BitSource, element_bits: int) -> int:
-        """Take the count; the rest must hold that many elements."""
+        """Read the count; the rest must hold that many elements."""
         count = reader.read(self.bits)
         if self._longest is None:
             count = self._read_sevens(reader, count)
@@ -211,7 +211,7 @@ class _Length:
 
 
 class _Octets(Packing):
-    """Bytes; of a text its UTF-8, seven bits a character where all are ASCII."""
+    """Bytes, or a text in UTF-8 with seven bits a character if all are ASCII."""
 
     def __init__(self, field: FieldSpec) -> None:
         self._name = field.name
@@ -254,7 +254,7 @@ class _Octets(Packing):
 
 
 class _Elements(Packing):
-    """An array; a bounded one has its length before it."""
+    """An array; a bounded one is preceded by its length."""
 
     def __init__(self, field: FieldSpec, element: Packing) -> None:
         self._element = element
@@ -289,7 +289,7 @@ class _Elements(Packing):
 
 
 class _Optional(Packing):
-    """One bit: whether there is a value."""
+    """One bit that says whether there is a value, then the value."""
 
     def __init__(self, present: Packing) -> None:
         self._present = present

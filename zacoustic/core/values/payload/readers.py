@@ -1,9 +1,9 @@
 """Closures that read received CBOR items, one per field, made once per type.
 
-A reader takes a buffer and an offset and returns the value and the offset behind it. It trusts
+A reader takes a buffer and an offset and returns the value and the offset after it. It trusts
 nothing: a kind, form, bound or count that the type does not allow is a `PayloadError`. Beyond the
-end of the buffer it may raise `IndexError` or `struct.error`, which the codec maps. Skippers look
-at the structure only, and are what `measure` uses.
+end of the buffer it may raise `IndexError` or `struct.error`, which the codec converts. Skippers
+check only the structure; `measure` uses them.
 """
 
 import math
@@ -77,7 +77,7 @@ def _field_skipper(type_spec: TypeSpec, field: FieldSpec) -> Skip:
 
 
 def _count(field: FieldSpec, buffer: bytes, offset: int) -> tuple[int, int]:
-    """The number of elements of an array, and the offset of the first."""
+    """Return the number of elements of an array, and the offset of the first."""
     if field.length is not None:
         return field.length, offset
     count, offset = read_length(buffer, offset, UNSIGNED)
@@ -154,7 +154,7 @@ def _step_reader(field: FieldSpec) -> Read:
 
 
 def _far_reader(field: FieldSpec, read_count: Read) -> Read:
-    """Counts go on outside of the range, as far as the integer type does."""
+    """Make a reader that accepts counts outside of the range, as far as the integer type goes."""
     quantiser = field.counting
     low, high = quantiser.low_count, quantiser.high_count
     full = Quantiser(int(field.step or 1), INTEGER_LIMITS[field.type])
@@ -171,7 +171,7 @@ def _far_reader(field: FieldSpec, read_count: Read) -> Read:
 
 
 def _escape_reader(field: FieldSpec, read_count: Read) -> Read:
-    """Outside of the range the float itself."""
+    """Make a reader that accepts the float itself outside of the range."""
     low, high = field.bounds
     anything = msgspec.structs.replace(field, range=None, step=None, outside="reject")
     read_exactly = _scalar_reader(anything)

@@ -10,7 +10,7 @@ Sizes = tuple[int, int | None]
 
 
 def sizes_bytes(type_spec: TypeSpec) -> Sizes:
-    """Sizes of the smallest and of the largest payload of a type, bytes."""
+    """Return the sizes of the smallest and the largest payload of a type, bytes."""
     smallest, largest = 0, 0
     bounded = True
     for field in type_spec.fields:

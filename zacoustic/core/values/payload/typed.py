@@ -1,4 +1,4 @@
-"""`TypedCodec`: what the codecs of typed values have in common."""
+"""`TypedCodec`: the common part of the codecs of typed values."""
 
 from abc import abstractmethod
 from typing import Any
@@ -32,12 +32,12 @@ class TypedCodec(PayloadCodec):
     def __init__(self, type_spec: TypeSpec) -> None:
         self.type_spec = type_spec
         self.outside = OutsideNumbers(type_spec)
-        """What was clamped or escaped of the values encoded so far."""
+        """How many numbers were clamped or escaped in the values encoded so far."""
         self._validate = type_spec.validate
         self._builders: dict[type[msgspec.Struct], BuildStruct] = {}
 
     def normalised(self, value: object) -> dict[str, Any]:
-        """Return a value of the application ready for encoding: checked, clamped, counted.
+        """Return an application's value ready for encoding: checked, clamped, counted.
 
         Raises:
             PayloadInvalidError: It is not of the type.

@@ -1,6 +1,6 @@
 """Closures that write validated values as CBOR items, one per field, made once per type.
 
-They take what `TypeSpec.validate` returned and check nothing again.
+They take what `TypeSpec.validate` returned, and do not check it again.
 """
 
 import struct
@@ -24,7 +24,7 @@ from zacoustic.core.values.types import FieldSpec, TypeSpec
 Write = Callable[[bytearray, Any], None]
 """Appends the items of a value."""
 MakeScalar = Callable[[FieldSpec], Write]
-"""Makes the writer of a field that is no type of its own."""
+"""Makes the writer of a field of a scalar type."""
 
 _SINGLE: Final = struct.Struct(">f")
 
@@ -39,8 +39,8 @@ def compile_writer(
 
     Args:
         type_spec: The type.
-        scalar: Makes the writers of what is no type of its own; None: those of the native wire.
-        empty: What is written for a type without fields.
+        scalar: Makes the writers of scalars; None: those of the native wire.
+        empty: The bytes of a type without fields.
     """
     make_scalar = scalar or _scalar_writer
     plan = [
@@ -101,7 +101,7 @@ def _scalar_writer(field: FieldSpec) -> Write:
 
 
 def enum_writer(field: FieldSpec) -> Write:
-    """Make the writer of the position of a value."""
+    """Make the writer of an enum value's position."""
     items = {name: integer_item(index) for index, name in enumerate(field.values)}
 
     def write(payload: bytearray, name: str) -> None:

@@ -1,1 +1,1 @@
-"""Values and messages as rmw_desert spells them."""
+"""Values and messages as rmw_desert encodes them."""

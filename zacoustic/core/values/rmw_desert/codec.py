@@ -1,9 +1,10 @@
 """`RmwDesertCodec`: values of a type as the fields of a message of rmw_desert, and back.
 
-On the way out a value is checked twice: against its type, as on any stream, and against what the
+A value to be sent is checked twice: against its type, as on any stream, and against what the
 receiver of rmw_desert survives (`flattening.compile_counter`, `messages.check_limits`). Steps do
-not apply, numbers go as they are. On the way in only what its sender can have written is accepted;
-there is no check in a packet, so a form that it never writes is the one sign of damage there is.
+not apply; numbers are sent as they are. Of received fields only those that their sender can have
+written are accepted: a packet has no check, so a form that the sender never writes is the only sign
+of damage.
 """
 
 import struct
@@ -24,12 +25,12 @@ _TRUNCATED: Final = (IndexError, struct.error)
 
 
 class RmwDesertCodec(TypedCodec):
-    """Values of a type as rmw_desert has them.
+    """Values of a type as rmw_desert encodes them.
 
     Args:
         type_spec: The type, resolved.
         head_items: Items of the head of its packets.
-        head_bytes: Size of that head.
+        head_bytes: Size of that head, bytes.
 
     Raises:
         ConfigError: The type is not resolved.
@@ -49,7 +50,7 @@ class RmwDesertCodec(TypedCodec):
 
         Raises:
             PayloadInvalidError: It is not of the type, or would crash the receiver of rmw_desert.
-            PayloadTooLargeError: That would cut it.
+            PayloadTooLargeError: The receiver would cut it.
         """
         normal = self.normalised(value)
         items = self._head_items + self._count(normal, self.type_spec.name)
@@ -60,7 +61,7 @@ class RmwDesertCodec(TypedCodec):
     def write(self, normal: dict[str, Any]) -> bytes:
         """Return the fields of a value that `normalised` returned, as rmw_desert would send them.
 
-        What its receiver does not survive is not looked for.
+        This does not check what the receiver survives.
         """
         payload = bytearray()
         self._write(payload, normal)
@@ -80,7 +81,7 @@ class RmwDesertCodec(TypedCodec):
             raise PayloadError(str(error)) from None
 
     def measure(self, buffer: bytes, offset: int) -> int | None:
-        """Return the offset behind the fields that start at `offset`; None if none do."""
+        """Return the offset after the fields that start at `offset`; None if none do."""
         try:
             return self._read(buffer, offset)[1]
         except (PayloadError, *_TRUNCATED):

@@ -5,9 +5,10 @@ field                                    items
 =======================================  =========================================================
 bool, integers, enum (its position)      one
 float32, float64                         one, by the rule of
-`zacoustic.core.values.rmw_desert.items` string                                   one, UTF-8 another
-type                             those of its fields, in place fixed array (`length`)
-those of its elements, in place; a count before strings
+                                         `zacoustic.core.values.rmw_desert.items`
+string                                   one, UTF-8
+another type                             those of its fields, in place
+fixed array (`length`)                   those of its elements, in place; a count before strings
                                          is read, and not written
 bounded array                            the number of elements, then theirs
 bytes                                    as an array of uint8: their number, then one for each
@@ -15,9 +16,9 @@ no member at all                         one, a zero: ROS gives an empty message
 nothing but octets                       none: it does not send octets
 =======================================  =========================================================
 
-`compile_writer` and `compile_reader` are closures made once per type. The writer checks nothing;
-what must not be sent is found by `compile_counter`, which also counts the items: their receiver has
-room for 64 in a packet, and 127 bytes in a text.
+`compile_writer` and `compile_reader` make closures, once per type. The writer checks nothing;
+`compile_counter` finds what must not be sent, and counts the items: the receiver has room for 64
+items in a packet, and for 127 bytes in a text.
 """
 
 from collections.abc import Callable
@@ -46,12 +47,12 @@ TEXT_LIMIT_BYTES: Final = 127
 """Longest text that the receiver of rmw_desert survives, bytes."""
 
 Read = Callable[[bytes, int], tuple[Any, int]]
-"""Reads a value at an offset: it and the offset behind it."""
+"""Reads a value at an offset; returns it and the offset after it."""
 Count = Callable[[Any, str], int]
 """Counts the items of a value at a path; refuses what must not be sent."""
 
 EMPTY: Final = b"\x00"
-"""What is sent for a message without fields."""
+"""The item of a message without fields."""
 
 
 # Writing
@@ -95,7 +96,7 @@ _WRITERS: Final[dict[str, Write]] = {
 
 
 def compile_reader(type_spec: TypeSpec) -> Read:
-    """Make the reader of the values of a type; what it returns is still to be validated."""
+    """Make the reader of the values of a type; the caller still validates them."""
     if not type_spec.fields:
         return _read_nothing if type_spec.is_hidden else _read_empty
     plan = [(field.name, _field_reader(type_spec, field)) for field in type_spec.fields]
@@ -163,7 +164,7 @@ def _scalar_reader(field: FieldSpec) -> Read:
 
 
 def _float_reader(field: FieldSpec) -> Read:
-    """Make a reader that takes an end of the range for itself, rounded as it comes."""
+    """Make a reader that returns the end of a range for that end rounded to a float32."""
     if field.range is None:
         return read_float
     ends = {float_item(end): float(end) for end in field.range}
@@ -222,10 +223,10 @@ _READERS: Final[dict[str, Read]] = {
 
 
 def compile_counter(type_spec: TypeSpec) -> Count:
-    """Make what counts the items of a value.
+    """Make the function that counts the items of a value.
 
-    It raises `PayloadInvalidError` for what would crash their receiver, or arrive as something
-    else: a text above `TEXT_LIMIT_BYTES` or with a NUL, and a sequence of booleans.
+    It raises `PayloadInvalidError` for what would crash the receiver or arrive as something else: a
+    text above `TEXT_LIMIT_BYTES` or with a NUL, and a sequence of booleans.
     """
     if not type_spec.fields:
         return lambda value, path: 0 if type_spec.is_hidden else 1

@@ -1,8 +1,8 @@
-"""Floats as rmw_desert writes them: single precision, and half where it takes that to be the same.
+"""Floats as rmw_desert writes them: single precision, or half where it considers that equal.
 
 Integers, booleans and texts are those of `zacoustic.core.values.payload.items`: both write the
-shortest form. A float64 becomes a float32 first, whatever that costs. With e the exponent and m the
-mantissa of the float32, as they stand in its bits:
+shortest form. A float64 becomes a float32 first, whatever precision that loses. With the exponent e
+and the mantissa m of the float32, as in its bits:
 
 =============================  ====================================================================
 e = 0, m a multiple of 8192    half, a zero with the sign: so these subnormals are lost
@@ -12,8 +12,8 @@ e = 255                        half, infinity or NaN with the upper bits of m
 else                           single; a double is never sent
 =============================  ====================================================================
 
-So nothing says in which form a float must be but this rule, and a float in another form was not
-written by that sender: something has damaged it, and it is refused.
+Only this rule defines the form of a float. That sender does not write a float in another form, so
+such a float is damaged, and it is refused.
 
 Source:
     Measured on the wire of rmw_desert 4.0.2, over all float32.
@@ -65,7 +65,7 @@ def single_item(single: bytes) -> bytes:
 
 
 def read_float(buffer: bytes, offset: int) -> tuple[float, int]:
-    """Read a float item: its value and the offset behind it.
+    """Read a float item; return its value and the offset after it.
 
     Raises:
         PayloadError: There is none, or rmw_desert does not send this one.
@@ -90,7 +90,7 @@ def read_float(buffer: bytes, offset: int) -> tuple[float, int]:
 
 
 def _is_half(exponent: int, single: bytes) -> bool:
-    """Tell whether rmw_desert sends a half for a float32."""
+    """Return whether rmw_desert sends a half for a float32."""
     if 113 <= exponent <= 142 or not exponent:
         return not single[3] and not single[2] & 0x1F  # a mantissa that is a multiple of 8192
     return exponent == _SPECIAL or 103 <= exponent <= _BIAS

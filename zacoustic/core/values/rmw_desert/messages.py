@@ -1,4 +1,4 @@
-"""What is in a packet of rmw_desert: kind, stream id, for calls a sequence id, and fields.
+"""The content of a packet of rmw_desert: kind, stream id, a sequence id for calls, and fields.
 
 ::
 
@@ -6,11 +6,11 @@
     request     2 | id | sequence | fields
     response    3 | id | sequence | fields
 
-All are CBOR items in their shortest form. There are no addresses: a sample says not who published
-it, a request not who calls, and a response is for whoever waits for that sequence id.
+All are CBOR items in their shortest form. There are no addresses: a sample does not name its
+publisher, nor a request its client, and a response is for the client that awaits its sequence id.
 
-The limits are those of its receiver: in a longer payload it may take a byte for the end of the
-packet, of more than 64 items it drops the last, and calls have to fit with their sequence id.
+The limits are those of the receiver: in a longer payload it may take a byte for the end of the
+packet, of more than 64 items it drops the last ones, and calls must fit with their sequence id.
 """
 
 import enum
@@ -25,7 +25,7 @@ from zacoustic.core.values.rmw_desert.packets import PAYLOAD_LIMIT_BYTES
 from zacoustic.errors import PayloadTooLargeError
 
 ITEMS_LIMIT: Final = 64
-"""Items that the receiver of rmw_desert keeps of a packet, kind and id among them."""
+"""How many items the receiver of rmw_desert keeps of a packet, kind and id included."""
 LAST_STREAM_ID: Final = 255
 """Stream ids are 1…255; 0 is a topic that is not sent."""
 
@@ -33,7 +33,7 @@ _TRUNCATED: Final = (IndexError, struct.error)
 
 
 class Kind(enum.IntEnum):
-    """What a message is."""
+    """The kind of a message."""
 
     SAMPLE = 0
     REQUEST = 2
@@ -54,13 +54,13 @@ class Message(msgspec.Struct, frozen=True):
 
 
 def encode_head(stream_id: int, sequence: int | None = None) -> bytes:
-    """Return what stands between the kind and the fields."""
+    """Return the items between the kind and the fields."""
     sequence_item = b"" if sequence is None else head(UNSIGNED, sequence)
     return head(UNSIGNED, stream_id) + sequence_item
 
 
 def decode_message(payload: bytes) -> Message:
-    """Take a payload apart.
+    """Decode a payload.
 
     Raises:
         PayloadError: It is no message.
@@ -81,15 +81,15 @@ def decode_message(payload: bytes) -> Message:
 
 
 def check_limits(name: str, items: int, size_bytes: int) -> None:
-    """Refuse a message that their receiver would cut.
+    """Refuse a message that the receiver would cut.
 
     Args:
-        name: Of its type, for the error.
-        items: How many it has, head and fields.
-        size_bytes: Size of all of them.
+        name: Name of its type, for the error.
+        items: Number of its items, head and fields.
+        size_bytes: Size of all of them, bytes.
 
     Raises:
-        PayloadTooLargeError: Says which limit it passes.
+        PayloadTooLargeError: States which limit it exceeds.
     """
     if items > ITEMS_LIMIT:
         raise PayloadTooLargeError(

@@ -4,21 +4,21 @@ They are::
 
     99 99 | LEN | payload, LEN bytes | 55
 
-LEN is the length of the payload modulo 256, and its sender makes payloads of up to 512 bytes. There
-is no check and no escaping: any byte may stand in a payload, markers too. So:
+LEN is the length of the payload modulo 256, and rmw_desert sends payloads of up to 512 bytes. There
+is no check and no escaping: any byte may be in a payload, markers too. So:
 
-- *Out* go payloads of 1…255 bytes only; longer ones its receiver may cut short.
-- *In* comes all that its sender makes. Behind a LEN without its end marker the payload may be one
-  of LEN + 256 bytes, or damaged. It counts as the longer one when the end marker is there, and no
+- This node *sends* only payloads of 1…255 bytes; the receiver may cut longer ones short.
+- It *receives* all that rmw_desert sends. If the end marker is not at LEN, the payload may have
+  LEN + 256 bytes, or may be damaged. It counts as the longer one if the end marker is there, and no
   whole short packet lies inside; that one would be swallowed.
-- What is no packet costs one byte: the search goes on behind its first marker byte. So a damaged
-  packet takes no intact one with it, but for this: its LEN may, by chance, point at a 55 in or at
-  the end of a later packet. Without a check nobody can tell that from a payload with markers in it;
-  the check of the core finds the false packet, and what it has swallowed is lost.
+- Bytes that are no packet cost one byte: the search continues after their first marker byte. So a
+  damaged packet destroys no intact one, with one exception: its LEN may, by chance, point at a 55
+  in or at the end of a later packet. Without a check that cannot be told from a payload with
+  markers in it; the check of the core finds the false packet, and what it has swallowed is lost.
 - Whether the head is a packet may be known only when 516 bytes have come. `flush` decides without
   them, when nothing has come for a while.
 
-The result depends on the bytes and on `flush` only, not on how they were cut into pieces.
+The result depends only on the bytes and on `flush`, not on how the bytes were cut into pieces.
 
 Source:
     Measured on the wire of rmw_desert 4.0.2.
@@ -27,11 +27,11 @@ Source:
 from typing import Final
 
 PAYLOAD_LIMIT_BYTES: Final = 255
-"""Longest payload of LEN, bytes."""
+"""Longest payload that LEN can state, bytes."""
 RECEIVED_LIMIT_BYTES: Final = 512
 """Longest payload that rmw_desert sends, bytes."""
 OVERHEAD_BYTES: Final = 4
-"""Start markers, LEN and end marker."""
+"""Bytes of the start markers, LEN and the end marker."""
 
 _START: Final = b"\x99\x99"
 _END: Final = 0x55
@@ -50,11 +50,11 @@ def encode_packet(payload: bytes) -> bytes:
 
 
 class PacketDecoder:
-    """Finds packets in a byte stream; keeps less than one packet of the longest kind."""
+    """Finds packets in a byte stream; buffers less than one packet of the longest kind."""
 
     def __init__(self) -> None:
         self.discarded_bytes = 0
-        """What belonged to no packet."""
+        """Bytes that belonged to no packet."""
         self._buffer = bytearray()
 
     @property
@@ -63,7 +63,7 @@ class PacketDecoder:
         return bool(self._buffer)
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes; return the payloads that they complete."""
+        """Add bytes; return the payloads that they complete."""
         self._buffer += data
         return self._take(is_over=False)
 
@@ -87,7 +87,7 @@ class PacketDecoder:
                 self.discarded_bytes += 1
                 position += 1
         else:
-            # The first half of a start may be there already.
+            # The first half of a start marker may be there already.
             keep = not is_over and self._buffer.endswith(_START[:1], position)
             rest = len(self._buffer) - position - keep
             self.discarded_bytes += rest
@@ -96,7 +96,7 @@ class PacketDecoder:
         return payloads
 
     def _end_of_packet(self, start: int) -> int | None:
-        """Index behind the packet that starts here; 0: there is none; None: not known yet."""
+        """Return the index after the packet that starts here; 0: none; None: not known yet."""
         if len(self._buffer) < start + _HEAD_BYTES:
             return None
         length = self._buffer[start + 2]
@@ -110,7 +110,7 @@ class PacketDecoder:
         return 0
 
     def _hides(self, start: int, end: int) -> bool:
-        """Whether a whole short packet lies between, which a long one would swallow."""
+        """Return whether a whole short packet lies inside, which a long one would swallow."""
         inner = start + 1
         while (inner := self._buffer.find(_START, inner, end)) >= 0:
             length = self._buffer[inner + 2] if inner + 2 < end else 0

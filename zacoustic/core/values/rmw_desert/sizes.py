@@ -1,4 +1,4 @@
-"""How small and how large a message of a type can be in a packet of rmw_desert: bytes, items."""
+"""The smallest and largest size of a type's message in a packet of rmw_desert: bytes, items."""
 
 from zacoustic.core.values.payload.items import head_bytes, integer_bytes
 from zacoustic.core.values.rmw_desert.flattening import EMPTY
@@ -11,7 +11,7 @@ _OCTET_BYTES = 2
 
 
 def sizes_bytes(type_spec: TypeSpec) -> Sizes:
-    """Sizes of the smallest and of the largest message of a type, bytes, without its head."""
+    """Return the sizes of the smallest and largest message of a type, bytes, without its head."""
     if not type_spec.fields:
         size_bytes = 0 if type_spec.is_hidden else len(EMPTY)
         return size_bytes, size_bytes
@@ -51,7 +51,7 @@ def _scalar_bytes(field: FieldSpec) -> Sizes:
 
 
 def item_counts(type_spec: TypeSpec) -> Sizes:
-    """Least and most items of a message of a type, without its head; None: no bound."""
+    """Return the least and most items of a type's message, without its head; None: no bound."""
     if not type_spec.fields:
         count = 0 if type_spec.is_hidden else 1
         return count, count

@@ -1,32 +1,32 @@
 """Types of the values on typed streams: fields with kinds, bounds and steps.
 
-The problem: on the channel a field name is eight bytes and a useless digit is half a second of
-airtime. So a type is written down once, on both sides, and what crosses is nothing but the fields'
-values in the order of the type. That only works when both ends hold the *same* description;
-`TypeSpec.canonical` is the text of it that goes into the digest which the ends compare.
+The problem: on the channel a field name is eight bytes, and a useless digit is half a second of
+airtime. So a type is defined once at each end, and only the values of the fields cross, in the
+order of the type. This only works when both ends have the *same* definition; `TypeSpec.canonical`
+is its text, which goes into the digest that the ends compare.
 
-The idea: a `FieldSpec` says what a value is and, unlike an interface definition language, what it
-may be: a range that is checked on both sides, and a step below which nobody cares. The step is what
-makes a value small: a latitude to 1e-6 degrees is an integer of at most 27 bits, an integer of 0.1
-m steps up to 1000 m fits two bytes.
+The idea: a `FieldSpec` says what a value is and, unlike an interface definition language, which
+values are allowed: a range that both ends check, and a step below which differences do not matter.
+The step makes a value small: a latitude to 1e-6 degrees is an integer of at most 28 bits, and a
+number in 0.1 m steps up to 1000 m fits two bytes.
 
-Nouns, one module each:
+One module each:
 
 - `fields`: `FieldSpec` and the scalar kinds;
 - `quantiser`: `Quantiser`, numbers with a step as integers and back; `lattice`: `Lattice`, every
   bounded scalar as the integers from 0;
-- `outside`: `OutsideNumbers`, what becomes of numbers outside of their range;
-- `scalars`, `validation`: checks of the values that an application hands over, compiled once;
+- `outside`: `OutsideNumbers`, the treatment of numbers outside of their range;
+- `scalars`, `validation`: checks of an application's values, compiled once;
 - `spec`: `TypeSpec`; `table`: `TypeTable`, nested types by name;
-- `annotations`: `Bounds`; `structs`: types out of annotated Python classes, and values into them;
-  `generated`: classes out of types;
-- `agreement`: whether a configured type and a Python class are one.
+- `annotations`: `Bounds`; `structs`: types from annotated Python classes, and values into them;
+  `generated`: classes from types;
+- `agreement`: whether a configured type and a Python class are the same type.
 
 Invariants. A `FieldSpec` or `TypeSpec` that exists is consistent: a contradiction is a
-`ConfigError` at construction, whose message starts with the key (``range: [90, -90]; allowed: low <
-high``), so that the reader of the file can put the path before it. Nesting is at
-most `MAX_DEPTH` deep and a nested type has at least one field: every leaf costs at least a byte on
-the wire, hence a payload bounds the work of its decoder.
+`ConfigError` at construction. Its message starts with the key (``range: [90, -90]; allowed: low <
+high``), so that the reader of the file can prepend the path. Nesting is at most `MAX_DEPTH` deep,
+and a nested type has at least one field: every leaf costs at least a byte on the wire, so a payload
+bounds the work of its decoder.
 """
 
 from zacoustic.core.values.types.agreement import check_agreement

@@ -1,4 +1,4 @@
-"""Whether a type written in the configuration and a Python class are one type."""
+"""Whether a type in the config and a Python class are the same type."""
 
 from typing import Final
 
@@ -9,24 +9,24 @@ from zacoustic.errors import ConfigError
 _COMPARED: Final = (
     "range", "step", "wraps", "values", "length", "max_length", "optional", "outside"
 )  # fmt: skip
-# What these are in a class that says nothing about them.
+# What these are in a class that does not state them.
 _UNSAID: Final = {"wraps": False, "outside": "reject"}
 
 
 def check_agreement(configured: TypeSpec, python: TypeSpec, *, path: str) -> None:
-    """Check that a type written in the configuration and as a Python class is one type.
+    """Check that a type in the config and the type of a Python class are the same.
 
     Names and their order must be equal; kinds must fit (``float`` in Python is either float type);
     a range, step, length or list of values that the class states must be the configured one. The
-    configuration may say more: it is what counts.
+    config may state more; it is what counts.
 
     Args:
-        configured: The type of the configuration, resolved.
+        configured: The type in the config, resolved.
         python: `type_from_struct` of its class.
-        path: Where the type stands, put before the key in errors.
+        path: The path of the type, prepended to the key in errors.
 
     Raises:
-        ConfigError: Names the first field that differs, and both values.
+        ConfigError: States the first field that differs, and both values.
     """
     for index, (field, stated) in enumerate(zip(configured.fields, python.fields, strict=False)):
         key = f"{path}.fields[{index}]"

@@ -1,4 +1,4 @@
-"""Annotations of Python classes, taken apart, and `Bounds`, which is said in them."""
+"""Annotations of Python classes, split into parts, and `Bounds`, which they contain."""
 
 import types
 import typing
@@ -11,28 +11,28 @@ from zacoustic.errors import ConfigError
 
 
 class Bounds(msgspec.Struct, frozen=True):
-    """Properties of a field that a Python annotation lacks; the keys are those of `FieldSpec`."""
+    """Properties of a field that a Python annotation lacks; the names are those of `FieldSpec`."""
 
     low: Number | None = None
-    """Least value, allowed itself, in `unit`; together with `high`."""
+    """Least allowed value, in `unit`; together with `high`."""
     high: Number | None = None
-    """Greatest value, allowed itself, in `unit`."""
+    """Greatest allowed value, in `unit`."""
     step: Number | None = None
-    """Values travel to the nearest multiple of this, in `unit`; 1 / 60000 is meant exactly."""
+    """Values cross as the nearest multiple of this, in `unit`; 1 / 60000 is taken exactly."""
     unit: str = ""
     """Unit, for people."""
     wraps: bool = False
-    """`low` and `high` are the same value."""
+    """Whether `low` and `high` are the same value."""
     max_length: int | None = None
-    """Most elements of a list; of a text or bytes, most bytes."""
+    """The most elements of a list; for a text or bytes, the most bytes."""
     outside: str = ""
-    """Treatment of a number outside: ``clamp`` or ``escape``; default: refused."""
+    """Treatment of a number outside of the range: ``clamp`` or ``escape``; default: refused."""
     type: str | None = None
-    """A narrower number: ``uint8``, ``float32`` and the like."""
+    """A narrower type: ``uint8``, ``float32`` and the like."""
 
 
 class Parts:
-    """An annotation taken apart: the element, its bounds, and the containers around it."""
+    """The parts of an annotation: the element, its bounds, and the containers around it."""
 
     def __init__(self, annotation: object) -> None:
         self.optional = False
@@ -66,12 +66,12 @@ class Parts:
 
     @property
     def in_array(self) -> bool:
-        """Whether an array is around what is still to be peeled: arrays of arrays have no field."""
+        """Whether the rest of the annotation is inside an array: no field is an array of arrays."""
         return self.is_list or self.length is not None
 
 
 def _said(metadata: object) -> dict[str, Any]:
-    """The values of `Bounds` or `msgspec.Meta`, under the names of `Bounds`."""
+    """Return the values of `Bounds` or `msgspec.Meta`, under the names of `Bounds`."""
     if isinstance(metadata, Bounds):
         pairs = {name: getattr(metadata, name) for name in metadata.__struct_fields__}
     elif isinstance(metadata, msgspec.Meta):
@@ -93,10 +93,10 @@ def _is_unsaid(value: object) -> bool:
 
 
 def annotations(cls: type[msgspec.Struct]) -> dict[str, Any]:
-    """The annotations of a class by field, in order, names resolved.
+    """Return the annotations of a class by field, in order, with names resolved.
 
     Raises:
-        ConfigError: An annotation names what its module does not have.
+        ConfigError: An annotation uses a name that its module lacks.
     """
     try:
         hints = typing.get_type_hints(cls, include_extras=True)
@@ -106,12 +106,12 @@ def annotations(cls: type[msgspec.Struct]) -> dict[str, Any]:
 
 
 def is_struct(element: object) -> TypeGuard[type[msgspec.Struct]]:
-    """Whether an annotation is a `msgspec.Struct` class."""
+    """Return whether an annotation is a `msgspec.Struct` class."""
     return isinstance(element, type) and issubclass(element, msgspec.Struct)
 
 
 def bare(annotation: object) -> object:
-    """The annotation without `Annotated` and `| None`."""
+    """Return the annotation without `Annotated` and `| None`."""
     while True:
         origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
         if origin is Annotated:

@@ -1,4 +1,4 @@
-"""`FieldSpec`: what one field of a type is, and what it may be.
+"""`FieldSpec`: what one field of a type is, and which values it allows.
 
 The record is checked and normalised when it is made: ranges and steps become `float` in float
 fields and `int` in integer fields, so that ``[-90, 90]`` and ``[-90.0, 90.0]`` are the same field
@@ -41,7 +41,7 @@ MAX_LENGTH: Final = 65535
 """Greatest `length` and `max_length`."""
 
 OUTSIDE_WORDS: Final = ("reject", "clamp", "escape")
-"""What can become of a number outside of the limits."""
+"""The treatments of a number outside of the range."""
 
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
@@ -61,26 +61,27 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     type: str
     """One of `SCALAR_TYPES`, or the name of another type."""
     range: tuple[Number, Number] | None = None
-    """Least and greatest value, both included, in `unit`; numeric types only."""
+    """Least and greatest value, both allowed, in `unit`; numeric types only."""
     step: Number | None = None
     """Values cross as the nearest multiple of this, in `unit`; numeric types only."""
     unit: str = ""
     """Unit for people: in messages, never on the wire."""
     wraps: bool = False
-    """The ends of `range` are the same value, as for a heading: values outside are folded in."""
+    """Whether the ends of `range` are the same value, as for a heading: values outside are folded
+    in."""
     values: tuple[str, ...] = ()
-    """The names of an enum; the position crosses, so append, never reorder."""
+    """The names of an enum; their position crosses, so append and never reorder."""
     length: int | None = None
-    """Number of elements of a fixed array; default: not a fixed array."""
+    """Number of elements of a fixed array; None: not a fixed array."""
     max_length: int | None = None
-    """Largest number of elements of a bounded array; of a string or bytes, of bytes."""
+    """The most elements of a bounded array; for a string or bytes, the most bytes."""
     optional: bool = False
-    """The value may be missing or null."""
+    """Whether the value may be missing or null."""
     default: Default | None = None
-    """Value of a missing field; scalars only. Not part of the wire: the value crosses."""
+    """Value of a missing field; scalars only. Not part of the type's digest: the value crosses."""
     outside: str = "reject"
-    """Treatment of a number outside of `range`, one of `OUTSIDE_WORDS`: it is refused, moved to
-    the nearer end, or carried in the full width of its type; the last two are counted."""
+    """Treatment of a number outside of `range`, one of `OUTSIDE_WORDS`: it is refused, moved to the
+    nearer end, or carried in the full width of its type; the last two are counted."""
 
     def __post_init__(self) -> None:
         """Check and normalise.
@@ -130,7 +131,7 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def is_bounded_array(self) -> bool:
-        """Whether the value is a list whose length travels."""
+        """Whether the value is a list whose length crosses."""
         return (
             self.max_length is not None
             and self.length is None
@@ -148,7 +149,7 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def bounds(self) -> tuple[Number, Number]:
-        """`limits` of a field that has them.
+        """The `limits` of a field that has them.
 
         Raises:
             TypeError: It holds any float, or is not a number.
@@ -160,10 +161,10 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def capacity(self) -> int:
-        """Most elements of an array.
+        """The most elements of an array.
 
         Raises:
-            TypeError: It is none.
+            TypeError: It is no array.
         """
         capacity = self.max_length if self.length is None else self.length
         if capacity is None:
@@ -172,12 +173,12 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def escapes(self) -> bool:
-        """Whether numbers outside of `range` are carried too."""
+        """Whether numbers outside of `range` are carried as well."""
         return self.outside == "escape"
 
     @property
     def quantiser(self) -> Quantiser | None:
-        """How numbers become counts of the step; None without a step."""
+        """Converts numbers to counts of the step; None without a step."""
         limits = self.limits
         if self.step is None or limits is None:
             return None
@@ -185,10 +186,10 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def counting(self) -> Quantiser:
-        """`quantiser` of a field with a step.
+        """The `quantiser` of a field with a step.
 
         Raises:
-            TypeError: It has none.
+            TypeError: It has no step.
         """
         quantiser = self.quantiser
         if quantiser is None:
@@ -197,7 +198,7 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def allowed(self) -> str:
-        """What an element may be, in words, with the unit."""
+        """The allowed values of an element, in words, with the unit."""
         unit = f" {self.unit}" if self.unit else ""
         if self.is_numeric and (self.range is not None or self.is_integer):
             low, high = self.limits or (0, 0)
@@ -211,7 +212,7 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return "true, false" if self.type == "bool" else self.type
 
     def _check_nested(self) -> None:
-        """Refuse what only built-in types have: most likely the name of one is misspelt."""
+        """Refuse keys that only built-in types have: the type's name is probably misspelt."""
         for key in ("range", "step", "wraps", "values"):
             if getattr(self, key):
                 close = get_close_matches(self.type, SCALAR_TYPES, 1)
@@ -267,8 +268,7 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
                     f"range: {_written(self.range)} does not fit {self.type}; "
                     f"allowed: {least}..{greatest}"
                 )
-            # Converted, not rounded: a frozen record is only ever changed here, while it is being
-            # made.
+            # Converted, not rounded: a frozen record is only ever changed here, while it is made.
             msgspec.structs.force_setattr(self, "range", (low, high))
         elif self.wraps:
             raise ConfigError("wraps: true without range; allowed: with a range [low, high]")
@@ -295,7 +295,7 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             )
 
     def _number(self, key: str, value: Number) -> Number:
-        """`value` as a number of the field's own kind."""
+        """Return `value` as a number of the field's own kind."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ConfigError(f"{key}: {value!r}; allowed: a number")
         if self.is_integer:
@@ -312,10 +312,10 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 def _plain(number: Number) -> str:
-    """The number without a needless ".0"."""
+    """Return the number without a needless ".0"."""
     return f"{number:.16g}" if isinstance(number, float) else str(number)
 
 
 def _written(bounds: tuple[Number, Number]) -> str:
-    """The bounds as they stand in a config."""
+    """Return the bounds as the config has them."""
     return f"[{bounds[0]}, {bounds[1]}]"

@@ -1,4 +1,4 @@
-"""A Python class out of a type: the other way round than `type_from_struct`."""
+"""A Python class from a type: the reverse of `type_from_struct`."""
 
 import types
 from functools import cache
@@ -15,8 +15,8 @@ from zacoustic.core.values.types.spec import TypeSpec
 def struct_from_type(spec: TypeSpec) -> type[msgspec.Struct]:
     """Make a `msgspec.Struct` class whose `type_from_struct` is the type; the same one each time.
 
-    Every field has a default: zero, or the number of its range that is nearest to it, the first
-    value of an enum, an empty text or list, and for nested types such an instance.
+    Every field has a default: zero, or the number of its range nearest to zero, the first value of
+    an enum, an empty text or list, and for nested types such an instance.
 
     Args:
         spec: The type, resolved.

@@ -1,9 +1,9 @@
 """`Lattice`: the values of a scalar field as the integers 0…size-1, and back.
 
-Codecs that count bits or probabilities want one thing of a field: which of how many values it has.
+Codecs that count bits or probabilities need one thing of a field: which of how many values it has.
 A number with a step is its count above the least one, an integer its distance from the least one,
-an enum its position, a bool 0 or 1. What has no step and no bounds (exact floats, texts, bytes) has
-no lattice.
+an enum its position, a bool 0 or 1. Fields without step and bounds (exact floats, texts, bytes)
+have no lattice.
 """
 
 from collections.abc import Callable
@@ -19,14 +19,14 @@ class Lattice:
         field: A scalar field that `has_lattice`; arrays are made of such scalars.
 
     Attributes:
-        size: How many values there are, ≥ 1. Where the field escapes, values outside of the range
-            are not among them.
+        size: Number of values, ≥ 1. If the field escapes, values outside of the range are not
+            counted.
         wraps: Whether the last value is a neighbour of the first.
-        is_ordered: Whether neighbouring integers are neighbouring values: not so for enum and bool.
-        index: Gives the integer of a validated value within bounds, 0…size-1.
-        value: Gives the value of an integer of 0…size-1.
-        take: Gives the integer of a value that is validated and within bounds as it is; None: it
-            is not, or that would take longer to see.
+        is_ordered: Whether neighbouring integers are neighbouring values: not for enum and bool.
+        index: Returns the integer of a validated value within bounds, 0…size-1.
+        value: Returns the value of an integer of 0…size-1.
+        take: Returns the integer of a value that is valid and within bounds without conversion;
+            None: it is not, or checking that would take longer.
     """
 
     index: Callable[[Any], int]
@@ -45,7 +45,7 @@ class Lattice:
             self.take = quantiser.taker()
         elif field.is_integer:
             least, greatest = (int(limit) for limit in field.limits or INTEGER_LIMITS[field.type])
-            # Where it wraps the top is the bottom, and `validate` has folded it already.
+            # If it wraps, the top is the bottom, and `validate` has folded it already.
             self.size = greatest - least + (0 if field.wraps else 1)
             self.index = lambda value: (value - least) % self.size
             self.value = lambda index: index + least
@@ -67,7 +67,7 @@ class Lattice:
 
     @staticmethod
     def has_lattice(field: FieldSpec) -> bool:
-        """Tell whether the scalars of a field have bounded integers."""
+        """Return whether the scalars of a field have bounded integers."""
         if field.is_numeric:
             return field.is_integer or field.step is not None
         return field.type in ("bool", "enum")

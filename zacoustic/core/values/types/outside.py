@@ -1,8 +1,8 @@
 """Numbers outside of their range: moved to its nearer end, or carried in full, and counted.
 
 A pressure sensor that reads -0.2 dbar at the surface must not cost the operator the whole sample.
-Which field forgives what is said by `FieldSpec.outside`; who looks for a sensor that is wrongly
-bounded finds the counts here, under the paths of the fields (``legs[].speed``).
+`FieldSpec.outside` says which field tolerates that. Anyone who looks for a sensor with wrong bounds
+finds the counts here, under the paths of the fields (``legs[].speed``).
 """
 
 from collections import Counter
@@ -13,11 +13,11 @@ from zacoustic.core.values.types.fields import FieldSpec
 from zacoustic.core.values.types.spec import TypeSpec
 
 Bound = Callable[[Any], Any]
-"""Takes a validated value, returns it within bounds; dicts and lists are changed in place."""
+"""Takes a validated value and returns it within bounds; changes dicts and lists in place."""
 
 
 class OutsideNumbers:
-    """What was outside of its range among the values of one stream.
+    """Counts the values of one stream that were outside of their range.
 
     Args:
         type_spec: The type of the values, resolved.
@@ -82,5 +82,5 @@ class OutsideNumbers:
 
 
 def _as_it_is(value: dict[str, Any]) -> dict[str, Any]:
-    """The bound of a type all of whose numbers are within their ranges."""
+    """Return the value: all numbers of the type are within their ranges."""
     return value

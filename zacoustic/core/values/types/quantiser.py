@@ -2,17 +2,16 @@
 
 The count is the integer nearest to value / step: nearest, not the floor, so the error is at most
 half a step and has no bias. Decimal steps are not binary fractions (``454 * 0.1`` is
-45.400000000000006), so both ways go through the step as the exact ratio of two integers that its
-decimal text means: 0.1 is 1/10 and 454 steps are 454/10, which is the float that prints as 45.4.
-The text is the shortest that reads back as the same float, hence the same on both ends. A step
-that is no short decimal, as the 1/60000 of a degree in which NMEA 0183 has positions, is taken for
-the simplest ratio that rounds to the same float.
+45.400000000000006), so both directions use the step as the exact ratio of two integers that its
+decimal text means: 0.1 is 1/10, and 454 steps are 454/10, which is the float that prints as 45.4.
+The text is the shortest that reads back as the same float, so it is the same at both ends. A step
+that is no short decimal, such as the 1/60000 of a degree of positions in NMEA 0183, is taken as the
+simplest ratio that rounds to the same float.
 
 Ends of the range. The count of an end may lie up to half a step outside the range; its value is
-then the end itself. Where the range wraps, the top is the bottom: the count of the top, when it is
-not below the top, is the count of the bottom. Both rules keep two laws: the error is at most half a
-step (measured around the circle where it wraps), and encoding what was decoded gives the same
-count.
+then the end itself. Where the range wraps, the top is the bottom: the count of the top, unless it
+is below the top, is the count of the bottom. Both rules keep two laws: the error is at most half a
+step (measured around the circle where it wraps), and encoding a decoded value gives the same count.
 """
 
 import math
@@ -20,7 +19,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Final
 
-# 2**50: within it neither way loses a count to the 53 bits of a float.
+# 2**50: within it neither direction loses a count to the 53 bits of a float.
 MAX_COUNT: Final = 1 << 50
 """Greatest magnitude of a count in a float field."""
 
@@ -32,7 +31,7 @@ class Quantiser:
     """Numbers of one field as counts of its step.
 
     Args:
-        step: Distance of neighbouring values, > 0; an `int` makes all values integers.
+        step: Distance between neighbouring values, > 0; an `int` makes all values integers.
         limits: Least and greatest value.
         wraps: Whether the two limits are the same value.
     """
@@ -51,9 +50,9 @@ class Quantiser:
         exact = ratio.numerator <= _EXACT and ratio.denominator <= _EXACT
         self._ratio = (ratio.numerator, ratio.denominator) if exact else None
         self.low_count = self._nearest(self._low)
-        """Least count that `count` returns."""
+        """The least count that `count` returns."""
         self.high_count = self._nearest(self._high)
-        """Greatest count that `count` returns."""
+        """The greatest count that `count` returns."""
         self._folds_at: int | None = None
         if wraps and self._multiple(self.high_count) >= self._high:
             self._folds_at = self.high_count
@@ -65,26 +64,26 @@ class Quantiser:
         return self._folds_at is None or self._multiple(self.low_count) <= self._low
 
     def count(self, value: int | float) -> int:
-        """The count nearest to `value`, which must lie within the limits."""
+        """Return the count nearest to `value`, which must lie within the limits."""
         count = self._nearest(value)
         return self.low_count if count == self._folds_at else count
 
     def value(self, count: int) -> int | float:
-        """The value of a count between `low_count` and `high_count`."""
+        """Return the value of a count between `low_count` and `high_count`."""
         value = self._multiple(count)
         if value < self._low:
             return self._low
         return self._high if value > self._high else value
 
     def indexer(self) -> Callable[[int | float], int]:
-        """Make the function that gives how far `count` lies above `low_count`.
+        """Make the function that returns how far `count` lies above `low_count`.
 
-        It is on the path of every number of every sample: one call, where `count` is three.
+        Every number of every sample passes through it: it is one call where `count` takes three.
         """
         count, low = self.count, self.low_count
         if self._integers or self._ratio is None:
             return lambda value: count(value) - low
-        # As floats, which both are exactly: a float times an integer has to make it one each time.
+        # As floats, which both are exactly: a float times an integer would convert it each time.
         numerator, denominator = map(float, self._ratio)
         if self._folds_at is None:
             return lambda value: round(value * denominator / numerator) - low
@@ -92,7 +91,7 @@ class Quantiser:
         return lambda value: (round(value * denominator / numerator) - low) % size
 
     def taker(self) -> Callable[[object], int | None]:
-        """Make the indexer of numbers that may be none, or out of bounds: for those it gives None.
+        """Make an indexer for unchecked values; it returns None for those that are not allowed.
 
         It checks and counts in one call, which is what most numbers of most samples need.
         """
@@ -118,7 +117,7 @@ class Quantiser:
         return take_float
 
     def locator(self) -> Callable[[int], int | float]:
-        """Make the function that gives the `value` of so many counts above `low_count`."""
+        """Make the function that returns the `value` of a number of counts above `low_count`."""
         value, low = self.value, self.low_count
         if self._integers or self._ratio is None:
             return lambda index: value(index + low)

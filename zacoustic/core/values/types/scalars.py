@@ -1,4 +1,4 @@
-"""Checks of single values, one closure per scalar field: what `validation` is composed of."""
+"""Checks of single values, one closure per scalar field; `validation` is composed of them."""
 
 import enum
 import math
@@ -9,7 +9,7 @@ from typing import Any, Final
 from zacoustic.core.values.types.fields import FLOAT32_MAX, INTEGER_LIMITS, FieldSpec
 
 Check = Callable[[object], Any]
-"""Takes a value, returns it normalised or raises `RefusedError`."""
+"""Takes a value and returns it normalised, or raises `RefusedError`."""
 
 _SHOWN_CHARACTERS: Final = 60  # of a refused value: enough to recognise it, and still one line
 
@@ -152,7 +152,7 @@ def _enum_check(field: FieldSpec) -> Check:
 
 
 def enum_name(member: enum.Enum) -> str:
-    """What a member of an `Enum` is called: its value if that is text, else its name."""
+    """Return the name of an `Enum` member: its value if that is text, else its name."""
     return member.value if isinstance(member.value, str) else member.name
 
 
@@ -181,8 +181,8 @@ _SCALAR_CHECKS: Final[dict[str, Callable[[FieldSpec], Check]]] = {
 
 
 def shown(value: object) -> str:
-    """The value as an error shows it: one line, not too long."""
-    # Containers may be huge or contain themselves: their kind says enough.
+    """Return the value as an error shows it: one line, not too long."""
+    # Containers may be huge or contain themselves: show only their kind.
     if isinstance(value, Mapping | list | tuple | set | frozenset | bytearray | memoryview):
         return f"{type(value).__name__} of {len(value)}"
     if isinstance(value, str | bytes):

@@ -1,8 +1,7 @@
 """`TypeSpec`: a named list of fields, with the types nested in it.
 
-A specification that uses other types is written with their names; `TypeTable` gives it the
-specifications themselves in `nested`. Only a *resolved* specification can validate, be described or
-have a codec.
+A specification names the other types that it uses; `TypeTable` gives it their specifications in
+`nested`. Only a *resolved* specification can validate, be described or have a codec.
 """
 
 import json
@@ -21,13 +20,13 @@ from zacoustic.errors import ConfigError, PayloadInvalidError
 # ROS messages nest four or five deep (odometry → pose with covariance → pose → point); sixteen is
 # far from the recursion limit of any interpreter.
 MAX_DEPTH: Final = 16
-"""How deep types may nest, the outermost counted."""
+"""How deep types may nest, the outermost included."""
 
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*([/.][A-Za-z_][A-Za-z0-9_]*)*")
 
 
 class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
-    """A type: what the values of a stream are.
+    """A type: which values a stream carries.
 
     Raises:
         ConfigError: Fields contradict each other; the message starts with the key.
@@ -36,11 +35,11 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     name: str
     """Letters, digits, underscores, in parts joined by ``/`` or ``.``; not the name of a scalar."""
     fields: tuple[FieldSpec, ...] = ()
-    """The fields in their order on the wire; none: a type with one value, of no bytes."""
+    """The fields in their order on the wire; none: a type with one value, of zero bytes."""
     nested: "tuple[TypeSpec, ...]" = ()
-    """The resolved types that `fields` names."""
+    """The resolved types that `fields` name."""
     is_hidden: bool = False
-    """It has members, and a foreign wire has nothing for any of them: no fields, and no bytes."""
+    """Whether it has members, none of which a foreign wire carries: no fields, and no bytes."""
 
     def __post_init__(self) -> None:
         """Check names, nested types and defaults.
@@ -71,12 +70,12 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def depth(self) -> int:
-        """How many types are inside each other, this one counted."""
+        """How many types are inside each other, this one included."""
         return 1 + max((spec.depth for spec in self.nested), default=0)
 
     @cached_property
     def starts_with_optional(self) -> bool:
-        """Whether the first item of a value can be the one that stands for None."""
+        """Whether the first item of a value may be the one that stands for None."""
         if not self.fields:
             return False
         first = self.fields[0]
@@ -87,7 +86,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         )
 
     def nested_type(self, name: str) -> "TypeSpec":
-        """The type of that name that a field uses.
+        """Return the type with that name that a field uses.
 
         Raises:
             ConfigError: It is not resolved.
@@ -107,7 +106,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
         Takes a Mapping or a `msgspec.Struct` with the fields as keys; returns a dict with every
         field in order: floats for integers in float fields, names for enum members, lists for
-        arrays, dicts for nested types. Raises `PayloadInvalidError` in one line that names type,
+        arrays, dicts for nested types. Raises `PayloadInvalidError` in one line that states type,
         field path, value and allowed values.
         """
         nested = {spec.name: spec.check_fields for spec in self._used_types()}
@@ -115,17 +114,18 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def check_fields(self) -> Check:
-        """What `validate` of an enclosing type calls; raises refusals without a path."""
+        """Called by `validate` of an enclosing type; raises refusals without a path."""
         nested = {spec.name: spec.check_fields for spec in self._used_types()}
         return compile_fields(self.fields, nested)
 
     def canonical(self) -> bytes:
         """Describe everything that changes decoding, in bytes that are equal for equal types.
 
-        JSON of a list of types, innermost first, each a list of fields; a nested type is the
-        position of its description in the list. Field names and their order, types, ranges, steps,
-        wrapping, enum values, lengths and optionality are in it; units, defaults and the names of
-        types are not: they change no value. Of `outside` only "escape" changes what is read.
+        This is the JSON of a list of types, innermost first, each a list of fields; a nested type
+        is the position of its description in the list. It includes field names and their order,
+        types, ranges, steps, wrapping, enum values, lengths and optionality; it excludes units,
+        defaults and the names of types, which change no value. Of `outside` only "escape" changes
+        decoding.
         """
         descriptions: list[str] = []
         self._describe(descriptions)
@@ -156,7 +156,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         return descriptions.index(description)
 
     def _used_types(self) -> "list[TypeSpec]":
-        """The nested types in the order of their first use."""
+        """Return the nested types in the order of their first use."""
         names = dict.fromkeys(field.type for field in self.fields if field.is_nested)
         return [self.nested_type(name) for name in names]
 

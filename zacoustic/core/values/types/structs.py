@@ -1,7 +1,7 @@
-"""Types out of annotated Python classes, and values back into them.
+"""Types from annotated Python classes, and values back into them.
 
-A `msgspec.Struct` says the kinds of its fields; what it cannot say, the bounds, stands beside them
-in `Annotated`::
+A `msgspec.Struct` states the kinds of its fields; `Annotated` adds what it cannot state, the
+bounds::
 
     class Nav(msgspec.Struct):
         lat: Annotated[float, Bounds(-90, 90, step=1e-6, unit="deg")]
@@ -10,13 +10,13 @@ in `Annotated`::
         note: Annotated[str, Bounds(max_length=20)] | None = None
 
 `int` is int64, `float` is float64 unless `Bounds.type` says less. A tuple of equal elements is a
+`int` is int64, `float` is float64 unless `Bounds.type` is narrower. A tuple of equal elements is a
 fixed array, a list needs a greatest length, an `Enum` or a `Literal` of texts is an enum, `X |
 None` is optional, another Struct is nested. Of `msgspec.Meta` the bounds ``ge``, ``le``, ``gt`` and
-``lt`` (integers), ``multiple_of`` (the step) and the lengths are understood; a length of a text
-counts bytes here, not characters.
+``lt`` (integers), ``multiple_of`` (the step) and the lengths are used; a length of a text counts
+bytes here, not characters.
 
-Nothing is imported here by name: who has a module and an attribute in a configuration imports it in
-the shell.
+This module imports nothing by name: a shell imports the module and attribute that a config names.
 """
 
 import enum
@@ -34,7 +34,7 @@ from zacoustic.errors import ConfigError
 
 Build = Callable[[Any], Any]
 BuildStruct = Callable[[Mapping[str, Any]], msgspec.Struct]
-"""Takes a decoded dict, returns an instance."""
+"""Takes a decoded dict and returns an instance."""
 
 
 def type_from_struct(cls: type[msgspec.Struct], *, name: str | None = None) -> TypeSpec:
@@ -42,16 +42,16 @@ def type_from_struct(cls: type[msgspec.Struct], *, name: str | None = None) -> T
 
     Args:
         cls: The class; its field names, their order and annotations make the type.
-        name: What the type is called; the class's own name unless given.
+        name: The type's name; None: the class's own name.
 
     Raises:
-        ConfigError: A field that has no meaning on the wire; names the class and the field.
+        ConfigError: A field has no meaning on the wire; states the class and the field.
     """
     return _spec_of(cls, name or cls.__name__, ())
 
 
 def struct_builder(cls: type[msgspec.Struct]) -> BuildStruct:
-    """Make the function that turns a decoded dict into an instance of `cls`, nested ones too."""
+    """Make the function that converts a decoded dict to an instance of `cls`, nested ones too."""
     builders = {name: _builder(annotation) for name, annotation in annotations(cls).items()}
 
     def build(value: Mapping[str, Any]) -> msgspec.Struct:
@@ -84,7 +84,7 @@ def _spec_of(cls: type[msgspec.Struct], name: str, outer: tuple[type, ...]) -> T
 
 
 def _defaults(cls: type[msgspec.Struct]) -> dict[str, Any]:
-    """The defaults that a field of ours can have."""
+    """Return the defaults that a `FieldSpec` can have."""
     pairs = ((field.name, field.default) for field in msgspec.structs.fields(cls))
     named = ((n, enum_name(d) if isinstance(d, enum.Enum) else d) for n, d in pairs)
     return {name: d for name, d in named if isinstance(d, bool | int | float | str)}
@@ -125,7 +125,7 @@ def _field_of(name: str, parts: Parts, default: object) -> FieldSpec:
 
 
 def _number_keys(written_type: str, said: dict[str, Any]) -> dict[str, Any]:
-    """Take the bounds of a number out of `said`, as keys of `FieldSpec`."""
+    """Remove the bounds of a number from `said`, and return them as keys of `FieldSpec`."""
     chosen = said.pop("type", written_type)
     family = INTEGER_LIMITS if written_type == "int64" else ("float32", "float64")
     if chosen not in family:

@@ -1,4 +1,4 @@
-"""`TypeTable`: all types of a configuration by name, the nested ones resolved."""
+"""`TypeTable`: all types of a config by name, the nested ones resolved."""
 
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
@@ -12,14 +12,14 @@ class TypeTable:
     """Types by name; immutable.
 
     Args:
-        types: The types in the order in which they were written; names of each other in their
-            fields are resolved. A type that is resolved already (made from a Python class) keeps
-            what is nested in it.
-        path: Where they stand in the configuration, put before the key in errors.
+        types: The types in the order in which they are written; their fields may name other types
+            of the list. A type that is resolved already (made from a Python class) keeps its nested
+            types.
+        path: Path of the list in the config, prepended to the key in errors.
 
     Raises:
-        ConfigError: A name twice, an unknown type, a cycle; names the key path, the value and what
-        is allowed.
+        ConfigError: A duplicate name, an unknown type, or a cycle; states the key path, the value
+            and what is allowed.
     """
 
     def __init__(self, types: Iterable[TypeSpec] = (), *, path: str = "types") -> None:
@@ -36,14 +36,14 @@ class TypeTable:
             self._resolve(name, ())
 
     def __getitem__(self, name: str) -> TypeSpec:
-        """The resolved type; KeyError if there is none."""
+        """Return the resolved type; raise KeyError if there is none."""
         return self._resolved[name]
 
     def by_name(self, name: str) -> TypeSpec:
-        """Return the resolved type of that name.
+        """Return the resolved type with a name.
 
         Raises:
-            ConfigError: There is none; lists the names there are.
+            ConfigError: There is none; lists the known names.
         """
         spec = self._resolved.get(name)
         if spec is None:
@@ -54,7 +54,7 @@ class TypeTable:
         return name in self._resolved
 
     def __iter__(self) -> Iterator[TypeSpec]:
-        """The resolved types in the order in which they were written."""
+        """Iterate over the resolved types in the order in which they are written."""
         return (self._resolved[name] for name in self._written)
 
     def __len__(self) -> int:

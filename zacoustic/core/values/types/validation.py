@@ -1,10 +1,10 @@
-"""Values that an application hands over, against the fields of their type.
+"""Checks an application's values against the fields of their type.
 
-`compile_validator` makes one closure per field when the type is made, and one for the whole:
-validation is on the path of every sample, and what a closure needs is known long before. A closure
-returns the normalised value (a float for an integer in a float field, the name for a member of an
-`Enum`, a folded heading) or raises a refusal, to which every level on the way out adds its part of
-the path; the outermost makes it a `PayloadInvalidError` of one line.
+`compile_validator` makes one closure per field when the type is made, and one for the whole: every
+sample is validated, and everything that a closure needs is known long before. A closure returns the
+normalised value (a float for an integer in a float field, the name for a member of an `Enum`, a
+folded heading) or raises a refusal. Each level on the way out adds its part of the path; the
+outermost makes it a `PayloadInvalidError` of one line.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,13 +24,13 @@ def compile_validator(
     """Make the function that checks and normalises values of a type.
 
     Args:
-        type_name: Named in errors.
+        type_name: The type's name, for errors.
         fields: The fields, in order.
         nested: `compile_fields` of every nested type by its name.
 
     Returns:
         A function from a Mapping or `msgspec.Struct` to a dict with every field, in order. It
-        raises `PayloadInvalidError` naming type, field path, value and what is allowed.
+        raises `PayloadInvalidError` that states type, field path, value and what is allowed.
     """
     check = compile_fields(fields, nested)
 
@@ -52,7 +52,7 @@ def compile_fields(fields: tuple[FieldSpec, ...], nested: Mapping[str, Check]) -
 
     def check(value: object) -> dict[str, Any]:
         given = _as_mapping(value)
-        # Nearly all values have just these fields, and all is well.
+        # Nearly all values have exactly these fields and are valid.
         if type(given) is dict and len(given) == len(checks):
             try:
                 return {name: check_field(given[name]) for name, check_field in checks}

@@ -100,12 +100,14 @@ class EventNotices:
         return JournalInDoubt(reason=event.reason)
 
     def _seal(self, event: SealAlarm) -> Notice:
+        stream = None if event.stream_id is None else self._table.get(event.stream_id)
         return SealBroken(
             address=event.address,
             name=self._node(event.address),
             refusal=event.refusal.value,
             frames=event.frames,
             is_too_many=event.is_too_many,
+            stream="" if stream is None else stream.name,
         )
 
     def _unheard(self, event: NothingHeard) -> Notice:

@@ -1,7 +1,7 @@
-"""Actions: clients that send goals, and servers that pursue them, by functions of the application.
+"""Actions: clients that send goals, and servers that pursue them with functions of the application.
 
-The nouns are those of ROS 2. A goal is accepted or rejected; while it runs its client gets feedback
-and may cancel it; in the end there is a status, and a result.
+The terms are those of ROS 2. The server accepts or rejects a goal. While the goal runs, its client
+gets feedback and may cancel it. It ends with a status and a result.
 """
 
 import asyncio
@@ -36,7 +36,7 @@ class ActionType(Protocol[GoalType, FeedbackType, ResultType]):
     and ``class Result(msgspec.Struct)``.
     """
 
-    # Methods, because that is how a type checker sees a class inside a class.
+    # Methods, because a type checker sees a class inside a class as one.
     def Goal(self, *args: Any, **kwargs: Any) -> GoalType:  # noqa: ANN401, N802
         """Make a goal."""
         ...
@@ -54,23 +54,23 @@ class GoalResult(msgspec.Struct, Generic[Result], frozen=True, kw_only=True):
     """How a goal ended."""
 
     status: GoalStatus
-    """SUCCEEDED, CANCELED, ABORTED; or UNKNOWN, when its server died while it ran."""
+    """SUCCEEDED, CANCELED, ABORTED; or UNKNOWN: the server died while the goal ran."""
     result: Result | None
     """The result; None: the server gave none."""
     text: str = ""
-    """One line for people, if the status does not say all."""
+    """One line for people, if the status does not say everything."""
 
 
 FeedbackCallback = Callable[[Feedback], Awaitable[None] | None]
-"""Takes each feedback, on the loop; may be a coroutine function."""
+"""Receives feedback, on the loop; may be a coroutine function."""
 
 
 class GoalHandle(Generic[Goal, Feedback, Result]):
-    """A goal that was sent. Made by `ActionClient`.
+    """A goal that was sent. Created by `ActionClient`.
 
     Args:
-        route: Its action.
-        sent: Its carrier's side.
+        route: The action.
+        sent: The goal at the carrier.
     """
 
     def __init__(self, route: ActionRoute[Goal, Feedback, Result], sent: SentGoal) -> None:
@@ -81,42 +81,42 @@ class GoalHandle(Generic[Goal, Feedback, Result]):
 
     @property
     def accepted(self) -> bool:
-        """The server has accepted it. Unknown at first for a goal of a former boot epoch."""
+        """Whether the server has accepted it; at first unknown after a restart of this node."""
         return self._sent.accepted
 
     @property
     def text(self) -> str:
-        """Why it was rejected, one line; empty: it was not."""
+        """Why the server rejected the goal, one line; empty: it did not."""
         return self._sent.text
 
     @property
     def tag(self) -> bytes:
-        """The bytes that `ActionClient.send_goal` got with it."""
+        """The bytes that `ActionClient.send_goal` got with the goal."""
         return self._sent.tag
 
     async def cancel(self) -> bool:
-        """Ask the server to end it, before everything else that waits; wait for the answer.
+        """Ask the server to cancel the goal, ahead of all other traffic; wait for the answer.
 
         Returns:
-            True when it will end, or has ended so; the result follows.
+            True: the goal will be cancelled, or has been; the result follows.
 
         Raises:
-            LocalError: It had ended before.
+            LocalError: The goal had ended before.
             LinkClosedError: The node was closed.
         """
         accepted, _ = await self._sent.cancel()
         return accepted
 
     async def result(self, *, timeout_s: float | None = None) -> GoalResult[Result]:
-        """Wait for its end; may be called several times.
+        """Wait for the end of the goal; may be called several times.
 
         Args:
-            timeout_s: How long to wait, s; None: until it ends, or is given up.
+            timeout_s: Time limit, s; None: until the goal ends or is given up.
 
         Raises:
-            TimeoutError: It has not ended in time; it goes on.
-            CallTimeoutError: Nothing was heard of it for the action's `result_timeout_s`.
-            DeliveryError: It was rejected, or the two ends do not agree on its stream.
+            TimeoutError: The goal has not ended in time; it goes on.
+            CallTimeoutError: Nothing was heard of the goal for the action's `result_timeout_s`.
+            DeliveryError: The goal was rejected, or the two ends define its stream differently.
             LinkClosedError: The node was closed, or has failed.
         """
         async with asyncio.timeout(timeout_s):
@@ -137,11 +137,11 @@ class GoalHandle(Generic[Goal, Feedback, Result]):
 
 
 class ActionClient(Generic[Goal, Feedback, Result]):
-    """Sends goals of one action. Made by `Node.create_action_client`.
+    """Sends goals of one action. Created by `Node.create_action_client`.
 
     Args:
         route: Where goals go.
-        carrier: What carries them.
+        carrier: Carries them.
         spawn: Starts callbacks that are coroutines.
     """
 
@@ -163,28 +163,27 @@ class ActionClient(Generic[Goal, Feedback, Result]):
         timeout_s: float | None = None,
         tag: bytes = b"",
     ) -> GoalHandle[Goal, Feedback, Result]:
-        """Send a goal, and wait until the server has accepted or rejected it.
+        """Send a goal and wait until the server has accepted or rejected it.
 
-        Cancelling this cancels the goal.
+        Cancelling this call cancels the goal.
 
         Args:
             goal: A value of the client's type.
-            feedback_callback: Takes feedback.
-            timeout_s: Time to wait for the answer, s, > 0; the action's own at most, and unless
-                given.
-            tag: Any bytes, such as the number of a mission: a node with a journal gives it back
-                with the goal after a restart (`recovered`).
+            feedback_callback: Receives feedback.
+            timeout_s: Time limit for the answer, s, > 0, at most the action's own; None: that.
+            tag: Any bytes, such as the number of a mission; after a restart, a node with a journal
+                returns them with the goal (`recovered`).
 
         Returns:
-            The goal; look at `GoalHandle.accepted`.
+            The goal; `GoalHandle.accepted` tells whether it runs.
 
         Raises:
-            CallTimeoutError: No answer in time; whether the goal runs is unknown.
-            DeliveryError: It has no server, or the two ends do not agree on its stream.
+            CallTimeoutError: No answer came in time; whether the goal runs is unknown.
+            DeliveryError: The action has no server, or the two ends define its stream differently.
             PayloadInvalidError: The type does not allow the goal.
             PayloadTooLargeError: The goal fits no frame of this link.
             QueueFullError: Too many goals are under way.
-            JournalUnavailableError: The goal cannot be written down.
+            JournalUnavailableError: The journal cannot store the goal.
             LocalError: The client is closed, or this node is the server itself.
         """
         if self._is_closed:
@@ -198,15 +197,15 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     def recovered(
         self, *, feedback_callback: FeedbackCallback[Feedback] | None = None
     ) -> list[GoalHandle[Goal, Feedback, Result]]:
-        """Return the goals that a former boot epoch of this node has sent, each once.
+        """Return the goals that former boot epochs of this node have sent, each once.
 
-        Direct mode with a journal; on Zenoh the gateway keeps them.
+        Only in direct mode with a journal; on Zenoh the gateway keeps them.
         """
         found = self._carrier.goals.recovered(self._route, self._feeder(feedback_callback))
         return [GoalHandle(self._route, sent) for sent in found]
 
     def close(self) -> None:
-        """Withdraw the client; goals go on. May be called again."""
+        """Close the client; its goals go on. May be called again."""
         self._is_closed = True
 
     def _feeder(self, callback: FeedbackCallback[Feedback] | None) -> Callable[[object], None]:
@@ -231,12 +230,12 @@ class ActionClient(Generic[Goal, Feedback, Result]):
 
 
 class ServerGoalHandle(Generic[Goal, Feedback, Result]):
-    """A goal that runs here. Made by `ActionServer`.
+    """A goal that runs here. Created by `ActionServer`.
 
     Args:
-        route: Its action.
-        taken: Its carrier's side.
-        request: The goal.
+        route: The action.
+        taken: The goal at the carrier.
+        request: Its value.
     """
 
     def __init__(
@@ -245,11 +244,11 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
         self.name = route.name
         """The action."""
         self.request = request
-        """The goal."""
+        """The value of the goal."""
         self.client = taken.client
-        """Acoustic address of its client; None: on this Zenoh network."""
+        """Acoustic address of the client; None: on this Zenoh network."""
         self.status: GoalStatus | None = None
-        """The status by `succeed`, `abort` or `canceled`; None: none yet."""
+        """The status that `succeed`, `abort` or `canceled` has set; None: none yet."""
         self._route = route
         self._taken = taken
         self._cancelled = asyncio.Event()
@@ -257,45 +256,45 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
 
     @property
     def is_active(self) -> bool:
-        """It runs."""
+        """Whether the goal still runs."""
         return not self._is_over
 
     @property
     def is_cancel_requested(self) -> bool:
-        """Its client wants it to end, and that was accepted."""
+        """Whether the client has asked to cancel the goal, and the server agreed."""
         return self._cancelled.is_set()
 
     async def cancel_requested(self) -> None:
-        """Wait until its client wants it to end."""
+        """Wait for an accepted request to cancel the goal."""
         await self._cancelled.wait()
 
     def publish_feedback(self, feedback: Feedback) -> bool:
-        """Send feedback; of waiting feedback only the newest is sent. False: the goal is over.
+        """Send feedback, of which only the newest waits. False: the goal has ended.
 
         Raises:
-            PayloadInvalidError: The type does not allow it.
-            PayloadTooLargeError: It fits no frame of this link.
+            PayloadInvalidError: The type does not allow the feedback.
+            PayloadTooLargeError: The feedback fits no frame of this link.
         """
         return not self._is_over and self._taken.feed(feedback)
 
     def succeed(self, result: Result | None = None) -> None:
-        """Set that it was reached; a result ends it at once, else the callback's return does."""
+        """Set SUCCEEDED; a result ends the goal at once, otherwise the callback's return does."""
         self._say(GoalStatus.SUCCEEDED, result)
 
     def abort(self, result: Result | None = None) -> None:
-        """Set that it was given up."""
+        """Set ABORTED: the server gave the goal up."""
         self._say(GoalStatus.ABORTED, result)
 
     def canceled(self, result: Result | None = None) -> None:
-        """Set that it was given up because its client wanted so."""
+        """Set CANCELED: the server gave the goal up at the client's request."""
         self._say(GoalStatus.CANCELED, result)
 
     def wish_to_cancel(self) -> None:
-        """Let the callback know that its client wants it to end."""
+        """Tell the callback of the accepted request to cancel."""
         self._cancelled.set()
 
     def finish(self, status: GoalStatus, result: object) -> None:
-        """End it, once."""
+        """End the goal; later calls do nothing."""
         if self._is_over:
             return
         self._is_over = True
@@ -314,26 +313,25 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
 
 
 Execute = Callable[[ServerGoalHandle[Goal, Feedback, Result]], Awaitable[Result | None]]
-"""Pursues a goal: a coroutine function. It calls `succeed`, `abort` or `canceled`, and returns the
-result, or gives it there."""
+"""Pursues a goal: a coroutine function. It calls `succeed`, `abort` or `canceled`, and either
+returns the result or passes it there."""
 Decide = Callable[[Goal], bool | Awaitable[bool]]
-"""Tells whether a goal is accepted; soon, since its client waits."""
+"""Decides whether a goal is accepted; soon, because the client waits."""
 DecideCancel = Callable[[ServerGoalHandle[Goal, Feedback, Result]], bool | Awaitable[bool]]
-"""Tells whether a goal may be cancelled."""
+"""Decides whether a goal may be cancelled."""
 
 
 class ActionServer(Generic[Goal, Feedback, Result]):
-    """Serves one action. Made by `Node.create_action_server`.
+    """Serves one action. Created by `Node.create_action_server`.
 
-    Each goal runs in its own task. An exception of `execute` is logged here, and the goal is
-    aborted.
+    Each goal runs in a separate task. An exception of `execute` is logged and aborts the goal.
 
     Args:
         route: Where goals come from.
         execute: Pursues a goal.
-        goal_callback: Accepts or rejects one; None: all are accepted.
-        cancel_callback: Accepts or rejects a cancel; None: all are accepted.
-        carrier: What carries them.
+        goal_callback: Accepts or rejects a goal; None: accepts all.
+        cancel_callback: Accepts or rejects a request to cancel; None: accepts all.
+        carrier: Carries them.
         spawn: Starts the tasks.
     """
 
@@ -359,7 +357,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
         self._stop = carrier.goals.serve(route, self)
 
     def close(self) -> None:
-        """Serve no more; goals that run are aborted. May be called again."""
+        """Stop serving and abort the goals that run. May be called again."""
         for handle in self._running.values():
             handle.finish(GoalStatus.ABORTED, None)
         self._stop()

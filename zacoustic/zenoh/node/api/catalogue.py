@@ -1,12 +1,13 @@
-"""From what an application names to where it goes: streams, keys, forms.
+"""From the names of an application to routes: streams, keys, forms.
 
 An endpoint names a topic, a service or an action in one of three ways, tried in this order:
 
-1. as the configuration does (``fleet/{node}/status``), or by one key of it (``fleet/auv1/status``);
-2. on a link, with a stream id: then the stream is added to the table from what the code says;
+1. as in the configuration (``fleet/{node}/status``), or by one of its keys (``fleet/auv1/status``);
+2. on a link, with a stream id: the code then adds the stream to the table;
 3. on Zenoh without a configuration: any key expression.
 
-A publisher always has one key: ``{node}`` is this node, other placeholders are to be filled in.
+A publisher always has one key: ``{node}`` is this node, and the application fills in other
+placeholders.
 """
 
 from typing import Any
@@ -38,9 +39,9 @@ class Catalogue:
     """The topics, services and actions of one node.
 
     Args:
-        identity: Who the node is.
+        identity: Name, address and configuration of the node.
         table: Its streams; on a link the engine's table.
-        carrier: Adds streams to it, where it can.
+        carrier: Adds streams to the table, if it can.
     """
 
     def __init__(self, identity: Identity, table: StreamTable, carrier: Carrier) -> None:
@@ -49,11 +50,11 @@ class Catalogue:
         self._carrier = carrier
 
     def address_of(self, name: str) -> int:
-        """Return the address of the node of that name.
+        """Return the address of the node with this name.
 
         Raises:
-            LocalError: There is no configuration that lists nodes.
-            ConfigError: It lists none of that name.
+            LocalError: No configuration lists nodes.
+            ConfigError: The configuration has no node with this name.
         """
         if self._identity.config is None:
             raise LocalError(
@@ -188,7 +189,7 @@ class Catalogue:
         return route
 
     def topics(self) -> list[str]:
-        """Return the names of the topics that this node may listen to."""
+        """Return the names of the topics that this node may subscribe to."""
         address = self._identity.address
         return [
             stream.name
@@ -201,7 +202,7 @@ class Catalogue:
         """Find the stream of a name or of a key; None: a plain Zenoh key.
 
         Raises:
-            LocalError: There is none of that name.
+            LocalError: No stream has this name.
         """
         found = self._find(name, None)
         if found is None:
@@ -328,7 +329,7 @@ class Catalogue:
         )
 
     def _check_server(self, name: str, stream: Stream | None, server: int | None) -> None:
-        """Check that a client and its server are two nodes, and that all agree who serves."""
+        """Check that a client and its server are two nodes, and that all agree on the server."""
         known = _server_of(stream)
         if server is not None and known not in (None, server):
             raise ConfigError(f"{name}: server: {server}; allowed: {known}, as it is configured")
@@ -336,7 +337,7 @@ class Catalogue:
             raise LocalError(f"{name} is served by this node, {known}: it cannot call itself")
 
     def _find(self, name: str, stream_id: int | None) -> tuple[Stream, str | None] | None:
-        """Find a stream by its name or by one of its keys, and the key if it is one."""
+        """Find a stream by its name or by one of its keys; return also the key, if it is one."""
         stream = next((each for each in self._table if each.name == name), None)
         key: str | None = None
         if stream is None or not _has_placeholders(stream):
@@ -364,7 +365,7 @@ class Catalogue:
         """Return the id under which an unknown name becomes a stream; None: a plain Zenoh key.
 
         Raises:
-            LocalError: It can be neither.
+            LocalError: The name can be neither.
         """
         if stream_id is not None and self._carrier.can_declare:
             return stream_id
@@ -395,7 +396,7 @@ class Catalogue:
         return key, instance
 
     def _as_own(self, name: str) -> str:
-        """A name with `{node}` filled in by the own one, if it has one."""
+        """Return a name with `{node}` replaced by this node's name, if it has one."""
         node = self._table.nodes.get(self._identity.address or 0)
         return name if node is None else name.replace("{node}", node)
 
@@ -405,7 +406,7 @@ class Catalogue:
         return self._identity.address
 
     def _type_name(self, form: Form[Any]) -> str | None:
-        """Add the type of a form to the table; returns what it is called there."""
+        """Add the type of a form to the table; return its name there."""
         if form.spec is None:
             return None
         known = {each.name: each for each in self._table.types}

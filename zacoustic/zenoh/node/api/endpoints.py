@@ -1,4 +1,4 @@
-"""What a node makes: publishers and subscriptions, clients and services, actions."""
+"""Creates the endpoints of a node: publishers, subscriptions, clients, services, actions."""
 
 import asyncio
 import threading
@@ -29,15 +29,15 @@ Goal = TypeVar("Goal", bound=msgspec.Struct | bytes)
 Feedback = TypeVar("Feedback", bound=msgspec.Struct | bytes)
 Result = TypeVar("Result", bound=msgspec.Struct | bytes)
 Fields = dict[str, Any]
-"""A value whose type is named, not given as a class: field names to values."""
+"""A value whose type is given by name, not as a class: field names to values."""
 
 
 class EndpointMaker:
-    """The part of a `Node` that makes its endpoints; for the loop."""
+    """The part of a `Node` that creates its endpoints; for the loop."""
 
     def __init__(self, name: str) -> None:
         self.name = name
-        """What the node is called."""
+        """The node's name."""
         self._carrier: Carrier | None = None
         self._catalogue: Catalogue | None = None
         self._is_closed = False
@@ -69,18 +69,19 @@ class EndpointMaker:
         *,
         stream_id: int | None = None,
     ) -> Publisher[Any]:
-        """Make a publisher.
+        """Create a publisher.
 
         Args:
-            sample_type: A `msgspec.Struct` class; the name of a type of the configuration, or of a
-                ROS message, then values are dicts; or `bytes`.
-            name: The topic, as the configuration or as a key; `{node}` is this node.
+            sample_type: A `msgspec.Struct` class; `bytes`; or the name of a type of the
+                configuration or of a ROS message: values are then dicts.
+            name: The topic as in the configuration, or one of its keys; `{node}` is this node.
             qos: How samples wait here; None: as configured.
             stream_id: Direct mode: adds the topic under this id, 1…175, the same on all nodes.
 
         Raises:
             ConfigError: The code and the configuration do not agree.
-            LocalError: No such topic, this node may not publish it, or the node is not open.
+            LocalError: There is no such topic, this node may not publish it, or the node is not
+                open.
         """
         carrier, catalogue = self._maker()
         route = catalogue.publisher(sample_type, name, qos, stream_id)
@@ -115,19 +116,20 @@ class EndpointMaker:
         *,
         stream_id: int | None = None,
     ) -> Subscription[Any]:
-        """Make a subscription.
+        """Create a subscription.
 
         Args:
             sample_type: As for `create_publisher`.
-            name: The topic, as the configuration, or one key of it.
-            callback: Takes each sample, on the loop, one after the other; may be a coroutine
-                function. None: the samples are taken by iteration.
-            qos: Its depth bounds the samples that wait, of each key; None: 10.
+            name: The topic as in the configuration, or one of its keys.
+            callback: Receives each sample, on the loop, one after the other; may be a coroutine
+                function. None: iterate over the samples.
+            qos: Its depth bounds the waiting samples of each key; None: 10.
             stream_id: As for `create_publisher`.
 
         Raises:
             ConfigError: The code and the configuration do not agree.
-            LocalError: No such topic, this node may not listen to it, or the node is not open.
+            LocalError: There is no such topic, this node may not subscribe to it, or the node is
+                not open.
         """
         carrier, catalogue = self._maker()
         route = catalogue.subscription(sample_type, name, qos, stream_id)
@@ -158,7 +160,7 @@ class EndpointMaker:
         *,
         stream_id: int | None = None,
     ) -> Subscription[Any]:
-        """Make a subscription to iterate over: ``async for sample in node.subscribe(…)``."""
+        """Create a subscription to iterate over: ``async for sample in node.subscribe(…)``."""
         return self.create_subscription(sample_type, name, None, qos, stream_id=stream_id)
 
     # Services
@@ -192,11 +194,11 @@ class EndpointMaker:
         stream_id: int | None = None,
         server: int | None = None,
     ) -> Client[Any, Any]:
-        """Make a client.
+        """Create a client.
 
         Args:
-            service_type: A class with the classes `Request` and `Response` in it, or the pair of
-                them, each as the `sample_type` of a publisher; or the name of a ROS service.
+            service_type: A class that contains the classes `Request` and `Response`; a pair of
+                types, each as the `sample_type` of a publisher; or the name of a ROS service.
             name: The service.
             qos: Priority and linger of its requests; None: as configured.
             stream_id: Direct mode: adds the service under this id, 1…175, the same on all nodes.
@@ -204,7 +206,7 @@ class EndpointMaker:
 
         Raises:
             ConfigError: The code and the configuration do not agree.
-            LocalError: No such service, this node is the server, or the node is not open.
+            LocalError: There is no such service, this node is the server, or the node is not open.
         """
         carrier, catalogue = self._maker()
         route = catalogue.client(service_type, name, qos, stream_id=stream_id, server=server)
@@ -244,15 +246,16 @@ class EndpointMaker:
         Args:
             service_type: As for `create_client`.
             name: The service.
-            handler: Answers a request, on the loop; a function or a coroutine function, with one
-                argument, the request, or two, the request and a `CallContext`. What it raises
-                reaches the caller with its text.
+            handler: Answers a request, on the loop: a function or a coroutine function that takes
+                the request, and a `CallContext` if it has a second argument. The text of an
+                exception reaches the caller.
             qos: Priority and linger of its answers; None: as configured.
             stream_id: As for `create_client`.
 
         Raises:
             ConfigError: The code and the configuration do not agree.
-            LocalError: No such service, another node is the server, or the node is not open.
+            LocalError: There is no such service, another node is the server, or the node is not
+                open.
         """
         carrier, catalogue = self._maker()
         route = catalogue.server(service_type, name, qos, stream_id=stream_id)
@@ -290,12 +293,11 @@ class EndpointMaker:
         stream_id: int | None = None,
         server: int | None = None,
     ) -> ActionClient[Any, Any, Any]:
-        """Make a client that sends goals.
+        """Create a client that sends goals.
 
         Args:
-            action_type: A class with the classes `Goal`, `Feedback` and `Result` in it, or the
-                three of them, each as the `sample_type` of a publisher; or the name of a ROS
-                action.
+            action_type: A class that contains the classes `Goal`, `Feedback` and `Result`; three
+                types, each as the `sample_type` of a publisher; or the name of a ROS action.
             name: The action.
             qos: Priority and linger of its goals; None: as configured.
             stream_id: Direct mode: adds the action under this id, 1…175, the same on all nodes.
@@ -303,7 +305,7 @@ class EndpointMaker:
 
         Raises:
             ConfigError: The code and the configuration do not agree.
-            LocalError: No such action, this node is the server, or the node is not open.
+            LocalError: There is no such action, this node is the server, or the node is not open.
         """
         carrier, catalogue = self._maker()
         route = catalogue.action_client(action_type, name, qos, stream_id=stream_id, server=server)
@@ -350,20 +352,19 @@ class EndpointMaker:
         Args:
             action_type: As for `create_action_client`.
             name: The action.
-            execute_callback: Pursues a goal, in a task of its own: a coroutine function that takes
-                a `ServerGoalHandle`, sets there how the goal ended, and returns the result.
+            execute_callback: Pursues a goal in a separate task: a coroutine function that takes a
+                `ServerGoalHandle`, sets the status there, and returns the result.
             qos: Priority and linger of feedback and results; None: as configured.
-            goal_callback: Takes the goal and tells whether it is accepted, at once; None: all are.
-                What it raises rejects the goal, with its text.
-            cancel_callback: Takes the `ServerGoalHandle` and tells whether the goal may be
-                cancelled, at once; None: always. `is_cancel_requested` then tells the callback
-                that pursues it.
+            goal_callback: Takes the goal and decides at once whether to accept it; None: accepts
+                all. An exception rejects the goal, with its text.
+            cancel_callback: Takes the `ServerGoalHandle` and decides at once whether the goal may
+                be cancelled; None: always. `is_cancel_requested` then tells `execute_callback`.
             stream_id: As for `create_action_client`.
 
         Raises:
             ConfigError: The code and the configuration do not agree.
-            LocalError: No such action, another node is the server, it is served here already, or
-                the node is not open.
+            LocalError: There is no such action, another node is the server, this node already
+                serves it, or the node is not open.
         """
         carrier, catalogue = self._maker()
         route = catalogue.action_server(action_type, name, qos, stream_id=stream_id)
@@ -388,7 +389,7 @@ class EndpointMaker:
         return self._catalogue
 
     def _maker(self) -> tuple[Carrier, Catalogue]:
-        """Return what endpoints are made of; refused before anything is made of it elsewhere."""
+        """Return the parts of which endpoints are made; refuse other threads before that."""
         carrier, catalogue = self._opened(), self._known()
         if threading.get_ident() != self._thread:
             raise LocalError(

@@ -9,7 +9,8 @@ from zacoustic.zenoh.node.api.mailbox import Mailbox
 from zacoustic.zenoh.node.carrier import NodeEvent
 
 EVENTS_KEPT: Final = 64
-"""Events that a reader begins with, and that wait for it; and as many of how far something is."""
+"""Recent events for a new reader, and events that wait for a reader; as many of progress
+besides."""
 
 _PROGRESS: Final = "progress"
 
@@ -24,17 +25,17 @@ class EventLog:
         self._error: Exception | None = None
 
     def add(self, event: NodeEvent) -> None:
-        """Tell all readers."""
+        """Pass an event to all readers."""
         key = ""
         if isinstance(event, ObjectProgress) and event.state is ObjectState.UNDER_WAY:
-            key = _PROGRESS  # many: it pushes out nothing but its like
+            key = _PROGRESS  # many: one replaces only others of its kind
         else:
             self._recent.append(event)
         for reader in self._readers:
             reader.put(event, key)
 
     async def read(self) -> AsyncIterator[NodeEvent]:
-        """Iterate over the events, those that are kept first; ends when the log is closed."""
+        """Iterate over the recent events, then new ones; ends when the log is closed."""
         reader: Mailbox[NodeEvent] = Mailbox(EVENTS_KEPT)
         for event in self._recent:
             reader.put(event)
@@ -48,7 +49,7 @@ class EventLog:
             self._readers.discard(reader)
 
     def close(self, error: Exception | None = None) -> None:
-        """End the iterations, with an error if there is one. May be called again."""
+        """End all iterations, with the error if there is one. May be called again."""
         if not self._is_closed:
             self._is_closed, self._error = True, error
         for reader in self._readers:

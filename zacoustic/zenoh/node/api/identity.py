@@ -1,4 +1,4 @@
-"""Who a node is: its name, its acoustic address, and the configuration that both come from."""
+"""The identity of a node: its name, its acoustic address, and their configuration."""
 
 from pathlib import Path
 
@@ -10,17 +10,17 @@ from zacoustic.errors import ConfigError
 
 
 class Identity(msgspec.Struct, frozen=True, kw_only=True):
-    """Who a node is."""
+    """Name, address and configuration of a node."""
 
     name: str
-    """For people, and for `{node}` in topics where the configuration lists the node."""
+    """Name for people, and for `{node}` in topics if the configuration lists the node."""
     address: int | None
-    """Acoustic address, 1…254; None: only possible on Zenoh."""
+    """Acoustic address, 1…254; None only on Zenoh."""
     config: Config | None
     """The configuration, or None."""
 
     def table(self) -> StreamTable:
-        """Return the streams, as a table of this node's own."""
+        """Return the streams in a new table for this node alone."""
         config = self.config
         if config is None:
             return StreamTable()
@@ -34,15 +34,15 @@ class Identity(msgspec.Struct, frozen=True, kw_only=True):
 def identify(
     name_or_address: str | int, *, config: str | Path | Config | None, address: int | None
 ) -> Identity:
-    """Find out who a node is.
+    """Find the identity of a node.
 
     Args:
         name_or_address: A name, which the configuration may list, or an address.
-        config: The configuration, or the file that holds it.
+        config: The configuration, or its file.
         address: The address, if the name does not give it.
 
     Raises:
-        ConfigError: The file is wrong, or the address is none.
+        ConfigError: The file is wrong, or the address is not valid.
     """
     if isinstance(name_or_address, int):
         if address not in (None, name_or_address):
@@ -58,8 +58,8 @@ def identify(
 
 def _read(config: str | Path | Config, name: str | int, address: int | None) -> Config:
     if isinstance(config, str | Path):
-        # Without an address the file's own, unless the name says another; so the file need not
-        # have one, and one file serves a fleet.
+        # Without an address, the name's address in the file counts, else the file's own. So the
+        # file needs no address, and one file serves a fleet.
         return read_config(config, address=address or _address_of(config, name))
     if address is None:
         address = next((each for each, known in config.nodes.items() if known == name), None)
@@ -70,7 +70,7 @@ def _read(config: str | Path | Config, name: str | int, address: int | None) -> 
 
 
 def _address_of(path: str | Path, name: str | int) -> int | None:
-    """The address that a file gives to the name, before anything else is known of the file."""
+    """Return the address that a file gives to the name, before anything else of it is read."""
     from zacoustic.config.json5 import read_zenoh_config
 
     _, section = read_zenoh_config(path)

@@ -1,4 +1,4 @@
-"""A loop in its own thread, and the one way into it that waits."""
+"""A loop in a thread of its own, and blocking calls into it."""
 
 import asyncio
 import threading
@@ -12,18 +12,18 @@ from zacoustic.zenoh.session.wake_up import tell_loop
 T = TypeVar("T")
 
 PARK_LIMIT_S: Final = 2.0
-"""How long the end of a process waits for a callback that runs, s."""
+"""How long the end of a process waits for a running callback, s."""
 
 
 class LoopThread:
-    """Runs from the moment it is made until `stop`.
+    """Runs a loop from construction until `stop`.
 
-    A script that ends without `stop` ends: the thread is a daemon, and stands still by then. Were
-    it in foreign code, a put of Zenoh's for one, it could not come back from there to an
-    interpreter that is ending, and the process would abort.
+    A script may end without `stop`: the thread is a daemon and stands still by then. If it were in
+    foreign code, such as a put of Zenoh, it could not return to an interpreter that ends, and the
+    process would abort.
 
     Args:
-        name: Of the thread.
+        name: Name of the thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -35,7 +35,7 @@ class LoopThread:
 
     @property
     def is_current(self) -> bool:
-        """Whether the caller is on the loop: in a callback or a handler."""
+        """Whether the caller is on the loop, in a callback or a handler."""
         return threading.current_thread() is self._thread
 
     def wait(self, coroutine: Coroutine[Any, Any, T]) -> T:
@@ -43,7 +43,7 @@ class LoopThread:
 
         Raises:
             LocalError: On the loop itself, which cannot wait for itself, or after `stop`.
-            Exception: What the coroutine raises.
+            Exception: Whatever the coroutine raises.
         """
         try:
             self._check()
@@ -58,11 +58,11 @@ class LoopThread:
             raise
 
     def apply(self, function: Callable[[], T]) -> T:
-        """Call a function on the loop and wait for it; from the loop itself call it directly.
+        """Call a function on the loop and wait for it; on the loop itself, call it directly.
 
         Raises:
             LocalError: After `stop`.
-            Exception: What the function raises.
+            Exception: Whatever the function raises.
         """
         if self.is_current:
             return function()

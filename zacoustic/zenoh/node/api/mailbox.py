@@ -1,8 +1,8 @@
-"""What arrived and was not taken yet: bounded, the latest wins.
+"""A bounded mailbox for arrivals that the application has not taken yet; the latest win.
 
-Arrivals never wait for their reader. A mailbox keeps the newest `depth` items of each key,
-so that a talkative node does not push out what a quiet one said, and gives them out in the order
-of their arrival. It belongs to one loop; nothing here is for other threads.
+Arrivals never wait for their reader. A mailbox keeps the newest `depth` items of each key, so that
+a talkative node does not replace the items of a quiet one, and returns them in the order of their
+arrival. It belongs to one loop and is not thread-safe.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ class Mailbox(Generic[T]):
 
     def __init__(self, depth: int) -> None:
         self.dropped = 0
-        """Items that newer ones of the same key pushed out."""
+        """Items that newer ones of the same key replaced."""
         self._depth = depth
         self._items: OrderedDict[int, tuple[str, T]] = OrderedDict()
         self._by_key: dict[str, deque[int]] = {}
@@ -34,7 +34,7 @@ class Mailbox(Generic[T]):
         return len(self._items)
 
     def put(self, item: T, key: str = "") -> None:
-        """Add an item; the oldest of its key goes if there are `depth` of them already."""
+        """Add an item; drop the oldest of its key if there are already `depth` of them."""
         if self._is_closed:
             return
         numbers = self._by_key.setdefault(key, deque())
@@ -50,7 +50,7 @@ class Mailbox(Generic[T]):
         """Wait for the next item; None: the mailbox was closed and is empty.
 
         Raises:
-            Exception: The error that it was closed with, once it is empty.
+            Exception: The error passed to `close`, once the mailbox is empty.
         """
         while not self._items:
             if self._error is not None:
@@ -68,7 +68,7 @@ class Mailbox(Generic[T]):
         return item
 
     def close(self, error: Exception | None = None) -> None:
-        """Accept nothing any more; present items can still be taken. May be called again."""
+        """Accept no more items; those present can still be taken. May be called again."""
         if not self._is_closed:
             self._is_closed, self._error = True, error
             self._changed.set()

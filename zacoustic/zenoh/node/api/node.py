@@ -26,7 +26,7 @@ from zacoustic.zenoh.node.api.identity import identify
 from zacoustic.zenoh.node.carrier import Carrier, NodeEvent
 
 COMMAND_TIMEOUT_S: Final = 60.0
-"""How long a command is tried by default, s."""
+"""Default time limit of a command, s."""
 _ITS_OWN: Final = "on Zenoh the gateway keeps the journal"
 _RECORDS: Final = "on Zenoh the gateway records, or zacoustic record"
 
@@ -34,21 +34,21 @@ _RECORDS: Final = "on Zenoh the gateway records, or zacoustic record"
 class Node(EndpointMaker):
     """One participant: on its own link, or on the local Zenoh network.
 
-    An asynchronous context manager; `open` and `close` are the same by hand. Everything here and
-    on the endpoints is for the loop it was opened on; `Publisher.publish` is for any thread.
+    An asynchronous context manager, which calls `open` and `close`. Use the node and its endpoints
+    on the loop that opened it; `Publisher.publish` works in any thread.
 
     Args:
         name_or_address: A name, which the configuration may list, or an acoustic address.
-        config: The file with the section `plugins.acoustic`, or the result of `read_config`.
-        link: *Direct mode*: a locator (``evologics/serial:/dev/ttyUSB0``), or a link that is not
-            open yet; then there is no Zenoh. None: a Zenoh session.
-        connect: Zenoh endpoints to connect to; None: the router that `config` describes, or
-            any that is found.
+        config: File with the section `plugins.acoustic`, or the result of `read_config`.
+        link: *Direct mode*, without Zenoh: a locator (``evologics/serial:/dev/ttyUSB0``), or a link
+            that is not open yet. None: a Zenoh session.
+        connect: Zenoh endpoints to connect to; None: the router that `config` describes, or any
+            router found.
         address: Acoustic address, if neither name nor config gives it.
-        journal: Direct mode: keeps what must survive a restart, a store or the folder of its
-            file; None: the folder that `config` names, or nothing.
-        record: Direct mode: file into which everything is recorded (MCAP); None: nothing is. Needs
-            the extra `recording`.
+        journal: Direct mode: journal, or the folder of its file; None: the folder that `config`
+            names, or no journal.
+        record: Direct mode: file of the recording (MCAP); None: no recording. Needs the extra
+            `recording`.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Node(EndpointMaker):
         self._record = record
         self._events = EventLog()
         self.address: int | None = None
-        """Its acoustic address, known when it is open."""
+        """The node's acoustic address; None before `open`, and on Zenoh if it has none."""
 
     async def __aenter__(self) -> Self:
         await self.open()
@@ -90,7 +90,7 @@ class Node(EndpointMaker):
         Raises:
             ConfigError: The configuration, an argument or the journal is wrong.
             LinkUnavailableError, LinkOpenError: The link cannot be opened.
-            SessionError: No Zenoh router is reached.
+            SessionError: No Zenoh router can be reached.
         """
         if self._carrier is not None or self._is_closed:
             raise LocalError(f"node {self.name} was opened already", hint="make a new Node")
@@ -107,8 +107,8 @@ class Node(EndpointMaker):
     async def close(self) -> None:
         """Close all endpoints, then the link or the session. May be called again.
 
-        It still acknowledges what has come, for 5 s at most, and hears nothing more. What else
-        is queued is lost: `flush` before, if that matters.
+        The node still acknowledges received samples, for at most 5 s, but receives nothing more.
+        Other queued samples are lost; call `flush` first if they matter.
         """
         self._is_closed = True
         carrier, self._carrier = self._carrier, None
@@ -127,16 +127,16 @@ class Node(EndpointMaker):
             self._events.close()
 
     async def flush(self, *, timeout_s: float | None = None) -> None:
-        """Wait until everything that was published has left this node.
+        """Wait until all published samples have left this node.
 
-        On a link: nothing is queued, and the last transmission has ended. Whether it arrived is
+        On a link: the queue is empty, and the last transmission has ended. Whether it arrived is
         unknown.
 
         Args:
-            timeout_s: How long to wait, s; None: for ever, as on a link that stays down.
+            timeout_s: Time limit, s; None: no limit, which is for ever on a link that stays down.
 
         Raises:
-            TimeoutError: It has not left in time.
+            TimeoutError: Something has not left in time.
             LinkClosedError: The node has failed.
         """
         async with asyncio.timeout(timeout_s):
@@ -145,18 +145,18 @@ class Node(EndpointMaker):
     async def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
         """Measure the range of another node; direct mode only.
 
-        The modem is asked to acknowledge a frame to that node, one that goes anyway or one of a
-        single byte, and measures how long the answer takes. An exchange without a range is
-        repeated.
+        The node asks its modem to have a frame to the other node acknowledged: one that goes
+        anyway, or one of a single byte. The modem measures how long the answer takes. The node
+        repeats an exchange without a range.
 
         Args:
             peer: Acoustic address of the node, or its name in the configuration.
-            timeout_s: How long to wait, s; one exchange over 1500 m takes about 3 s.
+            timeout_s: Time limit, s; one exchange over 1500 m takes about 3 s.
 
         Raises:
-            LocalError: No such node, this one itself, or the node is not open.
+            LocalError: There is no such node, it is this one, or this node is not open.
             RangeUnavailableError: The link measures no ranges, or none to that node.
-            CallTimeoutError: None was measured in time.
+            CallTimeoutError: No range was measured in time.
             LinkClosedError: The node was closed, or has failed.
         """
         carrier = self._opened()
@@ -169,23 +169,24 @@ class Node(EndpointMaker):
     ) -> CommandState:
         """Give a command to another node, or to this one: be silent, resume, override a topic.
 
-        It is executed on arrival, at most once, and answered when it is in that node's journal,
-        if it has one. The answer to the command that begins a silence is the last frame of that
-        node: without an answer it may still be silent.
+        The other node executes the command on arrival, at most once, and answers when the command
+        is in its journal, if it has one. The answer to a command that begins a silence is the last
+        frame before it: a node that does not answer may be silent.
 
         Args:
             peer: Acoustic address of the node, or its name in the configuration.
             command: The command.
-            timeout_s: How long to try, s, at most 600.
+            timeout_s: Time limit, s, at most 600.
 
         Returns:
-            The state there then.
+            The state of the node after the command.
 
         Raises:
-            LocalError: No such node, a longer time, or the command makes no sense here.
-            ServiceError: The node refuses it, with a reason.
-            CallTimeoutError: No answer in time; it may have been executed.
-            DeliveryError: It cannot be given from here.
+            LocalError: There is no such node, the time limit is too long, or the command makes no
+                sense here.
+            ServiceError: The node refuses the command, with a reason.
+            CallTimeoutError: No answer came in time; the node may have executed the command.
+            DeliveryError: The command cannot be given from here.
             LinkClosedError: The node was closed, or has failed.
         """
         carrier = self._opened()
@@ -197,16 +198,17 @@ class Node(EndpointMaker):
     def refuse(self, progress: ObjectProgress) -> bool:
         """Refuse the rest of an incoming large sample.
 
-        Its publisher gets the outcome `refused`; it may be published again.
+        The publisher gets the outcome `refused` and may publish the sample again.
 
         Args:
-            progress: Its progress from `events`.
+            progress: The sample's progress from `events`.
 
         Returns:
-            Whether it was still under way; False on Zenoh, where nothing is in parts.
+            Whether the sample was still under way; False on Zenoh, where samples arrive whole.
 
         Raises:
-            LocalError: It is an own one (cancel its `Delivery`), or the node is not open.
+            LocalError: The sample is an outgoing one (cancel its `Delivery`), or the node is not
+                open.
             LinkClosedError: The node was closed, or has failed.
         """
         if progress.object_id is not None:
@@ -216,44 +218,51 @@ class Node(EndpointMaker):
     # What the node knows
 
     def events(self) -> AsyncIterator[NodeEvent]:
-        """Iterate over events besides samples and calls, the last ones first.
+        """Iterate over events other than samples and calls: recent ones first, then new ones.
 
-        The link goes up or down; the journal cannot be written, or can be again; silence has
-        begun by command, or has ended; a command overrides a topic (`StreamOverridden`); a peer is
-        seen, or restarts; it is lost (`PeerLost`), or found again (`PeerFound`), where the
-        configuration has `lost_after_s`; others subscribe to an on-demand topic of this node, or
-        unsubscribe (`SubscribersChanged`); of a topic with `deadline_s` no sample came in time,
-        here or from elsewhere (`DeadlineMissed`); a peer defines a stream in another way; the modem
-        has measured a peer (`PeerMeasured`), or reports values of itself (`ModemRead`); a sample of
-        a former boot epoch of this node has ended (`DeliveryEnded`); a large sample, outgoing or
-        incoming, has progressed or ended (`ObjectProgress`). On Zenoh only the
-        first: the connection to the router. Ends with the node.
+        - `LinkStateChanged`: the link goes up or down. On Zenoh, the connection to the router does,
+          and there is no other event.
+        - `JournalStateChanged`, `JournalDoubted`: the journal cannot be written, or can be again;
+          it may lack the last writes.
+        - `SilenceChanged`: transmit silence has begun by command, or has ended.
+        - `StreamOverridden`: a command overrides the settings of a topic.
+        - `PeerSeen`, `PeerLost`, `PeerFound`: a peer is heard first, or has restarted; it is lost,
+          or heard again, if the configuration has `lost_after_s`.
+        - `SubscribersChanged`: nodes subscribe to an on-demand topic of this node, or unsubscribe.
+        - `DeadlineMissed`: no sample of a topic with `deadline_s` was published, or came, in time.
+        - `StreamsDiffer`: a peer defines streams differently.
+        - `PeerMeasured`, `ModemRead`: the modem has measured a peer, or reports its own values.
+        - `DeliveryEnded`: a sample of a former boot epoch of this node has its outcome.
+        - `ObjectProgress`: a large sample, outgoing or incoming, has progressed or ended.
+        - `ClockStateChanged`, `NothingHeard`, `EngineRestarted`, `SealAlarm`, `RosEntitySeen`.
+
+        The iteration ends with the node.
         """
         return self._events.read()
 
     def topics(self) -> list[str]:
-        """Return the names of the topics that this node may subscribe to; none without streams."""
+        """Return the names of the topics that this node may subscribe to."""
         return self._known().topics()
 
     def find_stream(self, name: str) -> Stream | None:
-        """Find the stream of a name or of a key; None: on Zenoh without a configuration.
+        """Find the stream of a name or of a key; None on Zenoh without a configuration.
 
         Raises:
-            LocalError: There is none of that name.
+            LocalError: No stream has that name.
         """
         return self._known().find(name)
 
     @property
     def stats(self) -> EngineStats:
-        """The counters; on Zenoh no frames, they are the gateway's."""
+        """The counters; on Zenoh the gateway counts the frames."""
         return self._opened().stats
 
     def expired(self) -> dict[int, int]:
-        """Return the samples that expired before their transmission, by stream id; not on Zenoh."""
+        """Return how many samples and calls expired unsent, by stream id; empty on Zenoh."""
         return self._opened().expired()
 
     def ledger(self) -> list[LedgerEntry]:
-        """Return every byte given to the link, by stream and cause; on Zenoh nothing."""
+        """Return all bytes given to the link, by stream and cause; empty on Zenoh."""
         return self._opened().ledger()
 
     # Below the methods above

@@ -1,4 +1,4 @@
-"""Topics: publishers and subscriptions, with the values as the application writes them."""
+"""Topics: publishers and subscriptions, with values in the application's form."""
 
 import inspect
 import logging
@@ -16,7 +16,7 @@ from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.routes import TopicRoute
 
 DEFAULT_DEPTH: Final = 10
-"""Samples of each key that wait for a subscription without QoS: as many as in ROS."""
+"""Samples of each key that wait in a subscription without QoS, as in ROS."""
 
 _logger = logging.getLogger(__name__)
 
@@ -27,21 +27,21 @@ class Sample(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
     """One published value, as it arrived."""
 
     content: T | None
-    """The value; None when the key was deleted. `value` is the same without the None."""
+    """The value; None if the key was deleted. `value` raises instead."""
     key: str
-    """The key that it was published under, placeholders filled in."""
+    """The key of the sample, placeholders filled in."""
     source: int | None
-    """Acoustic address of the node that published it; None: on this Zenoh network."""
+    """Acoustic address of the publishing node; None: on this Zenoh network."""
     deleted: bool = False
     """The key was deleted; there is no value."""
     encoding: str
     """Encoding that the publisher used."""
     age_s: float | None = None
-    """How old it was when its frame was composed, s; infinity: over an hour; None: no stamp."""
+    """Age when the frame was composed, s; infinity: over an hour; None: no stamp."""
     received_at: int
-    """Instant of its arrival, ns on `time.monotonic_ns`."""
+    """Instant of arrival, ns on `time.monotonic_ns`."""
     metrics: LinkMetrics = LinkMetrics()
-    """The modem's measurements on its frame; nothing on Zenoh."""
+    """The modem's measurements of the frame; empty on Zenoh."""
 
     @property
     def value(self) -> T:
@@ -56,11 +56,11 @@ class Sample(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
 
 
 SampleCallback = Callable[[Sample[T]], Awaitable[None] | None]
-"""Takes each sample, on the loop; may be a coroutine function."""
+"""Receives each sample, on the loop; may be a coroutine function."""
 
 
 class Publisher(Generic[T]):
-    """Publishes one key. Made by `Node.create_publisher`; usable from any thread.
+    """Publishes one key, from any thread. Created by `Node.create_publisher`.
 
     Args:
         route: Where samples go.
@@ -70,29 +70,29 @@ class Publisher(Generic[T]):
     def __init__(self, route: TopicRoute[T], outlet: Outlet) -> None:
         assert route.key is not None
         self.key = route.key
-        """Its key, placeholders filled in."""
+        """The key, placeholders filled in."""
         self._outlet = outlet
         self._is_closed = False
 
     def publish(self, value: T, *, encoding: str | None = None) -> Delivery | None:
         """Publish a value; never waits for the channel.
 
-        On a link it is queued by the stream's QoS: a newer sample may push it out, and it may
-        expire. From another thread than the loop's, limits that only the engine knows (size,
-        permission) are logged instead of raised.
+        On a link the sample waits as the stream's QoS says: a newer one may replace it, and it may
+        expire. In a thread other than the loop's, limits that only the engine knows (size,
+        permission) are logged, not raised.
 
         Args:
             value: A value of the publisher's type.
-            encoding: Zenoh encoding, where it is not the stream's.
+            encoding: Zenoh encoding, if it is not the stream's.
 
         Returns:
-            On a link, for a reliable topic: its delivery. None for a best-effort topic, which has
-                none; and on Zenoh, where the gateway has it (`@acoustic/…/streams`).
+            The delivery, on a link and for a reliable topic. None for a best-effort topic, and on
+            Zenoh, where the gateway has it (`@acoustic/…/streams`).
 
         Raises:
             PayloadInvalidError: The type does not allow the value.
-            PayloadTooLargeError: It fits no frame of this link.
-            QueueFullError: From another thread: the loop is far behind.
+            PayloadTooLargeError: The value fits no frame of this link.
+            QueueFullError: In another thread: the loop is far behind.
             JournalUnavailableError: The topic is journalled, and the journal cannot be written.
             LocalError: The publisher is closed, or this node may not publish the topic.
         """
@@ -100,12 +100,12 @@ class Publisher(Generic[T]):
         return self._outlet.put(value, encoding)
 
     def delete(self) -> Delivery | None:
-        """Tell the subscribers that the key is deleted; as `publish`."""
+        """Tell the subscribers that the key is deleted; otherwise as `publish`."""
         self._check_open()
         return self._outlet.delete()
 
     def close(self) -> None:
-        """Withdraw the publisher. May be called again."""
+        """Close the publisher. May be called again."""
         self._is_closed = True
         self._outlet.close()
 
@@ -115,16 +115,16 @@ class Publisher(Generic[T]):
 
 
 class Subscription(Generic[T]):
-    """Receives the samples of a topic. Made by `Node.create_subscription` and `Node.subscribe`.
+    """Receives the samples of a topic. Created by `Node.create_subscription` and `Node.subscribe`.
 
-    Without a callback it is an asynchronous iterator that ends when the subscription or its node
-    is closed. Samples that are not taken wait, as many of each key as the QoS's depth; then the
-    latest win. A node does not hear itself.
+    Without a callback it is an asynchronous iterator, which ends when the subscription or its node
+    is closed. Of each key the latest samples wait, up to the depth of the QoS. A node does not
+    receive its own samples.
 
     Args:
         route: Where samples come from.
-        carrier: What brings them.
-        forget: Called when it is closed.
+        carrier: Delivers them.
+        forget: Called on close.
     """
 
     def __init__(
@@ -143,7 +143,7 @@ class Subscription(Generic[T]):
 
     @property
     def dropped(self) -> int:
-        """Samples that newer ones pushed out before they were taken."""
+        """Samples that newer ones replaced before the application took them."""
         return self._mailbox.dropped
 
     def __aiter__(self) -> AsyncIterator[Sample[T]]:
@@ -157,7 +157,7 @@ class Subscription(Generic[T]):
         raise StopAsyncIteration
 
     async def receive(self) -> Sample[T]:
-        """Wait for the next sample; `asyncio.timeout` limits how long.
+        """Wait for the next sample; `asyncio.timeout` sets a limit.
 
         Raises:
             LocalError: The subscription is closed.
@@ -169,30 +169,30 @@ class Subscription(Generic[T]):
             raise LocalError(f"the subscription to {self.name} is closed") from None
 
     def close(self) -> None:
-        """End it; iteration ends after the arrived samples. May be called again."""
+        """Unsubscribe; iteration ends after the samples that have arrived. May be called again."""
         self.fail(None)
 
     def fail(self, error: Exception | None) -> None:
-        """End it with an error, for the node."""
+        """Unsubscribe and end iteration with an error; for the node."""
         self._unsubscribe()
         self._mailbox.close(error)
         self._forget(self)
 
     async def feed(self, callback: SampleCallback[T]) -> None:
-        """Give each sample to the callback, for the node; log its exceptions."""
+        """Pass each sample to the callback and log its exceptions; for the node."""
         async for sample in self:
             try:
                 result = callback(sample)
                 if inspect.isawaitable(result):
                     await result
-            except Exception:  # the application's: its next sample comes all the same
+            except Exception:  # the application's; its next sample still comes
                 _logger.exception("the callback of %s failed", self.name)
 
     def _deliver(self, incoming: Incoming) -> None:
         self._mailbox.put(incoming, incoming.key)
 
     def _read(self, incoming: Incoming) -> Sample[T] | None:
-        """Make the value; None, counted and logged, when its class refuses it."""
+        """Build the sample; if its class refuses the value, count and log that and return None."""
         content: T | None = None
         if not incoming.deleted:
             try:

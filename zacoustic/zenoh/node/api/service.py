@@ -1,4 +1,4 @@
-"""Services: clients that call, and services that answer, by a function of the application."""
+"""Services: clients that call, and services that answer with a function of the application."""
 
 import asyncio
 import functools
@@ -22,7 +22,7 @@ RequestType = TypeVar("RequestType", covariant=True)
 ResponseType = TypeVar("ResponseType", covariant=True)
 
 Spawn = Callable[[Coroutine[Any, Any, None], str], "asyncio.Task[None]"]
-"""Starts a task of the node, with its name."""
+"""Starts a task of the node: its coroutine and name."""
 
 
 class ServiceType(Protocol[RequestType, ResponseType]):
@@ -31,7 +31,7 @@ class ServiceType(Protocol[RequestType, ResponseType]):
     ``class Arm:``, and in it ``class Request(msgspec.Struct)``, ``class Response(msgspec.Struct)``.
     """
 
-    # Methods, because that is how a type checker sees a class inside a class.
+    # Methods, because a type checker sees a class inside a class as one.
     def Request(self, *args: Any, **kwargs: Any) -> RequestType:  # noqa: ANN401, N802
         """Make a request."""
         ...
@@ -42,16 +42,17 @@ class ServiceType(Protocol[RequestType, ResponseType]):
 
 
 class CallContext(msgspec.Struct, frozen=True, kw_only=True):
-    """The caller, the call's id, and how long an answer is useful."""
+    """The caller of a request, the call's id, and the deadline of an answer."""
 
     service: str
     """Name of the service."""
     client: int | None
     """Acoustic address of the caller; None: on this Zenoh network."""
     call_id: str | None
-    """The same when a call comes again, which it does only where the server has no journal and has
-    restarted. Another call has it after 64 calls of that client at the earliest, so to remember it
-    for twice the service's timeout is enough. None: the caller is on this Zenoh network."""
+    """Stays the same if a call comes again, which happens only after a restart of a server without
+    a journal. Another call gets the same id after 64 calls of that client at the earliest, so
+    remembering it for twice the service's timeout is enough. None: the caller is on this Zenoh
+    network."""
     deadline_at: int
     """Instant after which an answer is dropped, ns on `time.monotonic_ns`."""
 
@@ -64,11 +65,11 @@ Handler = (
 
 
 class Client(Generic[Request, Response]):
-    """Calls one service. Made by `Node.create_client`.
+    """Calls one service. Created by `Node.create_client`.
 
     Args:
         route: Where calls go.
-        carrier: What carries them.
+        carrier: Carries them.
     """
 
     def __init__(self, route: ServiceRoute[Request, Response], carrier: Carrier) -> None:
@@ -79,17 +80,18 @@ class Client(Generic[Request, Response]):
         self._is_closed = False
 
     async def call(self, request: Request, *, timeout_s: float | None = None) -> Response:
-        """Call the service. Cancelling withdraws the request if it has not left yet.
+        """Call the service. Cancelling withdraws a request that has not left yet.
 
         Args:
             request: A value of the client's type.
-            timeout_s: Time to wait for the answer, s, > 0; None: the service's own.
+            timeout_s: Time limit for the answer, s, > 0; None: the service's own.
 
         Raises:
-            ServiceError: The handler failed; the text is its own.
-            CallTimeoutError: No answer in time; whether the service ran is unknown.
-            OutcomeUnknownError: The server ended without an answer, perhaps after its work.
-            DeliveryError: It has no server, or the two ends do not agree on its stream.
+            ServiceError: The handler failed, with its text.
+            CallTimeoutError: No answer came in time; whether the service ran is unknown.
+            OutcomeUnknownError: The server ended without an answer, perhaps after it had done the
+                work.
+            DeliveryError: The service has no server, or the two ends define its stream differently.
             PayloadInvalidError: The type does not allow the request.
             PayloadTooLargeError: The request fits no frame of this link.
             QueueFullError: Too many calls are under way.
@@ -106,20 +108,20 @@ class Client(Generic[Request, Response]):
             raise DeliveryError(f"{self.name}: the response is refused: {error}") from error
 
     def close(self) -> None:
-        """Withdraw the client. May be called again."""
+        """Close the client. May be called again."""
         self._is_closed = True
 
 
 class Service(Generic[Request, Response]):
-    """Serves one service. Made by `Node.create_service`.
+    """Serves one service. Created by `Node.create_service`.
 
-    Each request runs in its own task. An error of the handler is logged here and reaches the
-    caller as a `ServiceError` with the text.
+    Each request runs in a separate task. An error of the handler is logged here and reaches the
+    caller as a `ServiceError` with its text.
 
     Args:
         route: Where calls come from.
         handler: Answers them.
-        carrier: What carries them.
+        carrier: Carries them.
         spawn: Starts the tasks.
     """
 
@@ -140,7 +142,7 @@ class Service(Generic[Request, Response]):
         self._stop = carrier.serve(route, self._take)
 
     def close(self) -> None:
-        """Serve no more; cancel calls under way and inform their callers. May be repeated."""
+        """Stop serving, cancel calls under way and inform their callers. May be called again."""
         self._stop()
         for task in self._tasks:
             task.cancel()
@@ -154,7 +156,7 @@ class Service(Generic[Request, Response]):
         self._tasks.discard(task)
         had_begun = call in self._at_work
         self._at_work.discard(call)
-        if task.cancelled():  # perhaps before it had begun: nothing else informs the caller
+        if task.cancelled():  # perhaps before it began: nothing else informs the caller
             failure = CallFailure.UNKNOWN if had_begun else CallFailure.NO_SERVER
             call.fail(failure, CLOSED_TEXT)
 
@@ -175,7 +177,7 @@ class Service(Generic[Request, Response]):
             response = self._handler(request, context)
             if inspect.isawaitable(response):
                 response = await response
-        except Exception as error:  # the application's: its caller is told
+        except Exception as error:  # the application's; its caller learns of it
             _logger.warning("%s: the handler failed", self.name, exc_info=error)
             call.fail(CallFailure.HANDLER, _text_of(error))
             return
@@ -194,7 +196,7 @@ def _text_of(error: Exception) -> str:
 def _with_context(
     handler: Handler[Request, Response],
 ) -> Callable[[Request, CallContext], Response | Awaitable[Response]]:
-    """Make a handler take the context, if it does not: one that asks for two arguments does."""
+    """Return a handler that takes the context: the same one if it requires two arguments."""
     try:
         parameters = inspect.signature(handler).parameters.values()
     except ValueError:  # a built-in function without a signature

@@ -1,8 +1,8 @@
-"""Values as text, for the command line: typed and printed.
+"""Values as text, for the command line: read and printed.
 
-A typed value is JSON5, with base64 texts for bytes fields; an opaque one is the text itself. On
-Zenoh without a configuration nothing has a type: there a text in braces is taken for fields and
-travels as CBOR, and what arrives is read as its encoding says.
+A value with a type is JSON5, with base64 texts for bytes fields; an opaque value is the text
+itself. On Zenoh without a configuration nothing has a type: a text in braces then counts as fields
+and travels as CBOR, and a received payload is read as its encoding says.
 """
 
 import base64
@@ -30,7 +30,7 @@ def read_text(text: str, spec: TypeSpec | None, *, source: str) -> Any:  # noqa:
     """Read a value that a user typed.
 
     Args:
-        text: What was typed.
+        text: The text.
         spec: Its type; None: opaque.
         source: Name of the argument, for the messages.
 
@@ -38,7 +38,7 @@ def read_text(text: str, spec: TypeSpec | None, *, source: str) -> Any:  # noqa:
         A dict with every field, or bytes.
 
     Raises:
-        ConfigError: It is no JSON5, or not of the type.
+        ConfigError: The text is not JSON5, or not of the type.
     """
     if spec is None:
         return text.encode()
@@ -50,10 +50,10 @@ def read_text(text: str, spec: TypeSpec | None, *, source: str) -> Any:  # noqa:
 
 
 def read_untyped(text: str, *, source: str) -> tuple[bytes, str]:
-    """Read a value where no type is known: payload and encoding.
+    """Read a value without a type; return payload and encoding.
 
     Raises:
-        ConfigError: It begins with a brace and is no JSON5.
+        ConfigError: The text begins with a brace and is not JSON5.
     """
     if not text.lstrip().startswith("{"):
         return text.encode(), TEXT
@@ -61,11 +61,11 @@ def read_untyped(text: str, *, source: str) -> tuple[bytes, str]:
 
 
 def shown_value(value: object, encoding: str) -> dict[str, Any]:
-    """Return a value for JSON: under `value`, `text` or `base64`, as it can be shown.
+    """Return a value for JSON, under `value`, `text` or `base64`, whichever can show it.
 
     Args:
         value: A dict of fields, or bytes.
-        encoding: Of the bytes; an unset one is found out.
+        encoding: Encoding of the bytes; an unset one is inferred.
     """
     if not isinstance(value, bytes):
         return {"value": msgspec.to_builtins(value)}
@@ -84,7 +84,7 @@ def shown_value(value: object, encoding: str) -> dict[str, Any]:
 
 
 def line_of(shown: dict[str, Any]) -> str:
-    """Return what `shown_value` made, as one line for people."""
+    """Return the result of `shown_value` as one line for people."""
     if "text" in shown:
         return str(shown["text"])
     content = shown.get("value", shown)

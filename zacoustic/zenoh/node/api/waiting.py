@@ -1,4 +1,4 @@
-"""Endpoints whose calls wait, for the blocking `Node`: each stands for one on its loop."""
+"""Blocking endpoints, for the blocking `Node`: each wraps an asyncio endpoint on its loop."""
 
 import asyncio
 from collections.abc import AsyncIterator, Iterator
@@ -21,42 +21,42 @@ class Publisher(Generic[T]):
 
     def __init__(self, publisher: pubsub.Publisher[T], thread: LoopThread) -> None:
         self.key = publisher.key
-        """What it publishes under, placeholders filled in."""
+        """The key, placeholders filled in."""
         self._publisher = publisher
         self._thread = thread
 
     def publish(self, value: T, *, encoding: str | None = None) -> "Delivery | None":
-        """Publish a value; never waits for the channel, and works in callbacks too."""
+        """Publish a value; never waits for the channel, and works in callbacks, too."""
         made = self._thread.apply(lambda: self._publisher.publish(value, encoding=encoding))
         return None if made is None else Delivery(made, self._thread)
 
     def delete(self) -> "Delivery | None":
-        """Tell the subscribers that the key is deleted; as `publish`."""
+        """Tell the subscribers that the key is deleted; otherwise as `publish`."""
         made = self._thread.apply(self._publisher.delete)
         return None if made is None else Delivery(made, self._thread)
 
     def close(self) -> None:
-        """Withdraw the publisher."""
+        """Close the publisher."""
         self._thread.apply(self._publisher.close)
 
 
 class Delivery:
-    """What becomes of one reliable sample; see `zacoustic.Delivery`."""
+    """The progress and the outcome of one reliable sample; see `zacoustic.Delivery`."""
 
     def __init__(self, delivery: delivery.Delivery, thread: LoopThread) -> None:
         self.key = delivery.key
-        """What the sample was published under."""
+        """The key of the sample."""
         self._delivery = delivery
         self._thread = thread
 
     @property
     def outcome(self) -> DeliveryOutcome | None:
-        """How it ended; None: it has not."""
+        """The outcome; None: none yet."""
         return self._delivery.outcome
 
     @property
     def missing(self) -> tuple[int, ...]:
-        """Addresses of the subscribers that have not acknowledged it, when it has ended."""
+        """At the end: addresses of the subscribers that have not acknowledged the sample."""
         return self._delivery.missing
 
     @property
@@ -66,18 +66,18 @@ class Delivery:
 
     @property
     def progress(self) -> ObjectProgress | None:
-        """Its last known progress, if it is larger than a frame."""
+        """The last known progress of a sample larger than a frame, or None."""
         return self._delivery.progress
 
     def cancel(self) -> None:
-        """Give it up; raises what `zacoustic.Delivery.cancel` does."""
+        """Cancel the delivery; raises the errors of `zacoustic.Delivery.cancel`."""
         self._thread.apply(self._delivery.cancel)
 
     def wait(self, *, timeout_s: float | None = None) -> DeliveryOutcome:
-        """Wait for its end.
+        """Wait for the outcome.
 
         Raises:
-            TimeoutError: It has not ended within `timeout_s`, s; it goes on.
+            TimeoutError: There is no outcome within `timeout_s`, s; the delivery goes on.
             LocalError, LinkClosedError: As for awaiting a `zacoustic.Delivery`, or in a callback.
         """
 
@@ -88,7 +88,7 @@ class Delivery:
         return self._thread.wait(wait())
 
     def stored(self, *, timeout_s: float | None = None) -> None:
-        """Wait until the journal has it; raises what `zacoustic.Delivery.stored` does.
+        """Wait until the sample is in the journal; errors as for `zacoustic.Delivery.stored`.
 
         Raises:
             TimeoutError: Not within `timeout_s`, s.
@@ -112,7 +112,7 @@ class Subscription(Generic[T]):
 
     @property
     def dropped(self) -> int:
-        """Samples that newer ones pushed out before they were taken."""
+        """Samples that newer ones replaced before the application took them."""
         return self._subscription.dropped
 
     def __iter__(self) -> Iterator[Sample[T]]:
@@ -128,7 +128,7 @@ class Subscription(Generic[T]):
         """Wait for the next sample.
 
         Raises:
-            TimeoutError: None within `timeout_s`, s.
+            TimeoutError: No sample came within `timeout_s`, s.
             LocalError: The subscription is closed, or this is a callback.
         """
 
@@ -139,7 +139,7 @@ class Subscription(Generic[T]):
         return self._thread.wait(receive())
 
     def close(self) -> None:
-        """End it."""
+        """Unsubscribe."""
         self._thread.apply(self._subscription.close)
 
 
@@ -153,11 +153,11 @@ class Client(Generic[Asked, Answered]):
         self._thread = thread
 
     def call(self, request: Asked, *, timeout_s: float | None = None) -> Answered:
-        """Call the service and wait for the answer; raises what `zacoustic.Client.call` does."""
+        """Call the service and wait for the answer; errors as for `zacoustic.Client.call`."""
         return self._thread.wait(self._client.call(request, timeout_s=timeout_s))
 
     def close(self) -> None:
-        """Withdraw the client."""
+        """Close the client."""
         self._thread.apply(self._client.close)
 
 
@@ -171,10 +171,10 @@ class Service(Generic[Asked, Answered]):
         self._thread = thread
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop serving."""
         self._thread.apply(self._served.close)
 
 
 async def next_or_none(items: AsyncIterator[T]) -> T | None:
-    """Take the next item; None at the end."""
+    """Return the next item; None at the end."""
     return await anext(items, None)

@@ -1,4 +1,4 @@
-"""Actions whose calls wait, for the blocking `Node`: each stands for one on its loop."""
+"""Blocking actions, for the blocking `Node`: each wraps an asyncio one on its loop."""
 
 import asyncio
 from collections.abc import Callable
@@ -26,25 +26,25 @@ class GoalHandle(Generic[Goal, Feedback, Result]):
 
     @property
     def accepted(self) -> bool:
-        """The server has accepted it."""
+        """Whether the server has accepted the goal."""
         return self._handle.accepted
 
     @property
     def text(self) -> str:
-        """Why it was rejected, one line; empty: it was not."""
+        """Why the server rejected the goal, one line; empty: it did not."""
         return self._handle.text
 
     @property
     def tag(self) -> bytes:
-        """What was given with it."""
+        """The bytes that `ActionClient.send_goal` got with the goal."""
         return self._handle.tag
 
     def cancel(self) -> bool:
-        """Ask the server to end it, and wait for the answer."""
+        """Ask the server to cancel the goal, and wait for the answer."""
         return self._thread.wait(self._handle.cancel())
 
     def result(self, *, timeout_s: float | None = None) -> GoalResult[Result]:
-        """Wait for its end; raises what `zacoustic.GoalHandle.result` does."""
+        """Wait for the end of the goal; raises the errors of `zacoustic.GoalHandle.result`."""
         return self._thread.wait(self._handle.result(timeout_s=timeout_s))
 
 
@@ -67,7 +67,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
         timeout_s: float | None = None,
         tag: bytes = b"",
     ) -> GoalHandle[Goal, Feedback, Result]:
-        """Send a goal and wait for its answer; the callback runs in the thread of the loop."""
+        """Send a goal and wait for the answer; the callback runs in the loop's thread."""
         sent = self._thread.wait(
             self._client.send_goal(
                 goal, feedback_callback=feedback_callback, timeout_s=timeout_s, tag=tag
@@ -78,19 +78,19 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     def recovered(
         self, *, feedback_callback: FeedbackCallback[Feedback] | None = None
     ) -> list[GoalHandle[Goal, Feedback, Result]]:
-        """Return the goals that a former boot epoch of this node has sent, each once."""
+        """Return the goals that former boot epochs of this node have sent, each once."""
         found = self._thread.apply(
             lambda: self._client.recovered(feedback_callback=feedback_callback)
         )
         return [GoalHandle(handle, self._thread) for handle in found]
 
     def close(self) -> None:
-        """Withdraw the client; goals go on."""
+        """Close the client; its goals go on."""
         self._thread.apply(self._client.close)
 
 
 class ServerGoalHandle(Generic[Goal, Feedback, Result]):
-    """A goal that runs here; see `zacoustic.ServerGoalHandle`. For the thread that pursues it."""
+    """A goal that runs here, for the thread that pursues it; see `zacoustic.ServerGoalHandle`."""
 
     def __init__(
         self, handle: action.ServerGoalHandle[Goal, Feedback, Result], thread: LoopThread
@@ -100,22 +100,22 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
         self.request = handle.request
         """The goal."""
         self.client = handle.client
-        """Acoustic address of its client; None: on this Zenoh network."""
+        """Acoustic address of the client; None: on this Zenoh network."""
         self._handle = handle
         self._thread = thread
 
     @property
     def is_active(self) -> bool:
-        """It runs."""
+        """Whether the goal still runs."""
         return self._handle.is_active
 
     @property
     def is_cancel_requested(self) -> bool:
-        """Its client wants it to end, and that was accepted."""
+        """Whether the client has asked to cancel the goal, and the server agreed."""
         return self._handle.is_cancel_requested
 
     def wait_cancel(self, *, timeout_s: float) -> bool:
-        """Wait until its client wants it to end; return whether it does. Instead of a sleep."""
+        """Wait for an accepted request to cancel, in place of a sleep; return whether it came."""
 
         async def wait() -> bool:
             try:
@@ -128,24 +128,24 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
         return self._thread.wait(wait())
 
     def publish_feedback(self, feedback: Feedback) -> bool:
-        """Tell how far it is; of what waits only the newest is sent. False: it is over."""
+        """Send feedback, of which only the newest waits. False: the goal has ended."""
         return self._thread.apply(lambda: self._handle.publish_feedback(feedback))
 
     def succeed(self, result: Result | None = None) -> None:
-        """Say that it was reached."""
+        """Set SUCCEEDED."""
         self._thread.apply(lambda: self._handle.succeed(result))
 
     def abort(self, result: Result | None = None) -> None:
-        """Say that it was given up."""
+        """Set ABORTED: the server gave the goal up."""
         self._thread.apply(lambda: self._handle.abort(result))
 
     def canceled(self, result: Result | None = None) -> None:
-        """Say that it was given up because its client wanted so."""
+        """Set CANCELED: the server gave the goal up at the client's request."""
         self._thread.apply(lambda: self._handle.canceled(result))
 
 
 Execute = Callable[[ServerGoalHandle[Goal, Feedback, Result]], Result | None]
-"""Pursues a goal, in its own thread; may wait as long as it likes."""
+"""Pursues a goal, in a separate thread; may block as long as it likes."""
 
 
 class ActionServer(Generic[Goal, Feedback, Result]):
@@ -160,14 +160,14 @@ class ActionServer(Generic[Goal, Feedback, Result]):
         self._thread = thread
 
     def close(self) -> None:
-        """Serve no more; goals that run are aborted, though their threads go on."""
+        """Stop serving and abort the goals that run; their threads go on."""
         self._thread.apply(self._served.close)
 
 
 def in_thread(
     execute: Execute[Goal, Feedback, Result], thread: LoopThread
 ) -> action.Execute[Goal, Feedback, Result]:
-    """Make a coroutine function of one that waits: each goal gets a thread."""
+    """Make a coroutine function from a blocking one; each goal gets a thread."""
 
     async def pursue(
         handle: action.ServerGoalHandle[Goal, Feedback, Result],

@@ -1,4 +1,4 @@
-"""Answers that callers wait for: of calls, of commands, of ranges."""
+"""Answers for which callers wait: to calls, to commands, of ranges."""
 
 import asyncio
 import contextlib
@@ -13,10 +13,10 @@ T = TypeVar("T")
 
 
 class Answers(Generic[T]):
-    """What callers of one kind wait for, by the id that the engine has given; for the loop.
+    """Awaited answers of one kind, by the engine's id; for the loop.
 
     Args:
-        runner: Whose engine asks.
+        runner: Drives the engine that asks.
     """
 
     def __init__(self, runner: LinkRunner) -> None:
@@ -26,11 +26,11 @@ class Answers(Generic[T]):
     async def ask(
         self, begin: Callable[[Engine, int], int], cancel: Callable[[Engine, int, int], object]
     ) -> T:
-        """Ask, and wait for the answer; cancelling gives it up.
+        """Ask and wait for the answer; cancelling gives up.
 
         Args:
             begin: Asks, and returns the id of the answer.
-            cancel: Gives up the id that is its second argument.
+            cancel: Gives up the id in its second argument.
         """
         answer: asyncio.Future[T] = asyncio.get_running_loop().create_future()
 
@@ -48,7 +48,7 @@ class Answers(Generic[T]):
                     self._runner.apply(lambda engine, now: cancel(engine, number, now))
 
     def take(self, number: int | None, outcome: T | Exception) -> bool:
-        """Hand an answer, or why there is none, to its caller; False: nobody has asked for it."""
+        """Pass an answer, or an error in its place, to its caller; False: nobody has asked."""
         answer = None if number is None else self._awaited.pop(number, None)
         if answer is None:
             return False
@@ -56,11 +56,11 @@ class Answers(Generic[T]):
         return True
 
     def awaits(self, number: int) -> bool:
-        """Tell whether a caller waits for that."""
+        """Tell whether a caller waits for this id."""
         return number in self._awaited
 
     def end_all(self, error: Exception) -> None:
-        """Inform the waiting callers that no answer will come."""
+        """Tell the waiting callers that no answer will come."""
         awaited, self._awaited = self._awaited, {}
         for answer in awaited.values():
             _settle(answer, error)

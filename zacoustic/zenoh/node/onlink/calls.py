@@ -1,4 +1,4 @@
-"""Calls over a link, both ways: those of a program here, and those that it serves."""
+"""Calls over a link, both ways: those that a local program makes, and those that it serves."""
 
 import contextlib
 from collections.abc import Callable
@@ -17,7 +17,7 @@ class LinkCalls:
     """The calls of one node.
 
     Args:
-        runner: Whose engine carries them.
+        runner: Drives the engine that carries them.
         table: The streams.
     """
 
@@ -31,7 +31,7 @@ class LinkCalls:
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
-        """Call a service and wait for the answer; cancelling gives the call up."""
+        """Call a service and wait for the answer; cancelling gives up."""
         stream_id = route.known_stream.stream_id
         return await self._answers.ask(
             lambda engine, now: engine.call(stream_id, value, now, timeout_s=timeout_s),
@@ -41,10 +41,10 @@ class LinkCalls:
     def serve(
         self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
     ) -> Callable[[], None]:
-        """Hand over the requests of a service.
+        """Pass on the requests of a service.
 
         Raises:
-            LocalError: It is served already.
+            LocalError: This node already serves the service.
         """
         stream_id = route.known_stream.stream_id
         if stream_id in self._servers:
@@ -58,7 +58,7 @@ class LinkCalls:
         return stop
 
     def requested(self, event: RequestReceived) -> None:
-        """Hand a request to the program that serves."""
+        """Pass a request to the program that serves it."""
         call = LinkCall(self._runner, event)
         handle = self._servers.get(event.call.stream_id)
         if handle is None:
@@ -68,7 +68,7 @@ class LinkCalls:
             handle(call)
 
     def answered(self, event: ResponseReceived | CallFailed) -> None:
-        """A call of this node has ended."""
+        """End a call of this node."""
         if isinstance(event, ResponseReceived):
             self._answers.take(event.call_id, event.value)
         else:
@@ -77,10 +77,10 @@ class LinkCalls:
 
 
 class LinkCall:
-    """A request that came over the link.
+    """A request that arrived over the link.
 
     Args:
-        runner: Whose engine answers it.
+        runner: Drives the engine that answers it.
         event: The request.
     """
 
@@ -93,11 +93,11 @@ class LinkCall:
         self._call = event.call
 
     def reply(self, value: object) -> bool:
-        """Answer it."""
+        """Answer."""
         return self._runner.apply(lambda engine, now: engine.reply(self._call, value, now))
 
     def fail(self, failure: CallFailure, text: str) -> bool:
-        """Answer it with an error."""
+        """Answer with an error."""
         with contextlib.suppress(LinkClosedError):
             return self._runner.apply(
                 lambda engine, now: engine.reply_error(self._call, failure, text, now)

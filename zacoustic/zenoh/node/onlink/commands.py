@@ -1,4 +1,4 @@
-"""Commands of a node on a link: to remote nodes, and to itself."""
+"""Commands that a node on a link gives: to remote nodes, and to itself."""
 
 import asyncio
 
@@ -14,7 +14,7 @@ class LinkCommands:
     """The commands that one node has given.
 
     Args:
-        runner: Whose engine sends them.
+        runner: Drives the engine that sends them.
     """
 
     def __init__(self, runner: LinkRunner) -> None:
@@ -23,12 +23,12 @@ class LinkCommands:
         self.end_all = self._answers.end_all
 
     async def give(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
-        """Give a command and wait for the answer; cancelling gives it up.
+        """Give a command and wait for the answer; cancelling gives up.
 
         Raises:
-            LocalError: No such node, or a command to itself makes no sense.
-            ServiceError: The node refuses it.
-            CallTimeoutError: No answer in time; it may have been executed.
+            LocalError: There is no such node, or a command to itself makes no sense.
+            ServiceError: The node refuses the command.
+            CallTimeoutError: No answer came in time; the node may have executed the command.
         """
         if node == self._runner.engine.address:
             return await self._execute_here(command, timeout_s)
@@ -48,7 +48,7 @@ class LinkCommands:
             return await answer
 
     def deliver(self, event: ResponseReceived | CallFailed) -> bool:
-        """Take the answer to a command; False if it is something else."""
+        """Take the answer to a command; False: it is another answer."""
         if not self._answers.awaits(event.call_id):
             return False
         outcome: CommandState | ZacousticError

@@ -26,13 +26,13 @@ from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, TakeFeedback, goal_
 from zacoustic.zenoh.node.routes import ActionRoute
 
 _REFUSALS: Final = (GoalFailure.REJECTED, GoalFailure.CANCELLED)
-"""Failures that an application gets by `accepted`; anything else is an error."""
+"""Failures that an application sees in `accepted`; all others are errors."""
 
 _logger = logging.getLogger(__name__)
 
 
 class LinkGoals:
-    """Goals that this node has sent, and goals that it pursues.
+    """The goals that this node has sent, and those that it pursues.
 
     Args:
         runner: Drives the engine.
@@ -54,7 +54,7 @@ class LinkGoals:
         feed: TakeFeedback,
         tag: bytes,
     ) -> "LinkSentGoal":
-        """Send a goal and wait for its answer; cancelling this cancels the goal."""
+        """Send a goal and wait for the answer; cancelling this call cancels the goal."""
         stream_id = route.known_stream.stream_id
 
         def begin(engine: Engine, now: int) -> LinkSentGoal:
@@ -76,7 +76,7 @@ class LinkGoals:
     def recovered(
         self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
     ) -> list["LinkSentGoal"]:
-        """Return the goals that a former boot epoch has sent, and that no caller has taken yet."""
+        """Return the goals that former boot epochs have sent and that no caller has taken yet."""
         stream_id = route.known_stream.stream_id
         found = [
             sent
@@ -89,10 +89,10 @@ class LinkGoals:
         return found
 
     def serve(self, route: ActionRoute[Any, Any, Any], handler: GoalHandler) -> Callable[[], None]:
-        """Hand over the goals of an action; returns what ends it.
+        """Pass on the goals of an action; return the function that ends it.
 
         Raises:
-            LocalError: It is served already.
+            LocalError: This node already serves the action.
         """
         stream_id = route.known_stream.stream_id
         if stream_id in self._handlers:
@@ -126,7 +126,7 @@ class LinkGoals:
                     self._forget_ended(sent)
 
     def end_all(self, error: Exception) -> None:
-        """Inform the waiting callers that nothing will come."""
+        """Tell the waiting callers that nothing will come."""
         sent = list(self._sent.values())
         self._sent.clear()
         self._taken.clear()
@@ -134,13 +134,13 @@ class LinkGoals:
             each.end_with(GoalEnd(error=error))
 
     def forget(self, key: GoalKey) -> None:
-        """A goal that was taken is over."""
+        """Forget a taken goal that has ended."""
         self._taken.pop(key, None)
 
     def _forget_ended(self, sent: "LinkSentGoal") -> None:
-        """Forget a goal that is over, unless it is one of a former life that nobody has asked for.
+        """Forget an ended goal, unless it is of a former boot epoch and nobody has asked for it.
 
-        Its end may have come before the application has made its client.
+        The end may come before the application has created its client.
         """
         if sent.ended.done() and sent.feed is not None:
             self._sent.pop(sent.key, None)
@@ -174,7 +174,7 @@ class LinkSentGoal:
         self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
 
     async def cancel(self) -> tuple[bool, str]:
-        """Ask the server to end it."""
+        """Ask the server to cancel the goal."""
         answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
         self._cancels.append(answer)
         goes_on = self._goals.runner.apply(
@@ -185,11 +185,11 @@ class LinkSentGoal:
         return await answer
 
     async def end(self) -> GoalEnd:
-        """Wait for its end."""
+        """Wait for the end of the goal."""
         return await asyncio.shield(self.ended)
 
     def hear(self, event: ActionEvent) -> None:
-        """Take the engine's events of it."""
+        """Take an event of the goal."""
         match event:
             case GoalAnswered(accepted=True):
                 self.accepted = True
@@ -217,7 +217,7 @@ class LinkSentGoal:
                 pass
 
     def end_with(self, end: GoalEnd) -> None:
-        """It has ended."""
+        """End the goal."""
         if not self.ended.done():
             self.ended.set_result(end)
         self._answer()
@@ -236,7 +236,7 @@ class LinkSentGoal:
 
 
 class LinkTakenGoal:
-    """A goal that came over the link; see `TakenGoal`."""
+    """A goal that arrived over the link; see `TakenGoal`."""
 
     def __init__(self, goals: LinkGoals, event: GoalReceived) -> None:
         self.value: Any = event.value
@@ -245,11 +245,11 @@ class LinkTakenGoal:
         self._goals = goals
 
     def accept(self) -> bool:
-        """Accept it."""
+        """Accept the goal."""
         return self._apply(lambda engine, now: engine.actions.accept(self._key, now))
 
     def reject(self, failure: GoalFailure, text: str) -> bool:
-        """Refuse it."""
+        """Reject the goal."""
         self._goals.forget(self._key)
         return self._apply(
             lambda engine, now: engine.actions.reject(self._key, now, text=text, failure=failure)
@@ -262,12 +262,12 @@ class LinkTakenGoal:
         )
 
     def finish(self, status: GoalStatus, value: object) -> bool:
-        """End it."""
+        """End the goal."""
         self._goals.forget(self._key)
         return self._apply(lambda engine, now: engine.actions.finish(self._key, status, value, now))
 
     def answer_cancel(self, accepted: bool, text: str) -> bool:
-        """Answer the wish to cancel it."""
+        """Answer the request to cancel the goal."""
         return self._apply(
             lambda engine, now: engine.actions.answer_cancel(
                 self._key, now, accepted=accepted, text=text

@@ -1,6 +1,6 @@
-"""Subscriptions on a link: who gets which sample, and which on-demand topics they need.
+"""Subscriptions on a link: their samples, and the on-demand topics that they need.
 
-Of a latched topic the last samples of each key are kept here, for later subscriptions.
+For later subscriptions, they keep the last samples of each key of a latched topic.
 """
 
 import contextlib
@@ -18,15 +18,15 @@ from zacoustic.zenoh.node.carrier import Incoming
 from zacoustic.zenoh.node.routes import TopicRoute
 
 Deliver: TypeAlias = Callable[[Incoming], None]
-"""Takes each sample."""
+"""Receives each sample."""
 
 
 class Listeners:
     """The subscriptions of one node; for the loop.
 
     Args:
-        runner: Runs its engine.
-        table: Its streams.
+        runner: Drives the engine.
+        table: The streams.
     """
 
     def __init__(self, runner: LinkRunner, table: StreamTable) -> None:
@@ -36,7 +36,7 @@ class Listeners:
         self._latched: dict[int, dict[str, deque[Incoming]]] = {}
 
     def add(self, route: TopicRoute[Any], deliver: Deliver) -> Callable[[], None]:
-        """Deliver the samples of a topic, or of one key of it; returns what ends that."""
+        """Deliver the samples of a topic, or of one key; return the function that ends it."""
         stream = route.known_stream
         listeners = self._listeners.setdefault(stream.stream_id, {})
         token = object()
@@ -55,7 +55,7 @@ class Listeners:
         return stop
 
     def deliver(self, event: SampleReceived) -> None:
-        """Hand a sample to its subscriptions."""
+        """Pass a sample to its subscriptions."""
         stream = self._table.by_id(event.stream_id)
         is_latched = stream.qos.durability is Durability.TRANSIENT_LOCAL
         listeners = self._listeners.get(event.stream_id, {})
@@ -79,7 +79,7 @@ class Listeners:
                 take(incoming)
 
     def _keep(self, stream: Stream, incoming: Incoming) -> None:
-        """Keep a sample of a latched topic; of a key that was deleted nothing is kept."""
+        """Keep a sample of a latched topic; keep nothing for a deleted key."""
         keys = self._latched.setdefault(stream.stream_id, {})
         if incoming.deleted:
             keys.pop(incoming.key, None)

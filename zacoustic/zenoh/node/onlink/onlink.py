@@ -1,4 +1,4 @@
-"""Endpoints on a link: a node with its own engine, and no Zenoh anywhere."""
+"""Endpoints on a link: a node with its own engine and without Zenoh."""
 
 import asyncio
 import contextlib
@@ -36,8 +36,8 @@ from zacoustic.zenoh.node.onlink.ranges import LinkRanges
 from zacoustic.zenoh.node.routes import TopicRoute
 
 CLOSE_LINGER_S: Final = 5.0
-"""A node that is closed says what it has to acknowledge, for so long at most, s: on usual links the
-answer's turn and its airtime. Where nothing is owed, or nothing can be said, it closes at once."""
+"""Longest time for which a closing node still acknowledges samples, s: on usual links the answer's
+turn and its airtime. A node that owes or can say nothing closes at once."""
 
 _logger = logging.getLogger(__name__)
 
@@ -47,8 +47,8 @@ class LinkCarrier:
 
     Args:
         node: The node; closed with the carrier.
-        report: Takes the events that concern no stream of the application.
-        fail: Takes the error that has stopped the engine.
+        report: Receives the events that concern no stream of the application.
+        fail: Receives the error that has stopped the engine.
     """
 
     can_declare = True
@@ -81,27 +81,27 @@ class LinkCarrier:
 
     @property
     def stats(self) -> EngineStats:
-        """What the engine has counted."""
+        """The counters of the engine."""
         return self._runner.engine.stats
 
     def ledger(self) -> list[LedgerEntry]:
-        """Bytes given to the link, by stream and cause."""
+        """Return the bytes given to the link, by stream and cause."""
         return self._runner.engine.stats.ledger()
 
     def expired(self) -> dict[int, int]:
-        """Samples and calls that became too old before they could be sent, by stream id."""
+        """Return how many samples and calls expired before their transmission, by stream id."""
         return self._runner.engine.expired
 
     def declare(self, spec: StreamSpec) -> Stream:
-        """Add a stream; peers learn of it as of a restart."""
+        """Add a stream; peers learn of it as they learn of a restart."""
         return self._runner.apply(lambda engine, now: engine.declare(spec, now))
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
-        """Make the way out of a publisher."""
+        """Create the outlet of a publisher."""
         return LinkOutlet(self._publishing, route)
 
     def refuse(self, source: int, transfer: int) -> bool:
-        """Refuse the rest of a large sample that is on its way to here."""
+        """Refuse the rest of an incoming large sample."""
         return self._runner.apply(lambda engine, now: engine.refuse_object(source, transfer, now))
 
     async def open(self) -> None:
@@ -109,7 +109,7 @@ class LinkCarrier:
 
         Raises:
             LinkOpenError: The link cannot be opened.
-            RangeUnavailableError: The config measures ranges, and the link cannot.
+            RangeUnavailableError: The configuration measures ranges, and the link cannot.
         """
         try:
             await self._runner.start(self._deliver, self._settled.set)
@@ -121,7 +121,7 @@ class LinkCarrier:
         self._watch = asyncio.create_task(self._wait_failed(), name="engine of the node")
 
     async def close(self) -> None:
-        """Send the owed acknowledgements, then stop; calls under way fail.
+        """Send the owed acknowledgements, then stop and fail the calls under way.
 
         May be called again.
         """
@@ -138,8 +138,8 @@ class LinkCarrier:
     async def flush(self) -> None:
         """Wait until nothing is queued and no transmission is under way.
 
-        What waits may also expire, be cancelled or be pushed out: each ends in an input of the
-        engine, but expiry of what is best effort, for which an engine sets no timer.
+        Waiting payloads may also expire, be cancelled or be replaced. Each of these comes with an
+        input of the engine, except that best-effort payloads expire without a timer.
         """
         loop = asyncio.get_running_loop()
         while True:
@@ -165,7 +165,7 @@ class LinkCarrier:
             take(event)
 
     def _event_takers(self) -> dict[type[Any], Callable[[Any], object]]:
-        """Return what takes an event, by its type; the others are no business of a program."""
+        """Return the handler of each type of event; programs do not need the others."""
         return {
             **dict.fromkeys(get_args(NodeEvent), self._report),
             **dict.fromkeys(get_args(ActionEvent), self.goals.deliver),
@@ -204,10 +204,10 @@ class LinkCarrier:
         self._report(event)
 
     async def _linger(self) -> None:
-        """Wait until the acknowledgements that are owed have been on the air, if that is soon.
+        """Wait until the owed acknowledgements have been on the air, if that is soon.
 
-        The application has the samples, and nobody else can tell their publishers. Nothing more is
-        heard meanwhile: it would be acknowledged, and there is nobody left to have it.
+        The application has the samples, and only this node can tell their publishers. The node
+        receives nothing meanwhile: it would acknowledge samples that nobody is left to take.
         """
         if self._watch is None or self._watch.done():
             return
@@ -227,7 +227,7 @@ class LinkCarrier:
 
     def _is_flushed(self) -> bool:
         stats = self._runner.engine.stats
-        # Beside the streams what they do not carry: subscriptions.
+        # Subscriptions wait as well, under no stream.
         lanes = (NO_STREAM, *(stream.stream_id for stream in self._table))
         waiting = any(self._runner.engine.pending(each) for each in lanes)
         return not waiting and stats.frames_transmitted == sum(stats.reports.values())
@@ -235,7 +235,7 @@ class LinkCarrier:
     async def _wait_failed(self) -> None:
         try:
             await self._runner.wait_failed()
-        except Exception as failure:  # whatever has stopped the runner
+        except Exception as failure:  # any error that has stopped the runner
             error = LinkClosedError(f"the node has failed: {failure}")
             error.__cause__ = failure
             self._end_all(error)

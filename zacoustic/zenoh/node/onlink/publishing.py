@@ -1,4 +1,4 @@
-"""Publishing on a link: the way of a sample to the engine, and what becomes of it."""
+"""Publishing on a link: the way of a sample to the engine, and its delivery."""
 
 import threading
 import time
@@ -14,17 +14,17 @@ from zacoustic.zenoh.node.routes import TopicRoute
 
 
 class LinkPublishing:
-    """The samples of one node; made on the loop, and for any thread.
+    """The samples of one node; created on the loop, for any thread.
 
     Args:
-        runner: Whose engine takes them.
+        runner: Drives the engine that takes them.
     """
 
     def __init__(self, runner: LinkRunner) -> None:
         self._runner = runner
         self._thread = threading.get_ident()
         self.deliveries = Deliveries()
-        """The reliable ones on their way."""
+        """The reliable samples under way."""
 
     def publish(
         self, route: TopicRoute[Any], value: object, *, encoding: str | None, delete: bool
@@ -57,12 +57,12 @@ class LinkPublishing:
                 self.deliveries.add(delivery_id, delivery)
 
         if not delete and threading.get_ident() != self._thread:
-            stream.codec.encode(value)  # raises here what the loop could only log
+            stream.codec.encode(value)  # raises here an error that the loop could only log
         self._command(put, route.name)
         return delivery
 
     def _cancel(self, delivery: Delivery) -> None:
-        """Give a sample up."""
+        """Cancel a delivery."""
 
         def cancel(engine: Engine, now: int) -> None:
             delivery_id = self.deliveries.id_of(delivery)
@@ -72,7 +72,7 @@ class LinkPublishing:
         self._command(cancel, delivery.key)
 
     def _command(self, command: Callable[[Engine, int], None], name: str) -> None:
-        """Have the engine do something; what it raises is raised on the loop."""
+        """Run a command of the engine; on the loop, its errors are raised."""
         if threading.get_ident() == self._thread:
             self._runner.apply(command)
         elif not self._runner.submit(command):
@@ -80,10 +80,10 @@ class LinkPublishing:
 
 
 class LinkOutlet:
-    """Where one publisher puts its samples.
+    """Takes the samples of one publisher.
 
     Args:
-        publishing: Of the node.
+        publishing: The samples of the node.
         route: Where they go.
     """
 
@@ -100,4 +100,4 @@ class LinkOutlet:
         return self._publishing.publish(self._route, None, encoding=None, delete=True)
 
     def close(self) -> None:
-        """Nothing to withdraw: a link knows no publishers."""
+        """Do nothing: a link knows no publishers."""

@@ -1,4 +1,4 @@
-"""Ranges that a program on a link measures."""
+"""Ranges that a program measures on a link."""
 
 import logging
 
@@ -12,10 +12,10 @@ _logger = logging.getLogger(__name__)
 
 
 class LinkRanges:
-    """The ranges that one node waits for.
+    """The ranges for which one node waits.
 
     Args:
-        runner: Whose engine measures them.
+        runner: Drives the engine that measures them.
     """
 
     def __init__(self, runner: LinkRunner) -> None:
@@ -24,18 +24,18 @@ class LinkRanges:
         self.end_all = self._answers.end_all
 
     async def measure(self, address: int, timeout_s: float) -> Range:
-        """Measure the range of another node; cancelling gives it up."""
+        """Measure the range of another node; cancelling gives up."""
         return await self._answers.ask(
             lambda engine, now: engine.ranging.request(address, now, timeout_s=timeout_s),
             lambda engine, range_id, now: engine.ranging.cancel(range_id),
         )
 
     def measured(self, event: RangeMeasured) -> None:
-        """One is there; no caller waits for periodic ones."""
+        """Take a range; no caller waits for periodic ones."""
         self._answers.take(event.range_id, event.range)
 
     def failed(self, event: RangeFailed) -> None:
-        """One will not come."""
+        """Take the failure of a range."""
         error = range_error(event)
         if event.range_id is None:
             node = self._runner.engine.address

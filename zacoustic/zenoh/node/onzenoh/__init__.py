@@ -1,1 +1,1 @@
-"""A node that reaches its gateway by Zenoh."""
+"""A node that reaches its gateway over Zenoh."""

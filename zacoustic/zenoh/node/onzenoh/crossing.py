@@ -1,4 +1,4 @@
-"""The way of samples from Zenoh's threads to the loop: bounded, with one wake-up for many."""
+"""Brings samples from Zenoh's threads to the loop: bounded, with one wake-up for many."""
 
 import asyncio
 import threading
@@ -9,17 +9,17 @@ from typing import Final, Generic, TypeVar
 from zacoustic.zenoh.session.wake_up import WakeUp
 
 CROSSING_LIMIT: Final = 256
-"""Arrivals of one endpoint that wait for the loop; as many as Zenoh's own channels hold."""
+"""Arrivals of one endpoint that may wait for the loop; as many as Zenoh's own channels hold."""
 
 T = TypeVar("T")
 
 
 class Crossing(Generic[T]):
-    """Made on the loop, for one endpoint.
+    """The crossing of one endpoint; created on the loop.
 
     Args:
         take: Takes each arrival, on the loop.
-        limit: Arrivals that can wait; beyond it the oldest goes.
+        limit: Arrivals that may wait; beyond it, the oldest is dropped.
     """
 
     def __init__(self, take: Callable[[T], None], *, limit: int = CROSSING_LIMIT) -> None:
@@ -29,7 +29,7 @@ class Crossing(Generic[T]):
         self._bell = WakeUp(asyncio.get_running_loop(), self._drain)
 
     def put(self, item: T) -> None:
-        """Bring an arrival; from any thread."""
+        """Bring an arrival, from any thread."""
         with self._guard:
             self._items.append(item)
         self._bell.ring()

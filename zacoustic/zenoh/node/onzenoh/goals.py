@@ -1,6 +1,6 @@
 """The goals of a node on a Zenoh session.
 
-Its messages are those of `zacoustic.zenoh.session.asking.goals`.
+`zacoustic.zenoh.session.asking.goals` defines the messages.
 """
 
 import asyncio
@@ -33,20 +33,20 @@ from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp
 
 QUERIES_LIMIT: Final = 256
-"""Queries about the goals of one action that can be held at once."""
+"""Most queries about the goals of one action that are held at once."""
 _CLOSED_TEXT: Final = "the action server was closed"
-# Zenoh's own time limit is above ours, whose error says more.
+# Zenoh's own time limit is above ours, because our error says more.
 _BEHIND_S: Final = 1.0
-# A gateway that is restarted is there again after some seconds.
+# A restarted gateway is back after some seconds.
 _PATIENCE_S: Final = 120.0
 
 Route = ActionRoute[Any, Any, Any]
 Keep = Callable[[Callable[[], None]], Callable[[], None]]
-"""Remembers how to end a declaration; returns what ends it, once."""
+"""Remembers how to end a declaration; returns a function that ends it once."""
 
 
 class ZenohGoals:
-    """Goals that this node has sent, and goals that it pursues.
+    """The goals that this node has sent, and those that it pursues.
 
     Args:
         zenoh_session: Returns the session.
@@ -67,7 +67,7 @@ class ZenohGoals:
         feed: TakeFeedback,
         tag: bytes,
     ) -> SentGoal:
-        """Send a goal, and wait until it is answered; cancelling this cancels the goal."""
+        """Send a goal and wait for the answer; cancelling this call cancels the goal."""
         messages = messages_of(route)
         limit_s = route.timeout_s if timeout_s is None else min(timeout_s, route.timeout_s)
         self._hear(route, messages)
@@ -114,7 +114,7 @@ class ZenohGoals:
         return self._keep(end)
 
     def close(self) -> None:
-        """Inform the waiting callers that nothing will come."""
+        """Tell the waiting callers that nothing will come."""
         sent = list(self._sent.values())
         self._sent.clear()
         for each in sent:
@@ -160,9 +160,9 @@ class ZenohSentGoal:
         self.tag = tag
         self.feed = feed
         self.known: asyncio.Future[None] = loop.create_future()
-        """The goal was answered."""
+        """Done when the goal is answered."""
         self.over: asyncio.Future[GoalEnd] = loop.create_future()
-        """It has ended."""
+        """Done when the goal has ended."""
         self._name = route.name
         self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
         self.goal_request = LocalGoalRequest(
@@ -175,7 +175,7 @@ class ZenohSentGoal:
         )
 
     async def cancel(self) -> tuple[bool, str]:
-        """Ask the server to end it."""
+        """Ask the server to cancel the goal."""
         if self.over.done():
             raise LocalError(f"{self._name}: the goal has ended")
         answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
@@ -184,11 +184,11 @@ class ZenohSentGoal:
         return await answer
 
     async def end(self) -> GoalEnd:
-        """Wait for its end."""
+        """Wait for the end of the goal."""
         return await asyncio.shield(self.over)
 
     def end_with(self, end: GoalEnd) -> None:
-        """It has ended."""
+        """End the goal."""
         if not self.over.done():
             self.over.set_result(end)
         if not self.known.done():
@@ -199,7 +199,7 @@ class ZenohSentGoal:
     # For the goal request
 
     def answered(self, goal_id: bytes, verdict: Verdict) -> None:
-        """The goal is accepted or rejected."""
+        """Take the answer to the goal."""
         self.accepted = verdict.accepted
         if verdict.accepted:
             if not self.known.done():
@@ -212,15 +212,15 @@ class ZenohSentGoal:
         self.end_with(GoalEnd(text=self.text, error=error))
 
     def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:
-        """It will end, or will not."""
+        """Take the answer to the request to cancel."""
         self._answer_cancels(verdict.accepted, verdict.text)
 
     def ended(self, goal_id: bytes, ending: Ending) -> None:
-        """It has ended."""
+        """Take the end of the goal."""
         self.end_with(GoalEnd(status=ending.status, value=ending.result, text=ending.text))
 
     def lost(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
-        """Nothing more will be heard of it."""
+        """End the goal, of which nothing more will be heard."""
         if self.accepted and failure in (CallFailure.BAD_REQUEST, CallFailure.UNKNOWN):
             self.end_with(GoalEnd(text=text))  # no gateway knows it any more
         else:
@@ -236,7 +236,7 @@ class ZenohSentGoal:
 
 
 class _Server:
-    """Where the goals of one action arrive; made on the loop."""
+    """Receives the goals of one action; created on the loop."""
 
     def __init__(self, route: Route, handler: GoalHandler, zenoh_session: ZenohSession) -> None:
         self._route = route
@@ -274,20 +274,20 @@ class _Server:
         self._queries.close()
 
     def forget(self, goal_id: bytes) -> None:
-        """A goal is over."""
+        """Forget a goal that has ended."""
         self._goals.pop(goal_id, None)
 
     # For the goal server
 
     def begin(self, goal_id: bytes, value: object, held: HeldQuery) -> None:
-        """Show a goal to the application."""
+        """Pass a goal to the application."""
         marker = read_marker(held.query.attachment)
         client = marker.acoustic if marker is not None else None
         goal = self._goals[goal_id] = _TakenGoal(self, self._route, goal_id, value, client)
         self._handler.take(goal)
 
     def cancel(self, goal_id: bytes) -> None:
-        """Ask the application to end a goal."""
+        """Ask the application to cancel a goal."""
         goal = self._goals.get(goal_id)
         if goal is None or not goal.is_accepted:
             refused = Verdict(accepted=False, text="the goal does not run")
@@ -301,7 +301,7 @@ class _Server:
 
 
 class _TakenGoal:
-    """A goal that came over Zenoh; see `TakenGoal`."""
+    """A goal that arrived over Zenoh; see `TakenGoal`."""
 
     def __init__(
         self, server: _Server, route: Route, goal_id: bytes, value: object, client: int | None
@@ -345,17 +345,17 @@ class _TakenGoal:
 
 
 def messages_of(route: Route) -> ActionMessages:
-    """Make what reads and writes the messages of an action."""
+    """Return the reader and writer of an action's messages."""
     return ActionMessages(
         route.name, route.goal.spec, route.feedback.spec, route.result.spec, route.encoding
     )
 
 
 def _checked(form: Form[Any], value: object) -> object:
-    """Return a value as a message carries it: a dict, or bytes.
+    """Return a value in the form of a message: a dict, or bytes.
 
     Raises:
-        PayloadInvalidError: The type does not allow it, or it is opaque and not bytes.
+        PayloadInvalidError: The type does not allow the value, or it is opaque and not bytes.
     """
     if form.spec is not None:
         return form.spec.validate(value)

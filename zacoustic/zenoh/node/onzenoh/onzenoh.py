@@ -1,8 +1,8 @@
-"""Endpoints on a Zenoh session: the local gateway carries them across the channel.
+"""Endpoints on a Zenoh session: the local gateway carries their values across the channel.
 
-Zenoh's callbacks run in its own threads and do nothing but hand over. From the loop, puts
-are dropped on a full connection; replies, gets and closing, which may block on one, are for the
-worker of the `ZenohSession`.
+Zenoh's callbacks run in its own threads and only hand over. On the loop, a put on a full connection
+is dropped; replies, gets and closing may block on one, so the worker of the `ZenohSession` does
+them.
 """
 
 import asyncio
@@ -49,7 +49,7 @@ from zacoustic.zenoh.session.session import WORDS, ZenohSession, zenoh_priority
 from zacoustic.zenoh.session.values import said_encoding
 from zacoustic.zenoh.session.wake_up import tell_loop
 
-# Zenoh's own time limit is above ours, whose error says more.
+# Zenoh's own time limit is above ours, because our error says more.
 _BEHIND_S: Final = 1.0
 
 _logger = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class ZenohCarrier:
     Args:
         config: The node's configuration, or None.
         connect: Endpoints of the router; None: the configuration's.
-        report: Takes events; here only that the connection comes and goes.
+        report: Receives events; here only the state of the connection.
     """
 
     can_declare = False
@@ -85,7 +85,7 @@ class ZenohCarrier:
 
     @property
     def stats(self) -> EngineStats:
-        """What was counted: samples and drops; frames are the gateway's."""
+        """The counters: samples and drops; the gateway counts frames."""
         return self._stats
 
     @property
@@ -93,29 +93,29 @@ class ZenohCarrier:
         """The session and its worker.
 
         Raises:
-            SessionError: It is not open.
+            SessionError: The session is not open.
         """
         if self._open_session is None:
             raise SessionError("the Zenoh session is closed")
         return self._open_session
 
     def expired(self) -> dict[int, int]:
-        """Return nothing: what waits is the gateway's."""
+        """Return nothing: samples wait in the gateway."""
         return {}
 
     def ledger(self) -> list[LedgerEntry]:
-        """Return nothing: the link is the gateway's."""
+        """Return nothing: the gateway has the link."""
         return []
 
     def declare(self, spec: StreamSpec) -> Stream:
-        """Refuse: streams are the gateway's."""
+        """Refuse: the gateway has the streams."""
         raise LocalError(f"{spec.name}: streams are declared by the gateway of the local network")
 
     async def open(self) -> None:
         """Open the session.
 
         Raises:
-            SessionError: No router is reached.
+            SessionError: No router can be reached.
         """
         zenoh_session = await ZenohSession.open(session_config(self._config, self._connect))
         self._open_session = zenoh_session
@@ -123,7 +123,7 @@ class ZenohCarrier:
         zenoh_session.watch(lambda is_up: tell_loop(loop, partial(self._report_connection, is_up)))
 
     async def close(self) -> None:
-        """Close the session; inform the callers of calls under way. May be called again."""
+        """Close the session; tell the callers of calls under way. May be called again."""
         if self._open_session is None:
             return
         self.goals.close()
@@ -133,13 +133,13 @@ class ZenohCarrier:
         for answer in tuple(self._calls):
             if not answer.done():
                 answer.set_exception(LinkClosedError("the node was closed"))
-        await zenoh_session.close()  # behind the replies that wait there
+        await zenoh_session.close()  # after the replies that wait there
 
     async def flush(self) -> None:
-        """Do nothing: a put is on its way when it returns, and closing waits for it."""
+        """Do nothing: a put is under way when it returns, and closing waits for it."""
 
     async def range(self, address: int, timeout_s: float) -> Range:
-        """Refuse: the modem is the gateway's."""
+        """Refuse: the gateway has the modem."""
         raise RangeUnavailableError(
             f"range to node {address}: the modem is the gateway's",
             hint=f"say ranging: [ {{ to: {address}, every_s: 30 }} ] in its file, and get "
@@ -160,11 +160,11 @@ class ZenohCarrier:
         raise call_error("the command", failure, text)
 
     def refuse(self, source: int, transfer: int) -> bool:
-        """Refuse nothing: what comes is whole."""
+        """Refuse nothing: samples arrive whole."""
         return False
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
-        """Declare a Zenoh publisher; of a latched topic one that keeps its last samples."""
+        """Declare a Zenoh publisher; for a latched topic, one that keeps its last samples."""
         with zenoh_errors(route.name):
             if route.qos.durability is Durability.TRANSIENT_LOCAL:
                 publisher: Latched = latched_publisher(
@@ -183,7 +183,7 @@ class ZenohCarrier:
     def subscribe(
         self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
     ) -> Callable[[], None]:
-        """Declare a Zenoh subscriber; of a latched topic one that gets earlier samples, too."""
+        """Declare a Zenoh subscriber; for a latched topic, one that also gets earlier samples."""
         crossing: Crossing[zenoh.Sample] = Crossing(
             lambda sample: self._receive(sample, route, deliver)
         )
@@ -205,7 +205,7 @@ class ZenohCarrier:
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
-        """Ask by a Zenoh `get` and wait for the first reply."""
+        """Send a Zenoh `get` and wait for the first reply."""
         loop, zenoh_session = asyncio.get_running_loop(), self.zenoh_session
         answer: asyncio.Future[object] = loop.create_future()
         limit_s = route.timeout_s if timeout_s is None else timeout_s
@@ -259,7 +259,7 @@ class ZenohCarrier:
     # Below the methods above
 
     def _keep(self, end: Callable[[], None]) -> Callable[[], None]:
-        """Remember how to end a declaration; returns what ends it, once."""
+        """Remember how to end a declaration; return a function that ends it once."""
         token = object()
 
         def end_once() -> None:
@@ -300,7 +300,7 @@ class ZenohCarrier:
         )
 
     def _is_key(self, stream: Stream, key: str) -> bool:
-        """Whether the key is one of the stream's: its Zenoh expression may cover more."""
+        """Tell whether a key is one of the stream's; its Zenoh expression may cover more."""
         nodes = self._config.nodes if self._config is not None else {}
         return any(stream.keys.match(key, address) is not None for address in nodes or (0,))
 
@@ -314,7 +314,7 @@ class ZenohCarrier:
 
 
 class _ZenohOutlet:
-    """Where one publisher puts its samples."""
+    """Takes the samples of one publisher."""
 
     def __init__(
         self,
@@ -334,7 +334,7 @@ class _ZenohOutlet:
         with zenoh_errors(self._route.name):
             self._publisher.put(payload, encoding=said)
         self._count()
-        return None  # only the gateway knows its outcome
+        return None  # only the gateway knows the outcome
 
     def delete(self) -> Delivery | None:
         with zenoh_errors(self._route.name):
@@ -353,7 +353,7 @@ class _ZenohOutlet:
 def _settle(
     question: Question, route: ServiceRoute[Any, Any], answer: "asyncio.Future[object]"
 ) -> None:
-    """Bring the end of a question to its caller; on the loop."""
+    """Pass the end of a question to its caller; on the loop."""
     if answer.done():
         return
     if question.good is not None:

@@ -1,4 +1,4 @@
-"""The calls of one service on Zenoh: queries of others, each with its one answer."""
+"""The calls of one service on Zenoh: queries of other programs, each with one answer."""
 
 import asyncio
 import time
@@ -19,11 +19,11 @@ from zacoustic.zenoh.session.wake_up import WakeUp
 from zacoustic.zenoh.session.worker import Worker
 
 CALLS_LIMIT: Final = 64
-"""Calls of one service that can be under way: as many as a client has on the channel."""
+"""Most calls of one service under way: as many as a client may have on the channel."""
 
 
 class ServiceHandler:
-    """Where the queries of one service arrive and become calls; made on the loop.
+    """Turns the queries of one service into calls; created on the loop.
 
     Args:
         route: The service.
@@ -61,7 +61,7 @@ class ServiceHandler:
 
 
 class ZenohCall:
-    """A query that waits for its answer; the first one counts."""
+    """A query that waits for its answer; the first answer counts."""
 
     def __init__(self, held: HeldQuery, route: ServiceRoute[Any, Any]) -> None:
         marker = read_marker(held.query.attachment)
@@ -73,14 +73,14 @@ class ZenohCall:
         self._route = route
 
     def read(self) -> bool:
-        """Read the request; False, with an error to the caller, when it is none."""
+        """Read the request; if it cannot be read, send the caller an error and return False."""
         query, form = self._held.query, self._route.request
         payload = query.payload.to_bytes() if query.payload is not None else b""
         try:
             if payload or form.spec is None:
                 self.value = form.read(payload, said_encoding(query.encoding, self._route.encoding))
             else:
-                self.value = form.spec.validate({})  # a `get` without payload is an empty request
+                self.value = form.spec.validate({})  # a `get` without a payload is an empty request
         except PayloadInvalidError as error:
             self.fail(CallFailure.BAD_REQUEST, str(error))
             return False

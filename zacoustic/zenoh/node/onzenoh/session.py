@@ -1,7 +1,8 @@
-"""The Zenoh session of a node: which router it joins.
+"""The Zenoh session of a node, and the router that it joins.
 
-A node is never a router: it joins the one that is there. So of a file that configures a router it
-takes the address at which that router listens, and everything else (TLS, namespace, …) as it is.
+A node is never a router: it joins the one that runs. So from a file that configures a router it
+takes the address at which that router listens, and all other settings (TLS, namespace, …) as they
+are.
 """
 
 import contextlib
@@ -18,7 +19,7 @@ from zacoustic.zenoh.session.latching import stamp_samples
 from zacoustic.zenoh.session.session import HERE, endpoints_of, listen_here, mode_of, one_line
 
 CONNECT_TIMEOUT_MS: Final = 3000
-"""How long opening waits for the router, ms: node and gateway are often started together."""
+"""How long `open` waits for the router, ms: node and gateway often start together."""
 
 _ANY_ADDRESS: Final = re.compile(r"(?<=/)(0\.0\.0\.0|\[::\])(?=:)")
 
@@ -27,14 +28,14 @@ def session_config(config: Config | None, connect: str | Sequence[str] | None) -
     """Return the settings of a node's session.
 
     Args:
-        config: The node's configuration; its file may be that of the router.
+        config: The node's configuration; its file may be the router's.
         connect: Endpoints, which override the configuration's.
 
     Raises:
-        SessionError: An endpoint is none.
+        SessionError: An endpoint is not valid.
     """
     file = config.zenoh_config if config is not None else None
-    # The text of a config is one again; so the original stays as it is.
+    # Parsed from its own text, the config is a copy; the original stays as it is.
     settings = zenoh.Config() if file is None else zenoh.Config.from_json5(str(file))
     if connect is not None:
         endpoints = (connect,) if isinstance(connect, str) else tuple(connect)
@@ -67,7 +68,7 @@ def _loopback(found: re.Match[str]) -> str:
 
 @contextlib.contextmanager
 def zenoh_errors(name: str) -> Iterator[None]:
-    """Turn what Zenoh raises about a key into a `LocalError`."""
+    """Turn Zenoh's errors about a key into a `LocalError`."""
     try:
         yield
     except zenoh.ZError as error:

@@ -67,20 +67,47 @@ def simulate(
     scenario = scenario_from_mapping(read_json5(path), source=str(path))
     if seed is not None:
         scenario = msgspec.structs.replace(scenario, seed=seed)
+    configs = configs_of(scenario, Path(path))
+    return simulate_scenario(
+        scenario, configs, source=str(path), until_s=until_s, trace=trace, record=record
+    )
+
+
+def simulate_scenario(
+    scenario: Scenario,
+    configs: dict[int, Config],
+    *,
+    source: str,
+    until_s: float,
+    trace: Callable[[TraceRecord], None] | None = None,
+    record: SimulationRecorder | None = None,
+) -> SimulationResult:
+    """Run a scenario.
+
+    Args:
+        scenario: The scenario.
+        configs: Of each node by address; empty: each topic is opaque bytes.
+        source: What messages call the scenario.
+        until_s: How long, s of virtual time, > 0.
+        trace: Takes each trace record.
+        record: Records the engines.
+
+    Raises:
+        ConfigError: The traffic is wrong.
+    """
     if not scenario.traffic:
         raise ConfigError(
-            f"{path}: traffic is empty; allowed: at least one entry",
+            f"{source}: traffic is empty; allowed: at least one entry",
             hint='add traffic: [ { node: 1, topic: "a/b", every_s: 10, size_bytes: 30 } ]',
         )
-    configs = configs_of(scenario, Path(path))
-    tables = tables_of(scenario, configs, Path(path))
+    tables = tables_of(scenario, configs, source)
     rules = {address: config.rules for address, config in configs.items()}
     scenario = _with_journals(scenario, configs)
     make = Engine if record is None else record.make
     if record is not None and configs:
         ros = next(iter(configs.values())).ros
         record.ros = ros.streams if ros is not None else {}
-    run = _Run(scenario, tables, rules, source=str(path), trace=trace, build=make)
+    run = _Run(scenario, tables, rules, source=source, trace=trace, build=make)
     if record is not None:
         record.network = run.network
     run.network.run(until_s=until_s)

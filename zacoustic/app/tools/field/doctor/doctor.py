@@ -138,7 +138,7 @@ class _Rounds:
         """Look at key file, life records and what a running gateway says of them."""
         config, fingerprint = self._config, None
         if config.security is not None:
-            check = check_keys(config)
+            check = check_keys(config, is_running=bool(running.health))
             fingerprint = check.fingerprint
             self.findings += check.findings
             self.examined.append("seal")

@@ -43,14 +43,14 @@ _MOST_TOLD: Final = 4 * MOST_TRANSFERS
 
 
 class IncomingObjects:
-    """All objects that one node receives.
+    """The objects that one node receives.
 
     Args:
         limits: How much memory they may take.
         rng: Spreads the answers of several receivers.
         admission: Knows table and counts, and takes complete objects.
-        emit: Takes progress.
-        journal: Keeps what must survive a restart.
+        emit: Takes progress events.
+        journal: Holds what must survive a restart.
     """
 
     def __init__(

@@ -74,17 +74,17 @@ class Owner(Protocol):
 
 
 class OutgoingObjects:
-    """All objects that one node sends.
+    """The objects that one node sends.
 
     Args:
         epoch: Its boot epoch: successive epochs begin with different transfer numbers.
-        most: Most objects at a time, those that wait included.
-        pacers: When something may be repeated to the receivers.
-        timers: Withdraw what is too old.
+        most: The most objects at a time, waiting ones included.
+        pacers: Decide when to repeat to the receivers.
+        timers: Withdraw expired objects.
         rng: Draws pauses.
-        emit: Takes progress.
-        owner: Gets their events, and knows when it is their turn.
-        journal: Keeps what must survive a restart.
+        emit: Takes progress events.
+        owner: Gets their events, and knows whose turn it is.
+        journal: Holds what must survive a restart.
     """
 
     def __init__(

@@ -49,8 +49,8 @@ class Positions:
     """The positions of one node in its journal.
 
     Args:
-         journal: Holds the positions.
-         table: The streams.
+        journal: Holds the positions.
+        table: The streams.
     """
 
     def __init__(self, journal: JournalPort, table: StreamTable) -> None:

@@ -1,1 +1,1 @@
-"""The publisher's side: what is on its way, what was acknowledged, when it goes again."""
+"""The publisher's side: reliable samples under way, their acknowledgements and repetitions."""

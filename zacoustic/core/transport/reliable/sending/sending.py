@@ -43,7 +43,12 @@ _ANY_DEPTH: Final = 65535
 
 
 class ReliableSending:
-    """The samples that this node has published reliably."""
+    """The samples that this node has published reliably.
+
+    Args:
+        context: What the components of its engine share.
+        subscriptions: Knows the subscribers of on-demand topics.
+    """
 
     def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
         self._table = context.table

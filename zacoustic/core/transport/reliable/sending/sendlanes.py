@@ -23,7 +23,7 @@ class SendLanes:
         address: Address of the node.
         table: Its streams.
         handshake: Knows the boot epoch.
-        subscriptions: Knows who has subscribed to on-demand topics.
+        subscriptions: Knows the subscribers of on-demand topics.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class SendLanes:
         return iter(self._lanes.values())
 
     def find(self, stream: Stream, instance: Instance) -> SendLane | None:
-        """Return a lane, if there is one."""
+        """Return a key's lane, or None."""
         return self._lanes.get((stream.stream_id, RELIABLE_LANE, *instance))
 
     def of(self, stream: Stream, instance: Instance) -> SendLane:
@@ -90,7 +90,11 @@ class SendLanes:
         return lane
 
     def check(self, stream: Stream) -> None:
-        """Refuse a topic that no node could acknowledge."""
+        """Refuse a topic that no node could acknowledge.
+
+        Raises:
+            LocalError: Neither nodes nor subscribers are listed.
+        """
         assert isinstance(stream.spec, TopicSpec)
         if stream.spec.subscribers is None and not self._table.nodes:
             raise LocalError(

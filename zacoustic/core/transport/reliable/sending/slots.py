@@ -86,7 +86,7 @@ class LargeSlots:
         self.sender: Large | None = None
         """The sender of large samples."""
 
-    # What is published
+    # Publication
 
     def next_slot(self, stream: Stream, instance: Instance) -> SequenceSlot:
         """Return the slot of a key's next sample."""
@@ -130,7 +130,7 @@ class LargeSlots:
         self._large[sample.delivery_id] = lane, sample
         self._leave_out(lane, sample, lane.subscribers)
 
-    # What becomes of it
+    # Outcome
 
     def stored(self, delivery_id: int) -> bool:
         """Note that an object is journalled; return whether its sample was not, until now."""

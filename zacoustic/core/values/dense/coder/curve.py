@@ -1,29 +1,31 @@
-"""How likely each value of a number is, around where it is expected.
+"""The probability of each value of a number, around its expected value.
 
 Prediction errors of real sensors are peaked like a Laplace distribution, rounded like a Gauss
 distribution, and now and then wild: a wave, a fix, a restart. The curve is a fixed sum of all
-three, the last a Cauchy distribution of a twelfth of the mass; only its place and its scale change.
-Measured on logs of gliders, an AUV and a yacht it costs 0.1 bits a field more than the best of the
-three chosen after the fact, and up to 2 bits less than the wrong one.
+three, the last a Cauchy distribution with a twelfth of the mass; only its position and its scale
+change. Measured on logs of gliders, an AUV and a yacht it costs 0.1 bits a field more than the best
+of the three chosen after the fact, and up to 2 bits less than the wrong one.
 
-The problem: to work out the curve where a value begins and where it ends takes a division, a look
-into a table and a line between two of its entries, twice for each field of each sample at each end,
-and the reader must find the value first. The idea: nobody sees a scale that is a tenth off. So
-there are four curves for each doubling of the scale and sixteen places within a step, fewer where
-the scale is wide, and of each the sums of the shares of all values within 32 scales, in a list. A
-value's share is an entry and the next, and the value of a share is a bisection.
+The problem: computing the curve at the begin and the end of a value takes a division, a table
+lookup and an interpolation, twice for each field of each sample at each end, and the reader must
+find the value first. The idea: a scale that is a tenth off makes no visible difference. So there
+are four curves for each doubling of the scale and sixteen positions within a step, fewer where the
+scale is wide. Each curve is a list: the sums of the shares of all values within 32 scales. A
+value's share is the difference of two neighbouring entries, and the value of a share is found by
+bisection.
 
-A scale is kept as its logarithm, in 1/1024 octaves above the least scale; its *grade* is that in
-1/16 octaves, and everything that depends on a scale is in a list by grade. Grades begin two octaves
-lower still, since a width can make a scale narrower than the least; these are all the least.
+A scale is kept as its logarithm, in 1/1024 octaves above the least scale; its *grade* is the same
+in 1/16 octaves, and everything that depends on a scale is in a list by grade. Grades begin two
+octaves lower still, since a width can make a scale narrower than the least; these all have the
+curve of the least.
 
-One value may have a share of its own, for a sensor that stands still: *held*, with *odds* to all
-others that both ends know, which stand between those of the values around it. Whatever lies beyond
-the list has one share on either side, and is told apart by how far off it is. So nothing is
-impossible. What lies beyond the range of the number belongs to its first and last value.
+One value may have a share of its own, for a sensor that stands still: it is *held*, and its *odds*,
+which both ends know, stand between the shares of its neighbours. All values beyond the list have
+one share on either side, and are told apart by their distance. So nothing is impossible. The share
+beyond the range of the number belongs to its first and last value.
 
 Everything is integers, from fixed constants on, since both ends must agree to the last bit: the
-densities below are sums of integer recurrences, the logarithms square roots of square roots.
+densities below are sums of integer recurrences, the logarithms repeated square roots.
 """
 
 from bisect import bisect_right
@@ -33,49 +35,49 @@ from typing import Final, NamedTuple
 
 SHARE_BITS: Final = 24
 WHOLE: Final = 1 << SHARE_BITS
-"""The shares of all values, that which a held one has of its own not counted."""
+"""The shares of all values, without the held value's own share."""
 
 POINT_BITS: Final = 4
-"""Places on the curve are multiples of 1/16 of a step."""
+"""Positions on the curve are multiples of 1/16 of a step."""
 
 HALF_STEP: Final = 1 << POINT_BITS - 1
-"""A value begins so far below it."""
+"""A value begins this far below itself."""
 
 SCALE_BITS: Final = 12
-"""Scales that are no logarithms are multiples of 1/4096 of a step."""
+"""Scales that are not logarithms are multiples of 1/4096 of a step."""
 
 LARGEST_SIZE: Final = 1 << 22
-"""Most values that a number on a curve may have."""
+"""The most values that a number on a curve may have."""
 
 MOST_HOLD: Final = (1 << 16) - 330
-"""Greatest share of a held value, 2**-16."""
+"""The greatest share of a held value, 2**-16."""
 
 OCTAVE: Final = 1 << 10
 """Logarithms of scales are multiples of 1/1024 octave."""
 
 MOST_LOG_SCALE: Final = 32 * OCTAVE
-"""Of the greatest scale."""
+"""The logarithm of the greatest scale."""
 
 NARROWER: Final = 2 * OCTAVE
-"""How much less than the least scale a grade may be."""
+"""How far below the least scale a grade may be."""
 
 WIDTH_BITS: Final = 13
-"""A width, which says how much wider than its scale a curve is, has so many bits: from two octaves
-less, `NARROWER`, up to six more."""
+"""Bits of a width, which says how much wider than its scale a curve is: from two octaves less,
+`NARROWER`, up to six more."""
 
 GRADE_SHIFT: Final = 6
-"""A grade is a logarithm, `NARROWER` added, less so many bits."""
+"""A grade is a logarithm plus `NARROWER`, without this many low bits."""
 
 GRADES: Final = OCTAVE >> GRADE_SHIFT
-"""So many grades are an octave."""
+"""Grades per octave."""
 
 HOLD_SHIFT: Final = 6
-"""What a hold has more than its place in `ODDS`, bits."""
+"""How many low bits a hold has more than its index in `ODDS`."""
 
 _LEAST_OCTAVE: Final = -4  # the least scale is 1/16 of a step
 _LISTED_OCTAVES: Final = 9  # curves of 32 steps and wider are made of narrower ones
 _QUARTER: Final = GRADES // 4
-_CELL_BITS: Final = 5  # the curve is worked out at multiples of 1/32 of its scale
+_CELL_BITS: Final = 5  # the curve is computed at multiples of 1/32 of its scale
 _FINE_BITS: Final = 9
 _TAIL_BITS: Final = 28
 _REACH: Final = 32  # lists end about there, scales
@@ -83,7 +85,7 @@ _CELLS: Final = _REACH << _CELL_BITS
 
 
 def _densities() -> list[int]:
-    """Mass of each cell of one side, in no particular unit."""
+    """Return the mass of each cell of one side, in no particular unit."""
     one = 1 << 60
     # exp(-1.1/32), exp(-(0.8/32)**2/2) and the square of the latter, times 2**60.
     laplace_step = 1113963258879365125
@@ -101,7 +103,7 @@ def _densities() -> list[int]:
 
 
 def _tails() -> list[int]:
-    """Mass beyond each multiple of 1/32 of the scale, of one side, 2**-28 of both."""
+    """Return the mass beyond each multiple of 1/32 of the scale, of one side, 2**-28 of both."""
     cells = _densities()
     tail = cells[-1] * len(cells)  # ∫ dz/z² from there on, all that is left there
     masses = [tail]
@@ -113,7 +115,7 @@ def _tails() -> list[int]:
 
 
 def _roots() -> list[int]:
-    """2**(n/1024), times 2**30."""
+    """Return 2**(n/1024), times 2**30, for n of one octave."""
     one = 1 << 60
     root = 2 * one
     for _ in range(OCTAVE.bit_length() - 1):
@@ -129,30 +131,30 @@ _ROOTS: Final = _roots()
 
 
 def logarithm(number: int, bits: int) -> int:
-    """Of a number > 0 in 2**-bits, 1/1024 octaves, rounded down."""
+    """Return the logarithm of a number > 0 in 2**-bits, 1/1024 octaves, rounded down."""
     octave = number.bit_length() - 1
     mantissa = number << 30 >> octave
     return (octave - bits) * OCTAVE + bisect_right(_ROOTS, mantissa) - 1
 
 
 def log_scale(scale: int) -> int:
-    """The logarithm of a scale of 2**-12 steps, as scales are kept, within what is allowed."""
+    """Return the logarithm of a scale in 2**-12 steps, limited to the allowed range."""
     above = logarithm(scale, SCALE_BITS) - _LEAST_OCTAVE * OCTAVE
     return min(max(above, 0), MOST_LOG_SCALE)
 
 
 def _scale(octave: int, part: int) -> int:
-    """2**(octave + part/1024) steps, 2**-12."""
+    """Return 2**(octave + part/1024) steps, 2**-12."""
     return _ROOTS[part] << octave + SCALE_BITS + 16 >> 46
 
 
 def _sums(tails: list[int], scale: int, place: int) -> list[int]:
-    """What lies below each value from `_REACH` scales below the center on.
+    """Return the mass below each value from `_REACH` scales below the center on.
 
     Args:
         tails: See `_tails`.
-        scale: Of the curve, 2**-12 steps.
-        place: Where in the middle value the center lies, 1/32 steps.
+        scale: Scale of the curve, 2**-12 steps.
+        place: Position of the center in the middle value, 1/32 steps.
     """
     reach = (_REACH * scale >> SCALE_BITS) + 2
     sums = []
@@ -171,15 +173,15 @@ def _sums(tails: list[int], scale: int, place: int) -> list[int]:
 
 
 Listed = tuple[int, int, list[list[int]]]
-"""Curves of a grade: how many values lie below the middle one, the last of them, and, by where in
-the middle value the center lies, 1/16 of a step, the sums."""
+"""Curves of a grade: how many values lie below the middle one, the index of the last of them, and
+the sums, by the position of the center in the middle value, 1/16 of a step."""
 
 
 def _curves() -> list[Listed]:
-    """By grade."""
+    """Return the curves by grade."""
     tails, found = _tails(), []
     for octave in range(_LEAST_OCTAVE, _LEAST_OCTAVE + _LISTED_OCTAVES):
-        # Places within an eighth of the scale are taken for one.
+        # Positions within an eighth of the scale count as one.
         together = 1 << min(max(octave + 1, 0), POINT_BITS)
         for part in range(_QUARTER >> 1, GRADES, _QUARTER):
             scale = _scale(octave, part << GRADE_SHIFT)
@@ -194,7 +196,7 @@ def _curves() -> list[Listed]:
 
 
 CURVES: Final = _curves()
-"""By grade, up to `LISTED`."""
+"""The curves by grade, up to `LISTED`."""
 
 LISTED: Final = len(CURVES)
 """Grades from here on have no curve of their own."""
@@ -205,24 +207,24 @@ _SCALES: Final = [
     for part in range(GRADES)
 ]
 SCALES: Final = [_SCALES[0]] * (NARROWER >> GRADE_SHIFT) + _SCALES
-"""By grade: 2**-12 steps."""
+"""Scales by grade, 2**-12 steps."""
 
 ODDS: Final = [
     (hold << SHARE_BITS) // ((1 << 16 - HOLD_SHIFT) - hold)
     for hold in range((MOST_HOLD >> HOLD_SHIFT) + 1)
 ]
-"""The share of a held value, beside the whole of the others, by hold less `HOLD_SHIFT` bits."""
+"""The share of a held value beside `WHOLE`, by hold without its `HOLD_SHIFT` low bits."""
 
 
 class Curve(NamedTuple):
     """The shares of the values 0…size-1 of a number."""
 
     size: int
-    """How many values, 2…`LARGEST_SIZE`."""
+    """Number of values, 2…`LARGEST_SIZE`."""
     center: int
-    """Where it is expected, 1/16 of a step; may lie outside."""
+    """The expected value, 1/16 of a step; may lie outside."""
     scale: int
-    """Mean distance from there, 1/4096 of a step, > 0."""
+    """Mean distance from the center, 1/4096 of a step, > 0."""
     held: int = 0
     """A value with a share of its own."""
     hold: int = 0
@@ -230,22 +232,22 @@ class Curve(NamedTuple):
 
     @property
     def grade(self) -> int:
-        """Of the scale."""
+        """The grade of the scale."""
         return log_scale(self.scale) + NARROWER >> GRADE_SHIFT
 
 
 def span(
     sums: list[int], first: int, size: int, held: int, odds: int, value: int
 ) -> tuple[int, int]:
-    """What lies below a value, and up to it.
+    """Return the mass below a value, and the mass up to its end.
 
     Args:
-        sums: Of the curve.
-        first: The first value that it has, may be < 0.
-        size: How many values the number has.
-        held: The held one.
+        sums: Sums of the curve.
+        first: The first value in them, may be < 0.
+        size: Number of values.
+        held: The held value.
         odds: Its share.
-        value: 0…size-1. Before `first`, or behind the last: all those that are.
+        value: 0…size-1. A value before `first`, or after the last, stands for all on that side.
     """
     place = value - first
     if place < 0:

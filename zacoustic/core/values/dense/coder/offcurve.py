@@ -1,7 +1,7 @@
 """Numbers that are not in the lists of a curve: see `zacoustic.core.values.dense.coder.curve`.
 
-Lists end where a scale has become wide, and so many scales from the center. Neither happens often:
-both cost another symbol or two, and no more than the digits of the distance.
+Lists end where a scale has become wide, and at a number of scales from the center. Both cases are
+rare: each costs another symbol or two, and no more than the digits of the distance.
 """
 
 from typing import Protocol
@@ -11,7 +11,7 @@ from zacoustic.core.values.payload import PayloadError
 
 
 class Digits(Protocol):
-    """What these numbers are written or read by.
+    """The writer or reader of these numbers.
 
     See `zacoustic.core.values.dense.coder.arithmetic`.
     """
@@ -26,7 +26,7 @@ class Digits(Protocol):
         """Write or read a number of `width` bits."""
 
     def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int) -> int:
-        """Write or read a number on the curve of all these."""
+        """Write or read a number on the curve with these parameters."""
 
 
 def wide(
@@ -34,7 +34,8 @@ def wide(
 ) -> int:
     """Write or read a number on a curve wider than those in lists.
 
-    Whether it is held; if not, all but its lowest bits on a narrower curve, and then these.
+    First whether it is held; if not, all but its lowest bits on a narrower curve, and then these
+    bits.
     """
     if hold and coder.flag(hold, value == held):
         if not 0 <= held < size:
@@ -53,9 +54,9 @@ def wide(
 
 
 def beyond(coder: Digits, size: int, first: int, last: int, value: int) -> int:
-    """Write or read a number that is not within `first`…`last`, which side of them is known.
+    """Write or read a number outside of `first`…`last`; on which side is known.
 
-    The number of digits of the distance, all alike, and then these.
+    First the number of digits of the distance, uniformly, and then the digits.
     """
     is_below = value < first
     nearest = min(first, size) - 1 if is_below else max(last + 1, 0)

@@ -1,4 +1,4 @@
-"""Reads symbols out of one block (`zacoustic.core.values.dense.coder.arithmetic`)."""
+"""Reads symbols from one block (`zacoustic.core.values.dense.coder.arithmetic`)."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from zacoustic.core.values.dense.coder.shares import (
 from zacoustic.core.values.payload import PayloadError
 
 _POINT_MASK: Final = (1 << POINT_BITS) - 1
-_ZEROS: Final = SPARED_BITS + WIDTH_BITS  # that many are looked at behind the end of a block
+_ZEROS: Final = SPARED_BITS + WIDTH_BITS  # bits that may be read after the end of a block
 _IN_A_GAP: Final = "a string in the gap between the symbols"
 _ENDS_INSIDE: Final = "the string ends inside a value"
 
@@ -39,7 +39,7 @@ class Reader:
     """Reads what a `Writer` wrote.
 
     Args:
-        block: Received, at least one byte; zeros follow its end.
+        block: The received block, at least one byte; zeros follow its end.
     """
 
     is_reader = True
@@ -47,7 +47,7 @@ class Reader:
     def __init__(self, block: bytes) -> None:
         self._size = size = len(block)
         bits = 8 * size - MARKER_BITS
-        # With all the zeros that may be read, so that nobody needs to look where the block ends.
+        # Include all the zeros that may be read, so that no method must check for the block's end.
         self._code = code = (int.from_bytes(block, "big") & (1 << bits) - 1) << _ZEROS
         self._bits = self._left = left = bits + SPARED_BITS
         self._width = 1 << WIDTH_BITS
@@ -55,7 +55,7 @@ class Reader:
 
     @property
     def bits(self) -> int:
-        """Bits spent so far, rounded down to a whole one."""
+        """Bits spent so far, rounded down."""
         return self._bits - self._left
 
     @property
@@ -165,7 +165,7 @@ class Reader:
         return self.near(curve.size, curve.center, curve.grade, curve.held, curve.hold)
 
     def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int = 0) -> int:
-        """Read a number that lies on the `Curve` of all these."""
+        """Read a number on the `Curve` with these parameters."""
         if grade >= LISTED:
             return wide(self, size, center, grade, held, hold, value)
         reach, last, curves = CURVES[grade]
@@ -183,7 +183,7 @@ class Reader:
                 place = held_place
         value = first + place
         if not 0 <= place <= last or not 0 < value < size - 1:
-            # What is beyond the list or, where that reaches so far, the number's first or last.
+            # Beyond the list or, where the list reaches that far, the number's first or last value.
             if place < 0 < first:
                 value = min(first, size) - 1
             elif place > last and first + last < size - 1:
@@ -195,7 +195,7 @@ class Reader:
             if first <= value <= first + last:
                 return value
             return beyond(self, size, first, first + last, value)
-        start, end = sums[place], sums[place + 1]  # as `span` and `_take` do
+        start, end = sums[place], sums[place + 1]  # inlined `span` and `_take`
         if value >= held:
             end += odds
             if value > held:
@@ -210,10 +210,10 @@ class Reader:
         return value
 
     def check(self, ways: int, check: int) -> None:
-        """Verify the end.
+        """Verify the end of the block.
 
         Raises:
-            PayloadError: The block is not the one that `Writer.finish` returns.
+            PayloadError: It is not the block that `Writer.finish` returns.
         """
         value, width, left = self._value, self._width, self._left
         spent = self._bits - left
@@ -225,10 +225,10 @@ class Reader:
         unit_bits = _ZEROS - left
         index = value >> unit_bits
         count = index + 1 + ((width - 1 - value) >> unit_bits)
-        # Rounded as the writer's: the code itself is a multiple of the unit.
+        # Rounded as by the writer: the code itself is a multiple of the unit.
         if count < ways or index != check % count:
             raise PayloadError("the check of the string fails")
-        # How many strings of one byte less lie in the interval, were they allowed.
+        # How many blocks of one byte less would lie in the interval.
         lowest = (value - (self._code >> left)) & (1 << unit_bits + 8) - 1
         if (width - 1 - lowest >> unit_bits + 8) + 1 >= ways and self._size > shortest_bytes(spent):
             raise PayloadError("a string longer than needed")

@@ -35,7 +35,7 @@ class Writer:
     """Writes symbols.
 
     Args:
-        mark: Where it goes on from, of another writer.
+        mark: The state of another writer to continue from.
     """
 
     is_reader = False
@@ -45,19 +45,19 @@ class Writer:
 
     @property
     def bits(self) -> int:
-        """Bits spent so far, rounded down to a whole one."""
+        """Bits spent so far, rounded down."""
         return self._shift - WIDTH_BITS
 
     def mark(self) -> tuple[int, int, int]:
-        """Return where the writer stands, for `rewind`."""
+        """Return the writer's state, for `rewind`."""
         return self._low, self._width, self._shift
 
     def rewind(self, mark: tuple[int, int, int]) -> None:
-        """Forget everything written since `mark`."""
+        """Discard everything written since `mark`."""
         self._low, self._width, self._shift = mark
 
     def narrow(self, start: int, share: int) -> None:
-        """Write the symbol whose share of `TOTAL` is `share`, > 0, from `start` on."""
+        """Write the symbol with this share of `TOTAL`, > 0, from `start` on."""
         unit = self._width >> TOTAL_BITS
         width = unit * share
         lift = WIDTH_BITS - width.bit_length()
@@ -115,7 +115,7 @@ class Writer:
         return index
 
     def pick(self, ends: Sequence[int], index: int) -> int:
-        """Write the position in a list of fixed shares, given by its `ends_of`."""
+        """Write the position in a list of fixed shares, given by `ends_of`."""
         unit, start = self._width >> TOTAL_BITS, ends[index]
         width = unit * (ends[index + 1] - start)
         self._low += unit * start
@@ -132,7 +132,7 @@ class Writer:
         return self.near(curve.size, curve.center, curve.grade, curve.held, curve.hold, value)
 
     def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int) -> int:
-        """Write a number that lies on the `Curve` of all these, without having made it."""
+        """Write a number on the `Curve` with these parameters, without making the `Curve`."""
         if grade >= LISTED:
             return wide(self, size, center, grade, held, hold, value)
         reach, last, curves = CURVES[grade]
@@ -148,7 +148,7 @@ class Writer:
             if 0 <= place <= last:
                 return value
             return beyond(self, size, first, first + last, value)
-        start, end = sums[place], sums[place + 1]  # as `span` and `_take` do: calls would cost more
+        start, end = sums[place], sums[place + 1]  # inlined `span`, `_take`: calls cost more
         if value >= held:
             end += odds
             if value > held:
@@ -168,16 +168,16 @@ class Writer:
         self._shift += lift
 
     def finish(self, ways: int, check: int) -> bytes:
-        """Return the shortest string.
+        """Return the shortest block.
 
         Args:
-            ways: Least number of strings to choose from, 1…2**32; each doubling costs a bit.
-            check: Chooses among as many as there are.
+            ways: Least number of blocks to choose from, 1…2**32; each doubling costs a bit.
+            check: Chooses one of the available blocks.
         """
         bits = self._shift - WIDTH_BITS
         size = (bits + MARKER_BITS + 7) // 8
-        # Codes of that size are multiples of this many bits: those up to the interval's last number
-        # less those before its first one lie in it.
+        # Codes of that size are multiples of this many bits: count those up to the interval's last
+        # number, less those before its first.
         unit_bits = self._shift - 8 * size + MARKER_BITS
         before = self._low - 1
         last = before + self._width

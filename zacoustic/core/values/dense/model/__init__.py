@@ -1,1 +1,1 @@
-"""What is expected of the next sample of a type, field by field, and how it is learnt."""
+"""The prediction of the next sample of a type, field by field, and how it is learnt."""

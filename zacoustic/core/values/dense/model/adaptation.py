@@ -1,14 +1,14 @@
-"""What one end has learnt of a stream up to a sample, and the other end with it.
+"""What both ends have learnt of a stream up to a sample.
 
-A state belongs to a sample, not to a connection: it follows from the sample that it was coded
-against, the state there and the sample itself. Both ends hold it when both hold the sample, so it
-cannot drift apart, whatever is lost, repeated or late. States share what did not change and are
-never changed in place.
+A state belongs to a sample, not to a connection: it follows from the sample's reference, the state
+there and the sample itself. Both ends have the state when both have the sample, so it cannot
+diverge, whatever is lost, repeated or late. States share what did not change and are never changed
+in place.
 
-How far a sample lies behind its reference changes what can be said of it: the noise of a sensor is
-the same whatever the distance, the way made is not. So distances of about the same length have an
-`Adaptation` of their own, and a reference whose velocity is not known has another one. The first
-time a distance occurs, its adaptation starts as a copy of the nearest that has learnt something.
+The distance from a sample to its reference changes what can be predicted: the noise of a sensor
+does not depend on the distance, the way travelled does. So distances of about the same length have
+an `Adaptation` of their own, and a reference of unknown velocity has another one. The first time a
+distance occurs, its adaptation starts as a copy of the nearest one that has learnt something.
 """
 
 from typing import Any, Final
@@ -16,19 +16,19 @@ from typing import Any, Final
 from zacoustic.core.values.dense.coder.curve import NARROWER, SCALE_BITS, log_scale
 
 RESTING: Final = 0
-"""The adaptation for references whose velocity is not known."""
+"""The adaptation for references of unknown velocity."""
 
 LONGEST_STEPS: Final = 16
-"""Steps behind the reference are counted up to this."""
+"""Steps from the reference are counted up to this."""
 
 SITUATIONS: Final = 16
-"""How many situations are told apart, see `zacoustic.core.values.dense.model.rowmodel`."""
+"""How many situations are distinguished; see `zacoustic.core.values.dense.model.rowmodel`."""
 
 # Adaptations by steps: 1, 2, 3, 4…5, 6…8, 9…15, 16 and more.
 _CLASSES: Final = (RESTING, 1, 2, 3, 4, 4, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 7)
 
-# The scale of a field of which nothing is known: as wide as a 64th of its values, at most this many
-# steps. Too wide costs bits once, too narrow costs more.
+# The scale of an unknown field: a 64th of its number of values, at most this many steps. Too wide
+# costs bits once, too narrow costs more.
 _WIDEST_START: Final = 16
 _START_PART: Final = 64
 
@@ -38,17 +38,17 @@ _START_NEARER: Final = 1 << 15
 
 
 def step_class(steps: int, *, moving: bool) -> int:
-    """Return which adaptation is for a sample that many steps, ≥ 1, behind its reference."""
+    """Return the adaptation class of a sample that is this many steps, ≥ 1, from its reference."""
     return _CLASSES[min(steps, LONGEST_STEPS)] if moving else RESTING
 
 
 Manner = tuple[int, int, int]
 """How a column behaves:
 
-- its scale: the logarithm of the mean miss of what was predicted, see
+- its scale: the logarithm of the mean prediction error, see
   `zacoustic.core.values.dense.coder.curve`;
-- how often what the weights predict is nearer than that it stays, 2**-16;
-- how often it stays as it was, 2**-16.
+- how often the weights predict better than "unchanged" does, 2**-16;
+- how often it stays unchanged, 2**-16.
 """
 
 
@@ -56,11 +56,11 @@ class Adaptation:
     """What was learnt of samples at one distance from their reference.
 
     Attributes:
-        weights: Of all quantities, packed, see `zacoustic.core.values.dense.model.leastsquares`.
-        energies: Of all quantities.
+        weights: For all quantities, packed, see `zacoustic.core.values.dense.model.leastsquares`.
+        energies: For all quantities.
         manners: By column.
-        widths: How much wider than its scale, as a logarithm, `NARROWER` added: for each column
-            `SITUATIONS` of them.
+        widths: How much wider than its scale the curve is, as a logarithm plus `NARROWER`: for each
+            column `SITUATIONS` of them.
     """
 
     __slots__ = ("energies", "manners", "weights", "widths")
@@ -75,11 +75,11 @@ class Adaptation:
 
 
 def new_adaptation(sizes: list[int], quantities: int) -> Adaptation:
-    """Make the adaptation of who knows nothing.
+    """Make the adaptation before anything is learnt.
 
     Args:
-        sizes: Of all columns.
-        quantities: How many, see `zacoustic.core.values.dense.model.rowmodel`.
+        sizes: Number of values of each column.
+        quantities: Number of quantities, see `zacoustic.core.values.dense.model.rowmodel`.
     """
     scales = [
         log_scale(min(_WIDEST_START, 1 + size // _START_PART) << SCALE_BITS) for size in sizes
@@ -96,11 +96,11 @@ class StreamState:
     """A sample, and what was learnt up to it.
 
     Attributes:
-        row: Its integers; where a column was not there, the last that was; None: none ever was.
-        velocity: Change a step, by column, 1/16 of a step of the field; None: not known.
+        row: Its integers; for a missing column, its last value; None: it never had one.
+        velocity: Change per step, by column, 1/16 of a step of the field; None: unknown.
         rest: The rest of the sample.
         adaptations: By `step_class`.
-        steadiness: How often a symbol stays as it was, by column, 2**-16.
+        steadiness: How often a symbol stays unchanged, by column, 2**-16.
     """
 
     __slots__ = ("adaptations", "rest", "row", "steadiness", "velocity")
@@ -121,7 +121,7 @@ class StreamState:
 
 
 def nearest(adaptations: dict[int, Adaptation], wanted: int) -> Adaptation | None:
-    """Return the adaptation for a class, or for the class nearest to it; None: there is none."""
+    """Return the adaptation for a class, or for the nearest class that has one; None: none."""
     found = adaptations.get(wanted)
     if found is not None or not adaptations:
         return found

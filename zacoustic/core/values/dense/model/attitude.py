@@ -1,17 +1,16 @@
-"""Attitudes: four numbers that are three, and turn with the vehicle.
+"""Attitudes: four numbers with three degrees of freedom, which turn with the vehicle.
 
 The components of a quaternion change together when a vehicle turns, by sines and cosines that no
-linear prediction follows, and one of them says nothing that the other three do not. So a quaternion
-travels as roll, pitch and yaw, each the multiple of an angle so small that every component comes
-back within half a step of its field, and a flag for its sign. The sender looks whether that is so;
-where it is not (four numbers that are no attitude, or a vehicle on its tail) the numbers travel as
-they are.
+linear prediction follows, and one of them is redundant. So a quaternion crosses as roll, pitch and
+yaw, each a multiple of an angle so small that every component comes back within half a step of its
+field, and a flag for its sign. The sender checks that; if it fails (four numbers that are no
+attitude, or a vehicle on its tail), the numbers cross as they are.
 
-A quaternion is four float fields side by side in one type, with the range [-1, 1], one step, and
+A quaternion is four adjacent float fields of one type, with the range [-1, 1], the same step, and
 names that end in x, y, z, w.
 
-Only the sender's rounding and the receiver's result are floating-point here: what is coded, and
-learnt from, is integers.
+Only the sender's rounding and the receiver's result are floating-point: what is coded, and learnt
+from, is integers.
 """
 
 import math
@@ -23,24 +22,24 @@ from zacoustic.core.values.types import FieldSpec
 
 _PARTS: Final = "xyzw"
 
-# The angles in steps of the components. A component moves by half of what roll and pitch move, with
-# parts that the yaw decides, in the worst case at 45°; and by half of what the yaw moves. So at a
-# pitch of 15° one sample in thousands is off by more than half a step, and within it a step further
-# on; of a quaternion that was rounded to its steps before, one in twelve is, and most of these
-# travel as they are.
+# The angles in steps of the components. A component moves by half of what roll and pitch move, in
+# parts that depend on the yaw, at worst at 45°; and by half of what the yaw moves. So at a pitch of
+# 15° one sample in thousands is off by more than half a step, and within it a step further on; of
+# quaternions that were rounded to their steps before, one in twelve is, and most of these cross as
+# they are.
 _TILT_PER_STEP: Final = 1.45
 _YAW_PER_STEP: Final = 1.75
 _NEIGHBOURS: Final = sorted(
     product((-1, 0, 1), repeat=3), key=lambda more: (sum(map(abs, more)), more)
 )
-_COARSEST: Final = 0.1  # of the fields' step: beyond that no angle is small
+_COARSEST: Final = 0.1  # of the fields' step: a coarser one has no small angle
 
 
 class Attitude:
     """A quaternion as angles.
 
     Args:
-        step: Of its components.
+        step: The step of its components.
     """
 
     def __init__(self, step: float) -> None:
@@ -52,7 +51,7 @@ class Attitude:
         """Steps of the yaw in a circle, even."""
 
     def angles(self, parts: Sequence[float]) -> tuple[int, int, int, int] | None:
-        """Return sign (0, 1), roll, pitch and yaw of x, y, z, w; None: it is no attitude."""
+        """Return sign (0, 1), roll, pitch and yaw of x, y, z, w; None: they are no attitude."""
         x, y, z, w = parts
         norm = math.sqrt(x * x + y * y + z * z + w * w)
         if not 0.5 < norm < 2:
@@ -91,7 +90,7 @@ class Attitude:
 
 
 def quaternion_at(fields: Sequence[FieldSpec], place: int) -> Attitude | None:
-    """Return how the quaternion that begins at a place among fields travels; None: it is none."""
+    """Return the attitude of the quaternion that begins at an index of fields; None: none does."""
     group = fields[place : place + 4]
     if len(group) < 4 or [field.name[-1:].lower() for field in group] != list(_PARTS):
         return None

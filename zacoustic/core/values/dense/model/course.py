@@ -1,13 +1,13 @@
-"""Where a vehicle gets to that goes so fast on such a heading.
+"""Predicts the position of a vehicle from its speed and heading.
 
-Position is the one field of a vehicle that no sum of other fields predicts: the way made north is
-the speed times the cosine of the heading. So two quantities are made of them, the ways north and
-east at the mean of two samples, and least squares find out how many steps of which position they
-are worth, how far magnetic north is off, and what the current does. While the heading stays, the
-way that the position made last is the better guess; so it is a quantity too, but only then.
+Position is the one field of a vehicle that no sum of other fields predicts: the way travelled north
+is the speed times the cosine of the heading. So speed and heading give two quantities, the ways
+north and east at the mean of two samples. Least squares find out how many steps of which position
+these are worth, the error of magnetic north, and the effect of the current. While the heading
+stays, the last change of the position is the better guess; so it is a quantity too, but only then.
 
-A heading is the first number that wraps; a position is a number of many values; a speed is a number
-called so. Who has no speed is taken to be always as fast.
+A heading is the first number that wraps; a position is a number with many values; a speed is a
+number with such a name. A vehicle without a speed field is assumed to move at constant speed.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from zacoustic.core.values.dense.model.sine import SINE_BITS, direction
 _POSITION_SIZE: Final = 1 << 15
 _HEADING_SIZE: Final = 1 << 6
 _SPEEDS: Final = ("speed", "velocity", "surge", "sog")
-_STILL: Final = 100  # the speed of who reports none, steps
+_STILL: Final = 100  # the assumed speed without a speed field, steps
 _TURN: Final = 12  # from 30° on it is a turn
 _SHIFT: Final = SINE_BITS - POINT_BITS + 1  # one bit more: the mean of two samples
 
@@ -30,7 +30,7 @@ class Course:
 
     Args:
         heading: Column of the heading.
-        heading_size: How many values it has.
+        heading_size: Number of its values.
         speed: Column of the speed and its integer for 0; None: there is none.
         positions: Columns of the positions, in coding order.
     """
@@ -48,13 +48,13 @@ class Course:
         self.positions = positions
 
     def ways(self, new: Row, old: Row, trends: list[int], steps: int) -> list[int]:
-        """Return what positions are predicted from.
+        """Return the quantities that predict the positions.
 
         Args:
             new: The row as far as it is known.
-            old: That of the reference.
-            trends: The way that each column makes at the reference's velocity.
-            steps: Between the two.
+            old: The row of the reference.
+            trends: The way of each column at the reference's velocity.
+            steps: Steps between the two.
 
         Returns:
             The ways along and across heading 0, 1/16 of a speed's step times `steps`; then the
@@ -85,11 +85,12 @@ def course_of(columns: Sequence[Column], order: Sequence[int]) -> Course | None:
     """Find heading, speed and positions among the columns.
 
     Args:
-        columns: Of a type.
-        order: The numbers among them as they are coded.
+        columns: The columns of a type.
+        order: The numbers among them in coding order.
 
     Returns:
-        None where there is no heading or are no two positions coded after it and the speed.
+        None if there is no heading, or if fewer than two positions are coded after it and the
+        speed.
     """
     headings = [n for n in order if columns[n].wraps and columns[n].size >= _HEADING_SIZE]
     if not headings:
@@ -101,7 +102,7 @@ def course_of(columns: Sequence[Column], order: Sequence[int]) -> Course | None:
         and (zero := columns[n].zero) is not None
     ]
     speed = speeds[0] if speeds else None
-    # Whatever the way is computed from must be known before the first position: it is none itself.
+    # Everything that the way depends on must be known before the first position.
     known = (headings[0], speed[0] if speed else None)
     positions = [n for n in order if columns[n].size >= _POSITION_SIZE and n not in known]
     if len(positions) < 2:

@@ -1,12 +1,12 @@
-"""The values of a type as a row of integers, and what is no integer.
+"""The values of a type as a row of integers, plus the parts that are no integers.
 
-Prediction needs a fixed row: the same field at the same place in every sample. So a type is taken
-apart once: nested types and short arrays become columns of their own, every scalar that has a
-lattice an integer. An optional field becomes two, whether it is there and what it is, and so does
-one that escapes. Texts, bytes, exact floats and bounded arrays are the *rest* of a sample, carried
-as they are.
+Prediction needs a fixed row: the same field at the same index in every sample. So a type is split
+once: nested types and short arrays become columns of their own, and every scalar with a lattice an
+integer. An optional field becomes two columns, whether it is present and its value, and so does a
+field that escapes. Texts, bytes, exact floats and bounded arrays are the *rest* of a sample,
+carried as they are.
 
-A column that is not there in a sample (the value of a missing optional) is None.
+A column that is missing in a sample (the value of a missing optional) is None.
 """
 
 from abc import ABC, abstractmethod
@@ -21,11 +21,11 @@ from zacoustic.core.values.payload.exact import ExactNumber
 from zacoustic.core.values.payload.packing import Packing, TypePacking, field_packing
 from zacoustic.core.values.types import FieldSpec, Lattice, TypeSpec
 
-# More columns than this in one array, and it is carried as it is: prediction costs their square.
+# An array with more columns than this is carried as it is: prediction costs their square.
 LONGEST_ARRAY: Final = 32
 
 Row = list[int | None]
-"""An integer for each column; None: not there."""
+"""An integer for each column; None: missing."""
 
 
 class Column:
@@ -33,11 +33,11 @@ class Column:
 
     Attributes:
         name: Path of the field.
-        size: How many values, ≥ 1.
+        size: Number of values, ≥ 1.
         wraps: Whether the last value is next to the first.
-        is_ordered: Whether values close to each other mean the same; else they are symbols.
-        zero: The integer of the value 0, where the field has values on both sides of it.
-        guard: Column and value that it must have for this one to be there; None: always.
+        is_ordered: Whether close integers mean close values; otherwise they are symbols.
+        zero: The integer of the value 0, if the field has values on both sides of it.
+        guard: Column and value that it must have for this one to be present; None: always present.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Column:
 
 
 class Content(Enum):
-    """What a part of the rest holds."""
+    """The content of a part of the rest."""
 
     TEXT = "text"
     BYTES = "bytes"
@@ -74,9 +74,9 @@ class Remainder:
     """One part of the rest of every sample.
 
     Attributes:
-        packing: Its bits.
+        packing: Packs it as bits.
         content: What it holds.
-        longest: Most bytes of a text or of bytes; None: no bound.
+        longest: The most bytes of a text or of bytes; None: no bound.
         guard: As for columns.
     """
 
@@ -95,7 +95,7 @@ class Remainder:
 
 
 class Layout:
-    """Where the parts of a type are.
+    """Splits values of a type into parts.
 
     Args:
         type_spec: The type, resolved.
@@ -113,10 +113,10 @@ class Layout:
         self._values = [(name, number.place, number.value) for name, number in numbers]
 
     def take(self, value: object) -> Row | None:
-        """Take the row of a value that is validated and within bounds as it is, and has no rest.
+        """Return the row of a value that is valid and within bounds as it is, and has no rest.
 
         Returns:
-            None where it is not, or has; or where that would take longer to see.
+            None if it is not, or has a rest; or if checking that would take longer.
         """
         if not self._is_plain or type(value) is not dict or len(value) != len(self._takers):
             return None
@@ -127,14 +127,14 @@ class Layout:
         return None if None in row else row
 
     def split(self, value: dict[str, Any]) -> tuple[Row, list[Any]]:
-        """Take a validated value within bounds apart: its row and its rest."""
+        """Split a validated value within bounds into its row and its rest."""
         row: Row = [None] * len(self.columns)
         rest: list[Any] = [None] * len(self.remainders)
         self._whole.split(value, row, rest)
         return row, rest
 
     def join(self, row: Row, rest: list[Any]) -> dict[str, Any]:
-        """Put a value together."""
+        """Join row and rest to a value."""
         if self._is_plain:
             return {name: value(row[place]) for name, place, value in self._values}
         return self._whole.join(row, rest)
@@ -353,7 +353,7 @@ def _of_field(
 
 
 def _width(type_spec: TypeSpec, field: FieldSpec) -> int:
-    """Columns of one element, at most."""
+    """Return the most columns of one element."""
     if not field.is_nested:
         return 2
     inner = type_spec.nested_type(field.type)

@@ -1,7 +1,7 @@
-"""What both ends know of a stream before its first sample: the fitted model, or none.
+"""What both ends know of a stream before its first sample: the fitted model, if any.
 
-The model is part of what both ends must agree on: `Model.digest` goes into the check of every
-frame. It holds integers only; a file has it as JSON.
+Both ends must agree on the model: `Model.digest` goes into the check of every frame. It holds
+integers only; a file has it as JSON.
 """
 
 import hashlib
@@ -16,53 +16,53 @@ from zacoustic.core.values.dense.model.rowmodel import RowModel
 from zacoustic.errors import ConfigError
 
 LARGEST: Final = (1 << 40) - 1
-"""Of any number in a model, but for those below; more is damage."""
+"""Largest number in a model, with the exceptions below; more is damage."""
 LARGEST_ENERGY: Final = 1 << 62
-"""Of an energy: that of the widest numbers is the square of millions of steps."""
+"""Largest energy: that of the widest numbers is the square of millions of steps."""
 _CHANCE: Final = 1 << 16
 
 
 class Companion(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
-    """A column from which another one follows: a pressure from a depth."""
+    """A column that predicts another one: a depth for a pressure."""
 
     stream_id: int
     """Stream of the column; may be the stream itself."""
     column: int
-    """Its place there; in the stream itself, one that is coded earlier."""
+    """Its index there; in the stream itself, a column that is coded earlier."""
     slope: int
-    """Change for a change of one of the column, 2**-16."""
+    """Change per change of the predicting column, 2**-16."""
     offset: int
-    """Where it is for 0 of the column, 1/16 of a step."""
+    """Value for 0 of the predicting column, 1/16 of a step."""
     scale: int
-    """Mean miss of that, 2**-12 steps."""
+    """Mean error of that prediction, 2**-12 steps."""
 
 
 class First(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """A column of a sample without a reference."""
 
     center: int
-    """Where it is expected, 1/16 of a step."""
+    """Its expected value, 1/16 of a step."""
     scale: int
-    """Mean miss of that, 2**-12 steps; 0: every value is as likely."""
+    """Mean error of that, 2**-12 steps; 0: every value is equally likely."""
     held: int = 0
     """Its most frequent value."""
     hold: int = 0
-    """How often it has that, 2**-16."""
+    """How often it has that value, 2**-16."""
     companion: Companion | None = None
-    """From what it follows, where that is known."""
+    """The column that predicts it, if that one is known."""
 
 
 class Learnt(msgspec.Struct, frozen=True, kw_only=True):
     """An `Adaptation` to start with."""
 
     weights: tuple[tuple[int, ...], ...]
-    """By quantity, one for each quantity before it, 2**-16."""
+    """By quantity, one for each earlier quantity, 2**-16."""
     energies: tuple[int, ...]
     """By quantity."""
     log_scales: tuple[int, ...]
     """By column, as in a `Manner`."""
     widths: tuple[int, ...]
-    """By column, `SITUATIONS` of them."""
+    """By column, `SITUATIONS` of them each."""
     nearer: tuple[int, ...]
     """By column, as in a `Manner`."""
     holds: tuple[int, ...]
@@ -75,19 +75,19 @@ class StreamPrior(msgspec.Struct, frozen=True, kw_only=True):
     sizes: tuple[int, ...]
     """Number of values of each column of the type that it was fitted to."""
     firsts: tuple[First, ...] = ()
-    """By column; none: every value is as likely."""
+    """By column; empty: every value is equally likely."""
     steadiness: tuple[int, ...] = ()
-    """How often a symbol stays as it was, by column, 2**-16."""
+    """How often a symbol stays unchanged, by column, 2**-16."""
     learnt: dict[str, Learnt] = {}
     """Adaptations by `step_class`, as text."""
     typical_bits: int = 0
-    """What the integers of a sample cost given the one before it, mean; 0: not known."""
+    """Mean cost of a sample's integers given the sample before it, bits; 0: unknown."""
     lines: tuple[str, ...] = ()
-    """Texts such as the stream carries."""
+    """Typical texts of the stream."""
     present: int = 0
-    """How often a frame has samples of the stream, 2**-16; 0: not known."""
+    """How often a frame has samples of the stream, 2**-16; 0: unknown."""
     more: tuple[int, ...] = ()
-    """How often there is another after the first, second … of a frame, 2**-16."""
+    """How often another sample follows the first, second … of a frame, 2**-16."""
 
 
 class Model(msgspec.Struct, frozen=True, kw_only=True, dict=True):
@@ -96,7 +96,7 @@ class Model(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     streams: dict[str, StreamPrior] = {}
     """By stream id, as text."""
     single: int = 0
-    """How often a frame is of one stream alone, 2**-16; 0: not known."""
+    """How often a frame is of one stream alone, 2**-16; 0: unknown."""
 
     @property
     def digest(self) -> bytes:
@@ -106,10 +106,10 @@ class Model(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
 
 def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
-    """Check that a prior was made for such a stream, and holds no nonsense.
+    """Check that a prior was made for this stream and is within bounds.
 
     Raises:
-        ConfigError: It was not; starts with the key in a model.
+        ConfigError: It is not; the message starts with the key in a model.
     """
     key = f"model.streams.{stream_id}"
     sizes = tuple(model.sizes)
@@ -164,7 +164,7 @@ def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
 
 
 def adaptations_of(prior: StreamPrior, model: RowModel) -> dict[int, Adaptation]:
-    """The adaptations to start with."""
+    """Return the adaptations to start with."""
     return {
         int(place): Adaptation(
             weights=model.shape.packed([list(row) for row in learnt.weights]),

@@ -1,27 +1,26 @@
 """One sample's row of integers, coded against the row of its reference.
 
-Symbols (flags, enums) come first: each stays as it was with a probability that follows how often it
-did. Then the numbers, in the order of their number of values, so that a speed, a pitch and a
+Symbols (flags, enums) come first: each stays unchanged with a probability that follows how often it
+did. Then come the numbers, in ascending order of their number of values, so that speed, pitch and
 heading are known when the position is coded, which has the most values.
 
-Two predictions are made of a number: it stays (*hold*), and what least squares make of everything
-known by then. The latter counts in full while it is the nearer one half of the time, and less where
-it seldom is, as of a sensor that mostly stands still. How far that was off lately is the scale of
-the curve on which the number lies, times a width that depends on the situation: how surprising the
-sample has been so far, and how far the number is expected to go. In a turn everything is less
-certain. Scales and widths are logarithms: what is learnt of a miss is a step up or down, out of a
-list by how many scales the miss has, and nothing is divided. A number that did not change at all
-has a share of its own, which follows how often that happens: for switches, and for sensors that
-report the same value again.
+A number has two predictions: it stays (*hold*), and what least squares compute from everything
+known by then. The latter counts in full while it is the nearer one half of the time, and less if it
+seldom is, as for a sensor that mostly stands still. Its mean error lately is the scale of the
+number's curve, times a width that depends on the situation: how surprising the sample has been so
+far, and how far the number is expected to move. In a turn everything is less certain. Scales and
+widths are logarithms: an error moves them a step up or down, from a list by the size of the error
+in scales, without a division. A number that did not change at all has a share of its own, which
+follows how often that happens: for switches, and for sensors that report the same value again.
 
 The quantities of `leastsquares`, in this order:
 
-1. one, times the steps: for what drifts steadily, as a current does;
+1. one, times the steps: for steady drift, as by a current;
 2. of the reference, the level of every field that has values on both sides of zero and is not a
-   position: a pitch or a rate of turn says where things are going;
-3. the way that every other number makes in the steps to this sample, at the reference's velocity;
-4. the number of each column less that of the reference, in coding order; before the first position
-   of a type that has a heading, what `course` says.
+   position: a pitch or a rate of turn says how other fields will change;
+3. the way of every other number in the steps to this sample, at the reference's velocity;
+4. the number of each column minus that of the reference, in coding order; before the first position
+   of a type with a heading, the output of `course`.
 """
 
 from typing import Final
@@ -53,7 +52,7 @@ from zacoustic.core.values.dense.model.course import course_of
 from zacoustic.core.values.dense.model.layout import Column, Row
 from zacoustic.core.values.dense.model.leastsquares import Explained, Shape
 
-# A field with more values than this is a position (or the like), and its level says nothing.
+# A field with more values than this is a position (or the like): its level says nothing.
 _LEVEL_SIZE: Final = 1 << 13
 
 _SCALE_RATE: Final = 8  # scales follow the last eight samples
@@ -64,7 +63,7 @@ _LEAST_HOLD: Final = 200
 _ONE: Final = 64 << POINT_BITS
 _WHOLE: Final = 1 << 16
 
-# How far off a number is counts in 1/16 scales, up to four scales and two steps.
+# The error of a number counts in 1/16 scales, up to four scales and two steps.
 _SCALE: Final = 16
 _MISS_LIMIT: Final = 4 * _SCALE
 _PER_SCALE_BITS: Final = 20
@@ -72,29 +71,29 @@ _SPARED_BITS: Final = _PER_SCALE_BITS - POINT_BITS - 1
 # By grade: a way of 1/16 steps in 1/16 scales, 2**-20.
 _PER_SCALE: Final = [(1 << _PER_SCALE_BITS + SCALE_BITS) // scale for scale in SCALES]
 _MOST_MISS: Final = _MISS_LIMIT + (_PER_SCALE[0] >> _SPARED_BITS)
-# From where on a sample is a surprise, a greater and a great one, and is trusted less.
+# From these errors on a sample is a surprise, of three degrees, and is trusted less.
 _SURPRISES: Final = 19, 38, 63
 _TRUSTED_MISS: Final = 40
 _LEAST_TRUST: Final = 1 << 6
-# By how far the worst number was off: where its situations begin.
+# By the error of the worst number: the index of its first situation.
 _LEVELS: Final = [
     4 * sum(miss >= surprise for surprise in _SURPRISES) for miss in range(_MISS_LIMIT + 1)
 ]
-# By logarithm of a scale: the same, where the width is not known yet.
+# By logarithm of a scale: the same, before the width is known.
 _PER_LOG_SCALE: Final = _PER_SCALE[NARROWER >> GRADE_SHIFT :]
-# By the bits of such a way: whether it is far, in four classes that begin at 1/8, 1/2 and 1 scale.
+# By the bit length of such a way: how far it is, in four classes from 1/8, 1/2 and 1 scale.
 _FARS: Final = [
     sum(bits > _PER_SCALE_BITS + begin for begin in (3, 5, 6))
     for bits in range(3 * _PER_SCALE_BITS + 20)
 ]
-# By grade: the share that the curve itself has for staying: of a Laplace distribution 1/(2·scale).
+# By grade: the curve's own share for no change: 1/(2·scale) for a Laplace distribution.
 _CHANCES: Final = [min((1 << 15 + SCALE_BITS) // scale, 60000) for scale in SCALES]
-# By how often the linear prediction is the nearer one, 2**-8: how much it counts, 2**-8.
+# By how often the linear prediction is the nearer one, 2**-8: its factor, 2**-8.
 _COUNTS: Final = [min(max((often - 80) * 256 // 48, 0), 256) for often in range(257)]
 
 
 def _steps(rate: int) -> list[int]:
-    """By how far a number was off: what a mean over so many samples changes, as a logarithm."""
+    """Return by the error of a number how a mean of that many samples moves, a logarithm."""
     whole = 2 * _SCALE * rate
     return [
         logarithm((whole + 2 * (miss - _SCALE) + 1 << 20) // whole, 20)
@@ -105,28 +104,28 @@ def _steps(rate: int) -> list[int]:
 _SCALE_STEPS: Final = _steps(_SCALE_RATE)
 _WIDTH_STEPS: Final = _steps(_WIDTH_RATE)
 
-# A number of more values than this is seen from its reference, as far as so many values around.
+# A number with more values than this is coded relative to its reference, within a window.
 _WIDE: Final = LARGEST_SIZE
 _WINDOW: Final = 1 << 40
-# A stride of so many steps is not left to least squares: the number is seen from where it leads.
+# A stride of this many steps is not left to least squares: the number is coded relative to its end.
 _STRIDE: Final = _WIDE >> 2
-_MOST_MOVED: Final = 1 << 28  # least squares learn of no greater way, 1/16 of a step
+_MOST_MOVED: Final = 1 << 28  # least squares learn from no greater way, 1/16 of a step
 
 _LEAST_STEADY: Final = 1 << 8
 _MOST_STEADY: Final = (1 << 16) - (1 << 8)
 START_STEADY: Final = (1 << 16) - (1 << 12)
-"""How often a symbol of which nothing is known stays as it was, 2**-16."""
+"""How often an unknown symbol stays unchanged, 2**-16."""
 
 
 class TooFarError(Exception):
-    """A number of more values than a curve has is too far from its reference for this way."""
+    """A number with more values than a curve is too far from its reference for this method."""
 
 
 class RowModel:
-    """How the rows of a stream are coded.
+    """Codes the rows of a stream.
 
     Args:
-        columns: Of the stream's type.
+        columns: The columns of the stream's type.
     """
 
     def __init__(self, columns: list[Column]) -> None:
@@ -138,8 +137,8 @@ class RowModel:
             key=lambda n: (columns[n].size, n),
         )
         self._plan = [
-            # Seen from the reference where the field goes round, so that both ways are near, and
-            # where it is wide; else from the least value.
+            # Relative to the reference if the field wraps, so that both directions are near, or if
+            # it is wide; else relative to the least value.
             (
                 n,
                 columns[n].size,
@@ -163,20 +162,20 @@ class RowModel:
         on_course = 2 + len(positions) if self._course is not None else 0
         self.shape = Shape(known + len(self.numbers) + on_course)
         self.priors: dict[int, Adaptation] = {}
-        """The fitted values, by `step_class`."""
+        """The fitted adaptations, by `step_class`."""
 
     def start(self) -> Adaptation:
-        """Make the adaptation of who knows nothing."""
+        """Make the adaptation before anything is learnt."""
         return new_adaptation(self.sizes, self.shape.quantities)
 
     def code(self, coder: Coder, row: Row, reference: StreamState, steps: int) -> StreamState:
         """Write or read a row.
 
         Args:
-            coder: Where.
-            row: The row; a reader's is filled in.
+            coder: The writer or reader.
+            row: The row; a reader fills it in.
             reference: The sample to code against.
-            steps: How many samples (or periods) lie between, ≥ 1.
+            steps: Samples (or periods) from the reference, ≥ 1.
 
         Returns:
             The state of the sample, still with the rest of the reference.
@@ -197,9 +196,9 @@ class RowModel:
         )
 
     def strides(self, row: Row, old_row: Row, steps: int) -> list[int] | None:
-        """Return the velocity of a row that is not coded against another one; None: not known.
+        """Return the velocity of a row that is not coded against another one; None: unknown.
 
-        It is that of the numbers which are too far from each other to be, and 0 for all others.
+        It is that of the numbers which are too far apart for coding, and 0 for all others.
         """
         found: list[int] | None = None
         for n in self._large:
@@ -210,19 +209,19 @@ class RowModel:
         return found
 
     def code_plainly(self, coder: Coder, row: Row) -> None:
-        """Write or read a row with every value as likely as any other."""
+        """Write or read a row with all values equally likely."""
         for n in (*self.symbols, *self.numbers):
             guard = self.columns[n].guard
             if guard is None or row[guard[0]] == guard[1]:
                 row[n] = coder.uniform(self.sizes[n], row[n] or 0)
 
     def _adaptation(self, adaptations: dict[int, Adaptation], place: int) -> Adaptation:
-        """What is known of samples at a distance: learnt, carried over, fitted, or nothing.
+        """Return the adaptation for a distance: learnt, carried over, fitted, or new.
 
-        Acknowledged frames lie at one distance from each other, and only what is acknowledged is
-        learnt from; the frames between them are nearer to their reference. What this mission has
-        taught of one distance, less what the fit said of it, is true of the others too: all of it
-        next door, half of it further away.
+        Acknowledged frames lie at one distance from each other, and learning uses only acknowledged
+        frames; the frames between them are nearer to their reference. What this mission has taught
+        of one distance, relative to the fit, also holds for the others: all of it for the adjacent
+        class, half of it further away.
         """
         found, prior = adaptations.get(place), self.priors.get(place)
         if found is None:
@@ -265,7 +264,7 @@ class RowModel:
                 row[n] = old
                 steadiness[n] = min(_MOST_STEADY, steady + ((1 << 16) - steady >> _HOLD_SHIFT))
                 continue
-            # One of the others: those behind the old one move up.
+            # One of the others: those after the old one move up by one.
             other = coder.uniform(size - 1, new - (new > old))
             row[n] = other + (other >= old)
             steadiness[n] = max(_LEAST_STEADY, steady - (steady >> _HOLD_SHIFT))
@@ -274,7 +273,7 @@ class RowModel:
     def _code_numbers(
         self, coder: Coder, row: Row, reference: StreamState, before: Adaptation, steps: int
     ) -> tuple[list[int], Adaptation]:
-        """Write or read the numbers; gives their velocity, and what was learnt.
+        """Write or read the numbers; return their velocity and the new adaptation.
 
         One long function: it runs at both ends for every field of every sample, and in Python a
         call costs as much as five multiplications.
@@ -339,7 +338,7 @@ class RowModel:
                     moved = _MOST_MOVED if moved > 0 else -_MOST_MOVED
             following = follow(moved)
 
-            # Learn. A wild value must not make the curve wide for long.
+            # Learn. A wild value must not widen the curve for long.
             miss = moved - expected
             miss = (miss if miss > 0 else -miss) * _PER_SCALE[grade] >> _PER_SCALE_BITS
             if miss > surprise:
@@ -356,8 +355,8 @@ class RowModel:
                 hold -= hold - _LEAST_HOLD >> _HOLD_SHIFT
                 log_scale += _SCALE_STEPS[miss]
             else:
-                # Did it stay by chance, as the curve has it? Otherwise the curve has nothing to
-                # learn: it is about how far the number goes when it does not stay.
+                # Did it stay by chance, as the curve predicts? Otherwise the curve has nothing to
+                # learn: it models how far the number moves when it does not stay.
                 cause = (hold << 16) // (hold + ((_WHOLE - hold) * _CHANCES[grade] >> 16))
                 hold += cause - hold >> _HOLD_SHIFT
                 if hold > MOST_HOLD:
@@ -383,7 +382,7 @@ class RowModel:
         return velocity, Adaptation(weights, energies, manners, widths)
 
     def _known(self, old_row: Row, trends: list[int], steps: int) -> list[int]:
-        """The quantities that are known before the sample."""
+        """Return the quantities that are known before the sample."""
         levels = [
             0 if (old := old_row[n]) is None else old - zero << POINT_BITS
             for n, zero in self._levels
@@ -392,12 +391,12 @@ class RowModel:
 
 
 def _completed(row: Row, old_row: Row) -> Row:
-    """A row with the last that was known of what is not there."""
+    """Return a row whose missing columns have their last known values."""
     return [old if new is None else new for new, old in zip(row, old_row, strict=True)]
 
 
 def _in_proportion(manner: Manner, end: Manner, start: Manner) -> Manner:
-    """A manner whose misses change as others did from start to end."""
+    """Return a manner changed as others have changed from start to end."""
     log_scale, nearer = (
         own + new - old for own, new, old in zip(manner[:2], end[:2], start[:2], strict=True)
     )

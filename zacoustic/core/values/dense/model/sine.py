@@ -1,6 +1,6 @@
-"""Directions of a field that goes round, by a table of integers.
+"""Directions of a field that wraps, from a table of integers.
 
-The table is computed by integers alone, since libraries of different machines may differ in the
+The table is computed with integers alone, since libraries of different machines may differ in the
 last digit: a rotation by 1/4096 of a circle, repeated, with twenty digits to spare.
 """
 
@@ -33,5 +33,5 @@ _DIRECTIONS: Final = list(zip(_SINES[_QUARTER:] + _SINES[:_QUARTER], _SINES, str
 
 
 def direction(value: int, size: int) -> tuple[int, int]:
-    """Cosine and sine of `value`, 0…size-1, of `size` parts of a circle, times 2**14."""
+    """Return cosine and sine of `value`, 0…size-1, of `size` parts of a circle, times 2**14."""
     return _DIRECTIONS[value * _STEPS // size]

@@ -1,14 +1,14 @@
 """What both ends know of a source after one of its frames.
 
-Whoever holds a frame holds its snapshot: of each stream the last sample that this frame, its
-reference or theirs had. So one reference serves all streams of a frame, whether it had samples of
-them or not.
+A node with a frame has its snapshot: for each stream, the last sample in this frame, in its
+reference, or in an earlier one of the chain. So one reference serves all streams of a frame,
+whether it had samples of them or not.
 
-A snapshot's digest covers the bytes of its frame and the digest of its reference's snapshot, hence
-all that was ever said along the chain. A frame that refers to another says that one's *name*, one
-of `NAMES`. Frames have no numbers, and need none: which name a frame takes follows from its
-reference or from its digest, and of these the source chooses (`Form`), so that a name never means
-another frame as long as one that says it may be under way (`references`).
+A snapshot's digest covers the bytes of its frame and the digest of its reference's snapshot, so it
+covers the whole chain. A frame that refers to another states that frame's *name*, one of `NAMES`.
+Frames have no numbers, and need none: a frame's name follows from its reference or from its digest,
+and the source chooses which (`Form`), so that a name never means another frame while a frame that
+states it may be under way (`references`).
 """
 
 import struct
@@ -19,18 +19,18 @@ from zacoustic.core.values.dense.model.adaptation import StreamState
 from zacoustic.core.values.dense.model.habits import Habit, Presence
 
 SHORT_NAMES: Final = 20
-"""How many names have five bits: the first. The others have six."""
+"""How many names take five bits: the first ones. The others take six."""
 
 TURNS: Final = 38
-"""How many names are given in turn: the first."""
+"""How many names are given in turn: the first ones."""
 
 NAMES: Final = 44
-"""How many there are."""
+"""The number of names."""
 
 FORMS: Final = 6
-"""In how many forms a frame may be. In the first it has the name whose turn it is, in the last it
-has none; in the others it has one of those behind the turns, by its digest, which is another one in
-each form."""
+"""The number of forms of a frame. In the first form a frame has the name whose turn it is, in the
+last it has none; in the others it has a name after the turns, by its digest, which differs between
+forms."""
 
 MARK_BITS: Final = 14
 """Bits of a mark."""
@@ -45,32 +45,32 @@ Known = tuple[StreamState | None, int | None, Habit]
 """What is known of a stream:
 
 - its last sample; None: there was none;
-- when that was taken, in steps of the stream; None: there was none. The sender's affair: a receiver
-  counts on from where it began;
+- when that was taken, in steps of the stream; None: there was none. Only the sender needs it: a
+  receiver counts on from where it began;
 - what the source's frames usually hold of it.
 """
 
 
 class Snapshot:
-    """A frame, as something to refer to; never changed.
+    """A frame as a possible reference; never changed.
 
     Args:
         streams: See below.
         presence: See below.
-        said: The frame; of the root, what both ends agree on.
-        reference: What the frame refers to, or the root; None: this is the root.
-        form: How the frame comes to its name, see `FORMS`.
-        distance: How many frames it seems to be behind its reference.
+        said: The frame; for the root, what both ends agree on.
+        reference: The frame's reference, or the root; None: this is the root.
+        form: How the frame gets its name, see `FORMS`.
+        distance: By how many frames it seems to follow its reference.
 
     Attributes:
         streams: What is known of each stream, in the order of their ids.
-        presence: Of which streams the source's frames usually are.
-        digest: Of all frames up to this one.
-        ancestors: Digests of the reference, of its reference …, as many as are remembered.
+        presence: Which streams the source's frames usually hold.
+        digest: Digest of all frames up to this one.
+        ancestors: Digests of the reference, its reference …, as many as are remembered.
         check: What frames that refer to this one are checked against.
-        turn: Its name, if it is given in turn; None: this is the root.
-        name: Says which frame is meant, 0…`NAMES` - 1; None: it has none.
-        mark: Says in an acknowledgement which frame is meant, 0…16383.
+        turn: Its name, if names are given in turn; None: this is the root.
+        name: The frame's name in references, 0…`NAMES` - 1; None: it has none.
+        mark: The frame's mark in acknowledgements, 0…16383.
     """
 
     check: int
@@ -109,9 +109,9 @@ class Snapshot:
             self.name = TURNS + place % (NAMES - TURNS)
 
     def is_outdated_by(self, other: "Snapshot") -> bool:
-        """Whether this frame refers to one that the other's reference descends from.
+        """Return whether this frame refers to one that the other's reference descends from.
 
-        Both ends know that alike, whenever the frames come. So where both have the same name, it
-        is the other's.
+        Both ends know that alike, in whatever order the frames come. So if both frames have the
+        same name, it belongs to the other.
         """
         return bool(self.ancestors) and self.ancestors[0] in other.ancestors[1:]

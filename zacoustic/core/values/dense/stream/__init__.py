@@ -1,1 +1,1 @@
-"""Samples of streams as one dense block, and what it may refer to."""
+"""Samples of streams as one dense block, and the blocks that it may refer to."""

@@ -1,19 +1,19 @@
-"""Dense frames: the samples of several streams as one arithmetic-coded string.
+"""Dense frames: the samples of several streams as one arithmetic-coded block.
 
 The problem: under water a byte costs as much as a thousand on land, and a vehicle's telemetry
-repeats what is known already. The idea: samples that share a frame are coded against each other
-without any feedback, so that comes first; a frame that the receiver has acknowledged is the
-reference of the first sample of each stream. Without such a frame, a frame is independent. All
-prediction, and all learning, runs along these references only.
+repeats what is known already. The idea: samples that share a frame are coded against each other,
+which needs no feedback; and a frame that the receiver has acknowledged is the reference of the
+first sample of each stream. Without an acknowledged frame, a frame is independent. All prediction
+and all learning follows these references only.
 
-A frame is, in this order (shares in `_KINDS`; the first two bits are the marker):
+A frame contains, in this order (shares in `_KINDS`; the first two bits are the marker):
 
 1. kind: with a reference; independent; or a single independent sample;
 2. the name of the reference;
-3. the streams; of each stream, by id, the samples: each with the steps from the one that it is
-   coded against and, behind it, whether another one follows. A single sample has neither steps nor
-   a successor, and all streams have the same share: the frame that costs least more than the sample
-   itself, with any habits;
+3. the streams; for each stream, by id, the samples: each with its distance in steps from the one
+   that it is coded against and, after it, whether another one follows. A single sample has neither
+   steps nor a successor, and all streams have the same share: this frame costs least beyond the
+   sample itself, with any habits;
 4. how the frame gets its own name (see `snapshot` and `references`);
 5. the check of `arithmetic`: of the stream table, the model and the reference, in what the rounding
    to bytes leaves over.
@@ -23,7 +23,7 @@ The samples of one stream keep their order; those of different streams do not.
 A received frame gives a `PayloadError` or samples within their bounds, in bounded time: a block is
 read at most 64 bits beyond its end, and there are at most 255 samples of each stream.
 
-Nothing here remembers: `references` knows the snapshots, and who has acknowledged which.
+This module keeps no state: `references` has the snapshots, and which of them are acknowledged.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -48,13 +48,13 @@ from zacoustic.errors import ConfigError
 
 _REFERRING, _ALONE, _SINGLE = 0, 1, 2
 _KINDS: Final = ends_of(28, 3, 1)
-# A frame for itself is in one of these forms, and how often it is in each: with a bit more for the
-# rarer one, a sample would cost three bytes more than packed.
+# An independent frame is in one of these forms, with these shares: if the rarer one took a bit
+# more, a sample would cost three bytes more than packed.
 _FORMS_ALONE: Final = 0, FORMS - 1
 _ALONE_ENDS: Final = ends_of(31, 1)
 _NOTHING: Final[Mapping[int, Snapshot]] = MappingProxyType({})
-_NAME_BITS: Final = 5  # of a short name; of a long one, all but the last
-_SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
+_NAME_BITS: Final = 5  # bits of a short name; of a long one, all but the last
+_SPARE_BITS: Final = 8  # try other kinds if a frame exceeds its plain samples by this
 
 _FIRST_TRY: Final = 16  # samples; how many fit is found by trying
 
@@ -74,22 +74,22 @@ def _opening(name: int) -> tuple[int, int, int]:
     return writer.mark()
 
 
-# Where a writer stands that has written which frame is referred to: so it need not be done again.
+# The state of a writer that has written the name of a reference, so that it need not do it again.
 _OPENINGS: Final = [_opening(name) for name in range(NAMES)]
 
 _Piece = tuple[int, int | None, tuple[Row, list[Any]]]
-"""A sample to write: the place of its stream, when it was taken, and its parts."""
+"""A sample to write: the index of its stream, when it was taken, and its parts."""
 
 
 class DenseSample(msgspec.Struct, frozen=True):
     """A sample to send."""
 
     stream_id: int
-    """Of a stream of the codec."""
+    """The id of a stream of the codec."""
     value: Any
     """A Mapping or `msgspec.Struct` of the stream's type."""
     tick: int | None = None
-    """When it was taken, in periods of the stream or as the count of what was published; None: one
+    """When it was taken, in periods of the stream or as a count of published samples; None: one
     after the last. Only differences count, and a wrong one costs bits, nothing else."""
 
 
@@ -97,27 +97,27 @@ class Encoded(msgspec.Struct, frozen=True):
     """A frame to send."""
 
     frame: bytes
-    """From the marker on."""
+    """The frame from the marker on."""
     taken: int
     """How many of the samples are in it, from the first on."""
     snapshot: Snapshot
-    """What who receives it will know."""
+    """The snapshot that its receivers will have."""
     reference: Snapshot | None
-    """What it refers to; None: it stands for itself."""
+    """Its reference; None: it is independent."""
 
     @property
     def is_apart(self) -> bool:
-        """It stands for itself, and nothing can refer to it."""
+        """Whether it is independent and nothing can refer to it."""
         return self.reference is None and self.snapshot.name is None
 
 
 class Decoded(msgspec.Struct, frozen=True):
-    """A frame that was received."""
+    """A decoded frame."""
 
     samples: tuple[tuple[int, dict[str, Any]], ...]
     """Stream ids and values."""
     snapshot: Snapshot
-    """What is known now."""
+    """The snapshot after it."""
 
 
 class DenseCodec:
@@ -126,7 +126,8 @@ class DenseCodec:
     Args:
         types: Type of each dense stream, by stream id; the same at both ends.
         model: Their fitted model.
-        digest: Of everything else that both ends must agree on: four bytes of the stream table.
+        digest: Digest of everything else that both ends must agree on: four bytes of the stream
+            table.
 
     Raises:
         ConfigError: There are no streams, or the model is for other types.
@@ -163,12 +164,12 @@ class DenseCodec:
             samples: The most important first; as many as fit are taken, without leaving one out.
             room: Greatest size of the frame, bytes.
             reference: A frame that every receiver holds.
-            refuses: Tells of a frame whether it must not have its name: then it is written in
-                another form.
-            invested: What a frame with the reference may cost more than one without, bytes.
+            refuses: Returns whether a frame must not have its name: then it is written in another
+                form.
+            invested: How much more a frame with the reference may cost than one without, bytes.
 
         Returns:
-            None where not even the first sample fits, or there is none.
+            The frame; None if not even the first sample fits, or if there is none.
 
         Raises:
             PayloadInvalidError: A value is not of its stream's type.
@@ -197,7 +198,7 @@ class DenseCodec:
         """Read a received frame.
 
         Args:
-            frame: From the marker on, all of it.
+            frame: The whole frame, from the marker on.
             held: Snapshots of the source's frames that may be referred to, by name.
 
         Raises:
@@ -251,7 +252,7 @@ class DenseCodec:
         return Decoded(tuple(samples), snapshot)
 
     def _best(self, pieces: Sequence[_Piece], aim: "_Aim") -> Encoded | None:
-        """Write a frame of these samples; None: a stream has too many of them."""
+        """Return the cheapest frame of these samples; None: a stream has too many of them."""
         lanes: dict[int, list[_Piece]] = {}
         plain = 0
         for piece in pieces:
@@ -275,7 +276,7 @@ class DenseCodec:
         return best
 
     def _several(self, lanes: Mapping[int, Sequence[_Piece]], aim: "_Aim") -> Encoded:
-        """Write a frame of any samples, by their streams."""
+        """Write a frame of any samples, by stream."""
         known = aim.reference
         if known is None:
             known, writer = self._root, Writer()
@@ -296,7 +297,7 @@ class DenseCodec:
                     _, habit = habit.code_steps_in_frame(writer, steps)
                 elif last is not None:
                     if parts[0] == last.row:
-                        # What stood still stands still however long it was: the cheapest will do.
+                        # A value that stood still is the same at any distance: take the cheapest.
                         steps = habit.likeliest_steps
                     _, habit = habit.code_steps(writer, steps)
                     distance = max(distance, -(-steps // count))
@@ -308,7 +309,7 @@ class DenseCodec:
         return aim.finish(writer, known, streams, presence, taken, distance)
 
     def _single(self, piece: _Piece, aim: "_Aim") -> Encoded:
-        """Write a frame of one sample in the form that knows no habits."""
+        """Write a frame of one sample in the form without habits."""
         writer, known, (place, tick, parts) = Writer(), self._root, piece
         streams = known.streams[:]
         writer.pick(_KINDS, _SINGLE)
@@ -319,12 +320,12 @@ class DenseCodec:
 
 
 class _Aim:
-    """What a frame is to refer to, and which names it must not have.
+    """The reference for a frame, and the names that it must not have.
 
     Args:
         reference: A frame that every receiver holds.
-        refuses: Tells whether a frame must not have its name.
-        invested: What it may cost more than one without a reference, bytes.
+        refuses: Returns whether a frame must not have its name.
+        invested: How much more it may cost than one without a reference, bytes.
     """
 
     __slots__ = ("_invested", "reference", "refuses")
@@ -340,7 +341,7 @@ class _Aim:
         self._invested = invested
 
     def invested_bytes(self, encoded: Encoded, plain_bits: int) -> int:
-        """How many bytes a frame may cost more: none where that would be too much beside plain."""
+        """Return how many bytes more a frame may cost; 0 if it is far dearer than plain."""
         is_dear = 8 * len(encoded.frame) > plain_bits + 2 * _SPARE_BITS
         return 0 if encoded.reference is None or is_dear else self._invested
 
@@ -353,7 +354,7 @@ class _Aim:
         taken: int,
         distance: int = 1,
     ) -> Encoded:
-        """End a frame, in the cheapest form that is not refused."""
+        """Finish a frame in the cheapest form that is not refused."""
         mark, refers = writer.mark(), self.reference is not None
         for form in range(FORMS) if refers else _FORMS_ALONE:
             writer.rewind(mark)
@@ -367,14 +368,14 @@ class _Aim:
 
 
 def _code_form(coder: Coder, presence: Presence, refers: bool, form: int) -> tuple[int, Presence]:
-    """Write or read the form of a frame; also gives what is usual after that."""
+    """Write or read the form of a frame; also return the presence after that."""
     if refers:
         return presence.code_form(coder, form)
     return _FORMS_ALONE[coder.pick(_ALONE_ENDS, _FORMS_ALONE.index(form))], presence
 
 
 def _steps(tick: int | None, last: int | None) -> tuple[int, int]:
-    """How far a sample lies behind the last one, 1…16, and its tick."""
+    """Return the distance of a sample from the last one, 1…16 steps, and its tick."""
     if tick is None:
         return 1, (last or 0) + 1
     if last is None:

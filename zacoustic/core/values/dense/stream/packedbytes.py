@@ -2,8 +2,8 @@
 
 The problem: a log line, or a payload in JSON or CBOR, takes three times its information, and its
 stream has no type. The idea: the model of texts that the package ships (`text`: English, the sea,
-names of fields) predicts the next octet, and an arithmetic coder makes a block of that. What does
-not shrink goes unchanged.
+names of fields) predicts the next octet, and an arithmetic coder makes a block of that. Octets that
+do not shrink are sent unchanged.
 
 Each payload is independent: nothing is learnt from one for the next, so it may be lost, late or
 repeated, and streams of every kind can use it.
@@ -18,7 +18,7 @@ none                       no octets
 other                      the octets themselves
 =========================  =======================================================================
 
-So octets that do not shrink cost nothing more, or one byte.
+So octets that do not shrink cost at most one more byte.
 """
 
 from typing import Final
@@ -33,7 +33,7 @@ _AS_THEY_ARE: Final = b"\0"
 
 
 class PackedBytesCodec(OpaqueCodec):
-    """Bytes in, the same bytes out, and fewer between where they are text, JSON or CBOR."""
+    """Bytes in, the same bytes out; in between fewer if they are text, JSON or CBOR."""
 
     def encode(self, value: object) -> bytes:
         """Return the payload of bytes, a bytearray or a memoryview."""
@@ -53,7 +53,7 @@ class PackedBytesCodec(OpaqueCodec):
         """Return the octets.
 
         Raises:
-            PayloadError: The payload stands for none.
+            PayloadError: The payload is invalid.
         """
         payload = super().decode(payload)
         if payload[:1] == _AS_THEY_ARE:

@@ -1,28 +1,29 @@
-"""Which frames may be referred to: a source remembers what it sent, a receiver what it got.
+"""Which frames may be referred to: the memory of what a source sent and a receiver got.
 
 A source may refer to a frame that every listener holds: one that it has acknowledged, or that an
 acknowledged one refers to (a frame can only be read with its reference). A listener acknowledges
-the newest frame that it has read, by its `mark`, whenever a frame that goes anyway has room for a
-byte; nothing needs an immediate answer, and the next acknowledgement makes up for a lost one.
+the newest frame that it has read, by its `mark`, whenever a frame that goes anyway has room;
+nothing needs an immediate answer, and the next acknowledgement makes up for a lost one.
 
-Frames may be lost, doubled and late, and have no numbers. A receiver holds, of each name, the last
-frame that came with it, unless that `is_outdated_by` the one that it holds. The source makes sure
-that this is the intended one, as long as at most `REACH` of its frames come between a frame and a
-late copy of it:
+Frames may be lost, duplicated and late, and have no numbers. For each name, a receiver holds the
+last frame that came with it, unless that `is_outdated_by` the one that it holds. The source makes
+sure that this is the intended one, as long as at most `REACH` of its frames come between a frame
+and a late copy of it:
 
-1. a name by which a frame was referred to is given to no other one while the last `REACH` frames
-   include one with that reference;
-2. a frame is referred to only if no other one of its name was sent since, or among the `REACH`
+1. a name that was referred to is given to no other frame while the last `REACH` frames include one
+   with that reference;
+2. a frame is referred to only if no other one with its name was sent since, or among the `REACH`
    frames before it, except those that it outdates.
 
 To have names for that, it gives a new frame a free one, if it has a choice. Names are given in
-turn, and there are more than `REACH`, so as long as frames and samples go on in step, all are free.
+turn, and there are more than `REACH`, so as long as frames and samples advance in step, all are
+free.
 
 An acknowledgement may be late too: within `REMEMBERED` frames, no two have the same mark.
 
-If more than `REACH` frames are sent within the time that a late one may need, those beyond stand
-`apart`: each independent and without a name. Such a frame cannot be taken for another one, nor
-another one because of it, so it does not count.
+If more than `REACH` frames are sent within the time in which a late one may arrive, the further
+ones stand `apart`: each independent and without a name. Such a frame cannot be taken for another
+one, nor cause that, so it does not count.
 
 A stream that stands still may have the same bytes again, against the same reference. That is the
 same frame once more.
@@ -36,31 +37,31 @@ from zacoustic.core.values.dense.model.snapshot import Snapshot
 from zacoustic.core.values.dense.stream.frame import Decoded, DenseCodec, DenseSample, Encoded
 
 REACH: Final = 31
-"""A frame may arrive behind so many of its successors, and still no name is ambiguous."""
+"""How many of its successors a frame may arrive after, without any name becoming ambiguous."""
 
 KEPT: Final = 2 * REACH
 """How many frames the source may tell apart. So it refers back by at most `REACH` of them, and
-knows of all that may outdate what it refers to."""
+knows all that may outdate a reference."""
 
 ANSWERS: Final = 4 * REACH
 """For how many frames after an acknowledgement another one is expected, and names matter."""
 
-# So much a frame with a reference may cost more than one without: it goes on learning. That pays
-# as long as acknowledgements come.
+# How much more a frame with a reference may cost than one without: it keeps learning, which pays as
+# long as acknowledgements come.
 _INVESTED_BYTES: Final = 1
 _FRESH: Final = 16
 
 REMEMBERED: Final = 256
-"""Of how many frames the source does not use the marks again."""
+"""For how many frames the source does not reuse their marks."""
 
 
 class _Sent:
     """A frame that was sent, once or several times.
 
     Attributes:
-        first: When it was sent first, counted in frames.
-        last: When it was sent last.
-        holders: Who is known to hold it.
+        first: When it was first sent, counted in frames.
+        last: When it was last sent.
+        holders: Addresses of the listeners that are known to hold it.
     """
 
     __slots__ = ("first", "holders", "last", "reference", "snapshot")
@@ -82,13 +83,13 @@ class Speaker:
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
         self._count = 0
-        self._sent: OrderedDict[bytes, _Sent] = OrderedDict()  # by digest; sent last is last
-        self._named: dict[int, list[_Sent]] = {}  # those of each name
-        self._forgotten = -REACH  # when a frame was sent last that is no longer among them
+        self._sent: OrderedDict[bytes, _Sent] = OrderedDict()  # by digest; newest last
+        self._named: dict[int, list[_Sent]] = {}  # the frames with each name
+        self._forgotten = -REACH  # when a frame that is forgotten was sent last
         self._referred: dict[int, tuple[int, bytes]] = {}  # by name: when last, and to what
         self._answered = -ANSWERS  # the last acknowledgement
-        self._said = -REACH  # when a name was said last
-        self._marks: dict[int, bytes] = {}  # of more frames than are kept: their digests
+        self._said = -REACH  # when a name was last referred to
+        self._marks: dict[int, bytes] = {}  # digests by mark, of more frames than are kept
 
     def encode(
         self,
@@ -103,13 +104,13 @@ class Speaker:
         Args:
             samples: The most important first.
             room: Greatest size of the frame, bytes.
-            listeners: Addresses of all who must be able to read it; none: it stands for itself.
-            apart: It stands for itself and has no name.
+            listeners: Addresses of all nodes that must be able to read it; none: it is independent.
+            apart: It is independent and has no name.
         """
         if apart:
             return self._codec.encode(samples, room, refuses=lambda _: True)
         reference = self._reference(set(listeners))
-        # Without acknowledgements no name is ever used: all are as good.
+        # Without acknowledgements no name is ever referred to: all are equally good.
         matters_until = max(self._answered + ANSWERS, self._said + REACH)
         is_choosy = reference is not None or matters_until > self._count
         refuses = self._refuses if is_choosy else None
@@ -117,7 +118,7 @@ class Speaker:
         return self._codec.encode(samples, room, reference, refuses=refuses, invested=spared)
 
     def sent(self, encoded: Encoded) -> None:
-        """Take note that a frame was handed to the link; until then it was a draft."""
+        """Record that a frame was handed to the link; until then it was a draft."""
         if encoded.is_apart:
             return
         self._count += 1
@@ -140,20 +141,20 @@ class Speaker:
             if oldest.snapshot.name is not None:
                 self._named[oldest.snapshot.name].remove(oldest)
         is_clear = self._marks.setdefault(snapshot.mark, digest) == digest
-        if not is_clear:  # nobody can say which of them is meant
+        if not is_clear:  # the mark is ambiguous
             self._marks[snapshot.mark] = b""
         if len(self._marks) > REMEMBERED:
             del self._marks[next(iter(self._marks))]
 
     def acknowledged(self, listener: int, mark: int) -> bool:
-        """Take note that a listener holds a frame.
+        """Record that a listener holds a frame.
 
         Args:
             listener: Its address.
             mark: `Snapshot.mark` of the frame.
 
         Returns:
-            Whether it is known which frame that is.
+            Whether the mark identifies a frame.
         """
         sent = self._sent.get(self._marks.get(mark, b""))
         if sent is None or sent.snapshot.name is None:
@@ -165,12 +166,12 @@ class Speaker:
         return True
 
     def forget(self, listener: int) -> None:
-        """Take note that a listener holds nothing any more: it has restarted."""
+        """Record that a listener has restarted and holds nothing any more."""
         for each in self._sent.values():
             each.holders.discard(listener)
 
     def _refuses(self, new: Encoded) -> bool:
-        """Whether a frame would be taken for another one, or make another one be taken for it."""
+        """Return whether a frame would be taken for another one, or cause another one to be."""
         snapshot = new.snapshot
         name, digest = snapshot.name, snapshot.digest
         assert name is not None
@@ -184,7 +185,7 @@ class Speaker:
         same = self._sent.get(digest)
         for other in self._named.get(name, ()):
             if same is not None and other is not same and other.last > same.first:
-                return True  # who missed it before would hold it now, and all others the other one
+                return True  # a listener that missed it would hold it, the others the other
             if same is None and (
                 snapshot.is_outdated_by(other.snapshot)
                 or (
@@ -195,7 +196,7 @@ class Speaker:
         return False
 
     def _reference(self, listeners: set[int]) -> Snapshot | None:
-        """The newest frame that all hold and that can be named; None: there is none."""
+        """Return the newest frame that all hold and that can be named; None: there is none."""
         if listeners:
             for each in reversed(self._sent.values()):
                 if each.last + REACH < self._count:
@@ -209,7 +210,7 @@ class Speaker:
         return None
 
     def _is_clear(self, meant: _Sent) -> bool:
-        """Whether every receiver that has got a frame holds it as the one of its name."""
+        """Return whether every receiver of a frame holds it as the one with its name."""
         snapshot = meant.snapshot
         assert snapshot.name is not None
         for other in self._named[snapshot.name]:
@@ -234,14 +235,14 @@ class Listener:
         self._codec = codec
         self._held: dict[int, Snapshot] = {}  # by name
         self.mark: int | None = None
-        """What to acknowledge: the mark of the newest frame; None: none was read."""
+        """The mark to acknowledge, that of the newest frame; None: none was read."""
 
     def decode(self, frame: bytes, *, alone: bool = False) -> Decoded:
         """Read a received frame.
 
         Args:
-            frame: From the marker on, all of it.
-            alone: What refers to another frame is for others.
+            frame: The whole frame, from the marker on.
+            alone: Whether frames with a reference are for other listeners.
 
         Raises:
             PayloadError: It is damaged, or its reference is not held.
@@ -256,6 +257,6 @@ class Listener:
         return decoded
 
     def forget(self) -> None:
-        """Take note that the source has restarted."""
+        """Forget all frames: the source has restarted."""
         self._held.clear()
         self.mark = None

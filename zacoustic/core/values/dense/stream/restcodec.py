@@ -3,8 +3,8 @@
 Most of it is the same as in the sample before (a name, a list that seldom changes), which costs a
 fraction of a bit. `text` codes new texts and bytes, with the lines that both ends know and typical
 payloads in JSON and CBOR. That is a guess: other octets cost more that way than plainly, and so
-does a text in another language; `StreamCodec` then codes the whole sample plainly. Long ones are
-plain at once, since modelling takes time for every letter.
+does a text in another language; `StreamCodec` then codes the whole sample plainly. Long texts are
+always plain, since modelling takes time for every letter.
 """
 
 from collections.abc import Sequence
@@ -18,16 +18,16 @@ from zacoustic.core.values.dense.text.text import RECENT_LINES, TextModel, shipp
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.payload.bits import BitSink, BitSource
 
-_SAME: Final = 1 << 13  # how often the rest of a sample is that of its reference, 2**-16
+_SAME: Final = 1 << 13  # how often the rest equals that of the reference, 2**-16
 _LONG: Final = 1 << 11  # how often a text is too long to be modelled
 
 
 class RestCodec:
-    """How the rest of a stream's samples is written and read.
+    """Writes and reads the rest of a stream's samples.
 
     Args:
-        remainders: The parts of it.
-        lines: Texts such as the stream carries; none: the shipped ones.
+        remainders: The parts of the rest.
+        lines: Typical texts of the stream; none: the shipped ones.
     """
 
     def __init__(self, remainders: Sequence[Remainder], lines: Sequence[str] = ()) -> None:
@@ -44,14 +44,14 @@ class RestCodec:
         """Write or read the rest of a sample.
 
         Args:
-            coder: Where.
-            row: Of the sample, complete.
-            rest: Of the sample; a reader's is filled in.
-            known: What is known of the one before it; not changed.
-            plainly: Without all models.
+            coder: The writer or reader.
+            row: The sample's row, complete.
+            rest: The sample's rest; a reader fills it in.
+            known: What is known of the rest of the sample before; not changed.
+            plainly: Whether to use no model.
 
         Returns:
-            What the next sample finds.
+            What the next sample gets as `known`.
 
         Raises:
             PayloadError: What is read is not of the type.
@@ -102,7 +102,7 @@ class RestCodec:
 
 
 def plain_bits(rest: Sequence[Any]) -> int:
-    """About what texts and bytes cost plainly, bits."""
+    """Return the approximate cost of texts and bytes when coded plainly, bits."""
     return sum(7 * len(value) for value in rest if isinstance(value, (str, bytes)))
 
 
@@ -119,12 +119,12 @@ def _code_plainly(coder: Coder, remainder: Remainder, value: Any) -> Any:  # noq
 
 
 def _is_same(value: Any, old: Any) -> bool:  # noqa: ANN401
-    """Whether both are one payload: zeros differ by their sign, and nan is itself."""
+    """Return whether both are the same payload: zeros differ by sign, and NaN equals itself."""
     return bool(value == old) and repr(value) == repr(old)
 
 
 class _Sink(BitSink):
-    """A writer as what a packing writes its bits to."""
+    """A writer as the destination of a packing's bits."""
 
     def __init__(self, writer: Writer) -> None:
         self._writer = writer
@@ -134,7 +134,7 @@ class _Sink(BitSink):
 
 
 class _Source(BitSource):
-    """A reader as what a packing reads its bits from."""
+    """A reader as the source of a packing's bits."""
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader

@@ -2,7 +2,7 @@
 
 A sample is usually coded against its reference. Without one, the model predicts it; if neither
 helps (a jump, a value never seen), all values have equal shares, which bounds the cost of a sample
-to that of `packed` and a few bits. Which of the three it is costs a fraction of a bit; the writer
+to that of `packed` and a few bits. The choice among the three costs a fraction of a bit; the writer
 tries the next one when one was expensive.
 """
 
@@ -22,20 +22,20 @@ from zacoustic.core.values.types import OutsideNumbers, TypeSpec
 
 _AGAINST, _FIRST, _PLAIN = 0, 1, 2
 _ALL_WAYS: Final = (_AGAINST, _FIRST, _PLAIN)
-# Shares of the three ways where there is a reference, and of the last two where there is none.
+# Shares of the three ways with a reference, and of the last two without one.
 _WAYS: Final = ends_of(60, 3, 1)
 _WAYS_ALONE: Final = ends_of(3, 1)
-_DEAR_BITS: Final = 2  # by so many bits more than plainly, another way is tried
+_DEAR_BITS: Final = 2  # another way is tried if one costs this much more than plainly
 
 Beside = dict[int, Row]
 """Rows of other streams that both ends know, by stream id."""
 
 
 class StreamCodec:
-    """How samples of a stream are written and read.
+    """Writes and reads samples of a stream.
 
     Args:
-        stream_id: Of the stream.
+        stream_id: The stream's id.
         type_spec: Its type, resolved.
         prior: Its fitted model.
 
@@ -49,7 +49,7 @@ class StreamCodec:
         self.stream_id = stream_id
         self.type_spec = type_spec
         self.outside = OutsideNumbers(type_spec)
-        """What was clamped or escaped of the values written so far."""
+        """How many numbers were clamped or escaped in the values written so far."""
         self.layout = Layout(type_spec)
         self.model = RowModel(self.layout.columns)
         self.prior = prior
@@ -65,11 +65,11 @@ class StreamCodec:
         self._is_guarded = any(column.guard is not None for column in self.layout.columns)
         self._no_row: Row = [None] * columns
         self._no_rest: list[Any] = [None] * len(self.layout.remainders)
-        # What a row costs plainly where everything is there, bits.
+        # The plain cost of a row without missing columns, bits.
         self.plain_bits = sum(self._widths)
 
     def split(self, value: object) -> tuple[Row, list[Any]]:
-        """Take a value of the application apart.
+        """Split an application's value into row and rest.
 
         Raises:
             PayloadInvalidError: It is not of the stream's type.
@@ -87,7 +87,7 @@ class StreamCodec:
         steps: int,
         beside: Beside,
     ) -> StreamState:
-        """Write a sample in the shortest way; gives its state."""
+        """Write a sample in the shortest way; return its state."""
         row, rest = parts
         before = coder.mark()
         limit = coder.bits + _DEAR_BITS
@@ -112,7 +112,7 @@ class StreamCodec:
     def read(
         self, coder: Coder, reference: StreamState | None, steps: int, beside: Beside
     ) -> tuple[dict[str, Any], StreamState]:
-        """Read a sample: its value and its state.
+        """Read a sample; return its value and its state.
 
         Raises:
             PayloadError: There is none.
@@ -122,7 +122,7 @@ class StreamCodec:
         return self.layout.join(row, rest), state
 
     def _plain_bits(self, row: Row) -> int:
-        """What a row costs plainly, bits."""
+        """Return the plain cost of a row, bits."""
         return sum(
             width for width, count in zip(self._widths, row, strict=True) if count is not None
         )
@@ -137,7 +137,7 @@ class StreamCodec:
         steps: int,
         beside: Beside,
     ) -> StreamState:
-        """Write or read a sample in a way; a reader finds out which."""
+        """Write or read a sample in one way; a reader finds out which."""
         if reference is not None:
             way = coder.pick(_WAYS, way)
             if way == _AGAINST:
@@ -164,7 +164,7 @@ class StreamCodec:
     def _code_first(
         self, coder: Coder, row: Row, firsts: tuple[First, ...], beside: Beside
     ) -> None:
-        """Write or read a row as the model expects it."""
+        """Write or read a row as the model predicts it."""
         model = self.model
         for n in (*model.symbols, *model.numbers):
             guard = model.columns[n].guard

@@ -1,8 +1,8 @@
-"""Payloads such as vehicles publish them as JSON or CBOR without a type.
+"""Payloads in JSON or CBOR without a type, as vehicles publish them.
 
-What such payloads have in common is the names of their fields, which ones stand beside each other,
-and the signs between them. `MESSAGES` are of every usual kind, written as JSON; from each follow
-its form with spaces, and that in CBOR, whose floats are spelled (`spelling`).
+Such payloads share the names of their fields, which of these are adjacent, and the punctuation
+between them. `MESSAGES` has messages of every usual kind, written as JSON; each also yields its
+form with spaces, and its CBOR form, whose floats are spelled (`spelling`).
 """
 
 import json
@@ -64,7 +64,7 @@ MESSAGES: Final = (
     '{"north":12.4,"east":-3.1,"down":35.2,"u":0.12,"v":-0.05,"w":0.0,"fix":3,"satellites":9,'
     '"hdop":1.1}',
 )
-"""Numbers stand for any."""
+"""The messages; each number stands for any."""
 
 
 class _Float(str):
@@ -74,7 +74,7 @@ class _Float(str):
 
 
 def payload_examples() -> list[bytes]:
-    """Give texts that teach a text model what such payloads look like; spelled."""
+    """Return spelled texts that train a text model on such payloads."""
     found = []
     for message in MESSAGES:
         value = json.loads(message, parse_float=_Float)
@@ -83,7 +83,7 @@ def payload_examples() -> list[bytes]:
 
 
 def _spaced(value: object) -> str:
-    """JSON as Python writes it unless told otherwise."""
+    """Return JSON in Python's default spacing."""
     match value:
         case _Float():
             return value
@@ -97,7 +97,7 @@ def _spaced(value: object) -> str:
 
 
 def _item(value: object) -> bytes:
-    """CBOR as most libraries write it: floats are doubles."""
+    """Return CBOR as most libraries write it: floats are doubles."""
     match value:
         case None:
             return bytes((NULL,))

@@ -1,4 +1,4 @@
-"""Texts such as vehicles at sea and their operators write; for streams whose own are not known."""
+"""Texts of vehicles at sea and their operators, for streams without known texts of their own."""
 
 from typing import Final
 
@@ -70,4 +70,4 @@ LINES: Final = (
     "stop",
     "return home",
 )
-"""Some of each kind; numbers stand for any."""
+"""Some texts of each kind; each number stands for any."""

@@ -1,10 +1,10 @@
 """Floats within CBOR, spelled as digits.
 
-The problem: a position of six decimals is eight octets in CBOR that look like noise, although eight
-digits would say it. The idea: before a payload is modelled, every float in it is spelled as the
-shortest digits that mean exactly that float, as JSON does; whoever reads them makes the float of
-them again. A payload that is no CBOR has the octets by chance, if at all, and gets longer: then it
-is not modelled (`zacoustic.core.values.dense.opaque`). Text in UTF-8 never has them.
+The problem: a position with six decimals is eight octets in CBOR that look like noise, although
+eight digits would express it. The idea: before a payload is modelled, every float in it is spelled
+as the shortest digits that mean exactly that float, as in JSON; the reader converts them back. A
+payload that is no CBOR has these octets by chance, if at all, and gets longer: then it may be too
+long to be modelled (`zacoustic.core.values.dense.text.text`). Text in UTF-8 never has them.
 
 ::
 
@@ -24,8 +24,8 @@ from zacoustic.core.values.payload import PayloadError
 _FORMATS: Final = {0xFA: struct.Struct(">f"), 0xFB: struct.Struct(">d")}
 _NO_FLOAT: Final = ord("!")
 _END: Final = b"\n"
-_LONGEST: Final = 24  # of the spelled floats: -2.2250738585072014e-308
-_SINGLE_DIGITS: Final = 9  # as many tell any single from its neighbours
+_LONGEST: Final = 24  # longest spelled float: -2.2250738585072014e-308
+_SINGLE_DIGITS: Final = 9  # enough to tell any single from its neighbours
 
 
 def spelled(payload: bytes) -> bytes:
@@ -50,10 +50,10 @@ def spelled(payload: bytes) -> bytes:
 
 
 def unspelled(text: bytes) -> bytes:
-    """Return the payload that was spelled so.
+    """Return the payload with this spelling.
 
     Raises:
-        PayloadError: No payload is.
+        PayloadError: There is none.
     """
     if 0xFA not in text and 0xFB not in text:
         return text

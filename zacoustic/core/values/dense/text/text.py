@@ -1,23 +1,23 @@
-"""Log lines and payloads, by what octets followed the same octets before.
+"""Log lines and payloads, predicted from what followed the same octets before.
 
-The problem: a line of text of a vehicle is the same few dozen sentences with other numbers in
-them, a payload in JSON or CBOR the same names with other numbers behind them; both cost a byte a
-letter. The idea (prediction by partial matching): look at the six letters before; what followed
-them in the texts known to both ends? If the next letter is among it, it costs a fraction of a bit;
-if not, say so (*escape*) and look at the five letters before, and so on down to any letter. What an
-escape is worth follows from how many different letters were seen, and how often.
+The problem: a vehicle's log lines are a few dozen sentences with different numbers in them, and its
+payloads in JSON or CBOR the same names with different numbers after them; both cost a byte a
+letter. The idea (prediction by partial matching): look at the last six letters; what followed them
+in the texts known to both ends? If the next letter is among these, it costs a fraction of a bit. If
+not, write an *escape* and look at the last five letters, and so on down to any letter. The share of
+an escape follows from how many different letters were seen, and how often.
 
-Numbers are the same in form and differ in digits. So contexts and letters know of a digit only that
-it is one: how many there are before and behind the point is learnt from any number in that place.
-Which digit it is costs a symbol of its own, whose shares follow what stood behind the same octets
-before. First of all stands a context in which a number, however long, is one digit: it tells which
-name follows the value of which other. Floats of CBOR are spelled as digits, too (`spelling`).
+Numbers have the same form and differ in digits. So contexts and letters only record that a digit is
+one: how many digits come before and after the point is learnt from any number in that position.
+Which digit it is costs a symbol of its own, whose shares follow what came after the same octets
+before. The first context of all treats a number of any length as one digit: it predicts which name
+follows the value of which other. Floats of CBOR are spelled as digits, too (`spelling`).
 
-Known to both ends are the lines of the model (those that a fit has found, or the shipped ones), the
-last lines of this stream that the reference had, which count more, and the text itself as far as it
-is written.
+Both ends know the lines of the model (those that a fit has found, or the shipped ones), the
+stream's last lines at the reference, which count more, and the text itself as far as it is written.
 
-Integers only, and bounded: a table per context of the known lines, a letter at most nine lookups.
+Integers only, and bounded: a table per context of the known lines, and at most nine lookups for a
+letter.
 """
 
 from collections.abc import Iterable
@@ -31,17 +31,17 @@ from zacoustic.core.values.dense.text.spelling import spelled, unspelled
 from zacoustic.core.values.payload import PayloadError
 
 LONGEST_BYTES: Final = 1024
-"""Longest text that is modelled, spelled, bytes: it bounds what a short frame can cost to read."""
+"""Longest modelled text, spelled, bytes: it bounds how long reading a short frame can take."""
 
 RECENT_LINES: Final = 8
-"""How many of a stream's last lines are kept for the next."""
+"""How many of a stream's last lines are kept for the next one."""
 
 _ORDER: Final = 6
 _LONG_ORDER: Final = 9  # of the context in which numbers are one digit
 _DIGIT: Final = ord("0")
 _END: Final = 256
 _LETTERS: Final[list[int]] = [*range(_DIGIT + 1), *range(_DIGIT + 10, _END + 1)]
-# Shares: each time a letter was seen; escape where one letter was seen, and for each of several.
+# Shares: for each time a letter was seen; escape after one letter, and for each of several.
 _SEEN, _ESCAPE_ONE, _ESCAPE = 3, 1, 2
 _RECENT_COUNTS: Final = 3
 _DIGIT_ORDERS: Final = (6, 3)
@@ -51,10 +51,10 @@ Counts = dict[bytes, dict[int, int]]
 
 
 class TextModel:
-    """Texts, given the lines that both ends know.
+    """Codes texts, given the lines that both ends know.
 
     Args:
-        lines: Any order, each as often as it is likely; spelled.
+        lines: In any order, each as often as it is likely; spelled.
     """
 
     def __init__(self, lines: Iterable[bytes] = ()) -> None:
@@ -63,7 +63,7 @@ class TextModel:
             self._known.learn(line, 1)
 
     def takes(self, content: bytes) -> bool:
-        """Tell whether `code` can write a text."""
+        """Return whether `code` can write a text."""
         return len(content) <= LONGEST_BYTES and len(spelled(content)) <= LONGEST_BYTES
 
     def code(
@@ -72,10 +72,10 @@ class TextModel:
         """Write or read a text.
 
         Args:
-            coder: Where.
-            content: To be written, one that it `takes`; a reader passes b"".
+            coder: The writer or reader.
+            content: The text to write, one that it `takes`; a reader passes b"".
             recent: The last lines of the stream.
-            longest: Most bytes there can be; None: no bound but that.
+            longest: The most bytes; None: only the general bound.
 
         Raises:
             PayloadError: What is read is too long, or no text.
@@ -144,19 +144,19 @@ class TextModel:
 
 @cache
 def shipped_model() -> TextModel:
-    """What is known of texts of which nothing is known; made when it is needed first."""
+    """Return the model for streams without known texts; made at its first use."""
     return TextModel([*(line.encode() for line in LINES), *payload_examples()])
 
 
 class _Memory:
-    """What followed what."""
+    """Which letters followed which contexts."""
 
     def __init__(self) -> None:
         self.letters: Counts = {}
         self.digits: Counts = {}
 
     def learn(self, line: bytes, weight: int) -> None:
-        """Take a line in that counts as so many."""
+        """Add a line with a weight."""
         trail = _Trail()
         for octet in (*line, _END):
             letter = _letter(octet)
@@ -184,16 +184,16 @@ class _Trail:
     """The letters before the next one.
 
     Attributes:
-        octets: They, with their digits.
+        octets: These letters with their digits.
     """
 
     def __init__(self) -> None:
         self.octets = bytearray()
         self._letters = bytearray()
-        self._short = bytearray()  # where a number is one digit
+        self._short = bytearray()  # with each number as one digit
 
     def append(self, octet: int) -> None:
-        """Go on."""
+        """Append an octet."""
         letter = _letter(octet)
         self.octets.append(octet)
         self._letters.append(letter)
@@ -201,7 +201,7 @@ class _Trail:
             self._short.append(letter)
 
     def contexts(self) -> list[bytes]:
-        """The contexts of the next letter, the longest first; one that begins a text is marked."""
+        """Return the next letter's contexts, longest first; one at the start is marked."""
         tail = bytes(self._letters[-_ORDER:])
         found = []
         if len(self._short) >= _ORDER and tail[-1] != _DIGIT:
@@ -213,7 +213,7 @@ class _Trail:
 
 
 def _letter(octet: int) -> int:
-    """A letter, in which all digits are alike."""
+    """Return an octet as a letter, in which all digits are alike."""
     return _DIGIT if _DIGIT < octet < _DIGIT + 10 else octet
 
 

@@ -103,6 +103,7 @@ class _SealEvent(msgspec.Struct):
     address: int
     refusal: str
     frames: int
+    stream_id: int | None = None
 
 
 class _Gatherer:
@@ -197,6 +198,7 @@ class _Gatherer:
                     node=node,
                     by=alarm.address,
                     what="seal",
+                    stream_id=alarm.stream_id,
                     outcome=alarm.refusal,
                     text=text,
                 )

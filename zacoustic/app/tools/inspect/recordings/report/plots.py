@@ -1,52 +1,23 @@
 """The plots of a report, as SVG that stands inside a page. Needs the extra `report`."""
 
-import io
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final
-
-import msgspec
+from typing import TYPE_CHECKING, Final
 
 from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
 from zacoustic.app.tools.inspect.recordings.report.figures import Figures
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import numbers_of
-from zacoustic.errors import ConfigError
+from zacoustic.app.tools.pages.plots import Plot, draw, label, need_matplotlib
 from zacoustic.run.recording.channels import SENT
-from zacoustic.text.safetext import one_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_WIDTH_IN: Final = 9.0
-_HEIGHT_IN: Final = 2.8
 _BINS: Final = 60
 _MOST_POINTS: Final = 2000
 """Points of one plot: more make a page slow and are not visible."""
 _MOST_ROWS: Final = 16
-_LABEL_CHARACTERS: Final = 40
-
-# Stands for the colour of the page's text, which is known where the page is shown.
-_INK: Final = "#010203"
-_INKED: Final = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color",
-                 "grid.color")  # fmt: skip
-_LOOK: Final[dict[Any, Any]] = {
-    **dict.fromkeys(_INKED, _INK),
-    **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "none"),
-    "legend.framealpha": 0.0,
-    "svg.fonttype": "none",
-    "font.size": 9,
-    "text.parse_math": False,  # a dollar in a name is no formula
-}
 
 Point = tuple[float, float]
-
-
-class Plot(msgspec.Struct, frozen=True):
-    """One plot."""
-
-    title: str
-    """What it shows."""
-    svg: str
-    """The picture."""
 
 
 def plots_of(facts: Facts, figures: Figures) -> list[Plot]:
@@ -68,38 +39,16 @@ def plots_of(facts: Facts, figures: Figures) -> list[Plot]:
         ("Frames that did not arrive, share", lambda axes: _loss(axes, facts)),
         ("Bytes by cause", lambda axes: _causes(axes, figures)),
     )
-    drawn = (_draw(title, draw) for title, draw in candidates)
+    need_matplotlib("report")
+    drawn = (draw(title, fill) for title, fill in candidates)
     return [plot for plot in drawn if plot is not None]
-
-
-def _draw(title: str, draw: "Callable[[Axes], bool]") -> Plot | None:
-    """Draw one plot; None without data."""
-    try:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigError(
-            f"a page needs {error.name}",
-            hint="pip install 'zacoustic[report]', or --json and no page",
-        ) from error
-    with mpl.rc_context({**_LOOK, "svg.hashsalt": title}):
-        figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), layout="constrained")
-        axes = figure.add_subplot()
-        axes.grid(alpha=0.3)
-        axes.spines[["top", "right"]].set_visible(False)
-        if not draw(axes):
-            return None
-        written = io.StringIO()
-        figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None})
-    text = written.getvalue().replace(_INK, "currentColor")
-    return Plot(title, text[text.index("<svg") :])
 
 
 def _delivery(axes: "Axes", figures: Figures) -> bool:
     streams = [each for each in figures.streams if each.expected][:_MOST_ROWS]
     if not streams:
         return False
-    names = [_label(each.name) for each in streams]
+    names = [label(each.name) for each in streams]
     axes.barh(names, [each.delivered / each.expected for each in streams], color="tab:green")
     axes.set_xlim(0, 1)
     axes.invert_yaxis()
@@ -111,12 +60,12 @@ def _latency(axes: "Axes", facts: Facts) -> bool:
     for published in facts.published:
         for at_ns in published.arrived.values():
             point = (_since(facts, at_ns), (at_ns - published.at_ns) / 1e9)
-            rows.setdefault(_label(facts.streams[published.stream_id].name), []).append(point)
+            rows.setdefault(label(facts.streams[published.stream_id].name), []).append(point)
     for asked in facts.asked:
         if asked.ended_at_ns is not None and not asked.failure:
             took_s = (asked.ended_at_ns - asked.at_ns) / 1e9
             point = (_since(facts, asked.ended_at_ns), took_s)
-            rows.setdefault(_label(facts.streams[asked.stream_id].name), []).append(point)
+            rows.setdefault(label(facts.streams[asked.stream_id].name), []).append(point)
     return _scatter(axes, rows)
 
 
@@ -126,7 +75,7 @@ def _airtime(axes: "Axes", figures: Figures) -> bool:
     )[:_MOST_ROWS]
     if not streams:
         return False
-    axes.barh([_label(each.name) for each in streams], [each.airtime_s for each in streams])
+    axes.barh([label(each.name) for each in streams], [each.airtime_s for each in streams])
     axes.invert_yaxis()
     return True
 
@@ -182,9 +131,9 @@ def _loss(axes: "Axes", facts: Facts) -> bool:
             for index, number in enumerate(row)
             if number
         ]
-        label = f"{pair[0]} to {pair[1]}"
+        link = f"{pair[0]} to {pair[1]}"
         xs, ys = [x for x, _ in points], [y for _, y in points]
-        axes.plot(xs, ys, marker=".", linewidth=1, label=label)
+        axes.plot(xs, ys, marker=".", linewidth=1, label=link)
     axes.set_ylim(0, 1)
     _time_axis(axes)
     if sent:
@@ -216,12 +165,6 @@ def _scatter(axes: "Axes", rows: dict[str, list[Point]]) -> bool:
     if rows and len(rows) <= _MOST_ROWS:
         axes.legend(fontsize=8)
     return bool(rows)
-
-
-def _label(name: str) -> str:
-    """Return a name for a plot: short and safe."""
-    shown = one_line(name)
-    return shown if len(shown) <= _LABEL_CHARACTERS else f"{shown[: _LABEL_CHARACTERS - 1]}…"
 
 
 def _time_axis(axes: "Axes") -> None:

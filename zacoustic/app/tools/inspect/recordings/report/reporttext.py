@@ -3,12 +3,11 @@
 from datetime import UTC, datetime
 from typing import Final
 
-import msgspec
-
 from zacoustic.app.tools.columns import align
 from zacoustic.app.tools.inspect.recordings.report.figures import Figures
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import METRICS
 from zacoustic.app.tools.inspect.recordings.report.spread import Spread
+from zacoustic.app.tools.pages.document import Sheet
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.text.safetext import one_line
 
@@ -21,19 +20,6 @@ _QUALITIES: Final = {
     "range_rate_m_s": ("range rate", ", m/s", 2),
 }
 """Of what modems measure: a word for it, its unit, and how many digits it deserves."""
-
-
-class Sheet(msgspec.Struct, frozen=True):
-    """One table."""
-
-    title: str
-    """What it shows."""
-    header: tuple[str, ...]
-    """Name of each column."""
-    rows: list[tuple[str, ...]]
-    """As many cells each."""
-    left: int = 1
-    """So many columns are set flush left; the others are numbers."""
 
 
 def head_of(figures: Figures) -> str:

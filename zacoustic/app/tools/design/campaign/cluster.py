@@ -1,0 +1,100 @@
+"""Workers: processes of this computer, or those of a `dask` scheduler that is there already.
+
+Needs dask.distributed, the extra `campaign`.
+"""
+
+import contextlib
+import logging
+import os
+import tempfile
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+MOST_WORKERS: Final = 1024
+SCHEMES: Final = ("tcp://", "tls://", "ws://", "wss://")
+"""How the address of a scheduler begins."""
+
+# Each process would look at itself up to a hundred times a second, for a dashboard that nobody has.
+_SETTINGS: Final[dict[str, Any]] = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.limit": "1h",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+
+
+def cores() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def connected(
+    scheduler: str | None, *, workers: int | None, patience_s: float
+) -> "Iterator[Client]":
+    """Give a client whose scheduler has a worker at least.
+
+    Args:
+        scheduler: Its address; None: workers are started here, and ended with the context.
+        workers: How many are started; None: one for each processor.
+        patience_s: How long scheduler and workers may take, s.
+
+    Raises:
+        ConfigError: The address is none.
+        TimeoutError: Scheduler or workers are not there in time.
+    """
+    import dask
+    from distributed import Client, LocalCluster
+
+    for name in ("distributed", "distributed.client"):  # what matters comes as an exception
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    if scheduler is None:
+        number = workers or cores()
+        with (
+            dask.config.set(_SETTINGS),
+            tempfile.TemporaryDirectory(prefix="zacoustic-") as scratch,
+            LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=number,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address=None,
+                memory_limit=0,
+                silence_logs=logging.CRITICAL,
+                local_directory=scratch,
+            ) as cluster,
+            Client(cluster) as client,  # type: ignore[no-untyped-call]
+        ):
+            yield client
+        return
+    if not scheduler.startswith(SCHEMES):
+        allowed = ", ".join(f"{scheme}HOST:PORT" for scheme in SCHEMES)
+        raise ConfigError(f"--scheduler {scheduler}; allowed: {allowed}")
+    with contextlib.ExitStack() as stack:
+        try:
+            client = stack.enter_context(
+                Client(scheduler, timeout=patience_s)  # type: ignore[no-untyped-call]
+            )
+        except ValueError as error:
+            raise ConfigError(f"--scheduler {scheduler}: {error}") from error
+        except OSError as error:  # also what has timed out
+            raise TimeoutError(
+                f"no scheduler at {scheduler} within {patience_s:g} s (start one: dask scheduler)"
+            ) from error
+        try:
+            client.wait_for_workers(1, timeout=patience_s)
+        except TimeoutError as error:
+            raise TimeoutError(no_workers(patience_s)) from error
+        yield client
+
+
+def no_workers(patience_s: float) -> str:
+    """Return what to say when there is no worker."""
+    return f"no worker within {patience_s:g} s; start one: dask worker tcp://HOST:PORT --nthreads 1"
