@@ -1,4 +1,4 @@
-"""TCP or a serial port, as links see them: `zacoustic.link.bytestream`."""
+"""Public names for links on TCP or a serial port: `zacoustic.link.bytestream`."""
 
 from zacoustic.link.bytestream import (
     ByteStream,

@@ -1,4 +1,4 @@
-"""A verb, as links that bring one see it: `zacoustic.link.command`."""
+"""Public names for links with verbs of their own: `zacoustic.link.command`."""
 
 from zacoustic.link.command import (
     EXIT_FAILED,

@@ -1,31 +1,27 @@
-"""Every exception that zacoustic raises to its user.
+"""The exceptions that zacoustic raises to its users.
 
 ::
 
     ZacousticError
-     ├─ ConfigError (ValueError)       a file or an argument: says file, key, value, what is allowed
-     ├─ LocalError                     the caller broke a rule of the API
-     │   ├─ PayloadTooLargeError       a payload that fits no frame of this link
-     │   ├─ PayloadInvalidError (ValueError)    a value that its type does not allow
-     │   ├─ UnknownStreamError         a name or id that the stream table does not have
-     │   ├─ QueueFullError             a bounded queue whose policy is to refuse
-     │   └─ JournalUnavailableError    it must survive a restart, and cannot be written down
-     ├─ DeliveryError                  it did not get there: link down, rejected, expired
-     │   ├─ CallTimeoutError (TimeoutError)     no answer before the deadline of a call or range
-     │   └─ OutcomeUnknownError        the server ended without an answer; it may have run
-     ├─ ServiceError                   the remote handler failed; carries its text
-     ├─ SessionError                   Zenoh: router unreachable, port in use
+     ├─ ConfigError (ValueError) a file or an argument; has file, key, value, allowed values ├─
+     LocalError the caller broke a rule of the API │ ├─ PayloadTooLargeError a payload that fits no
+     frame of this link │ ├─ PayloadInvalidError (ValueError) a value that its type does not allow │
+     ├─ UnknownStreamError a name or id that the stream table does not have │ ├─ QueueFullError a
+     bounded queue whose policy is to refuse │ └─ JournalUnavailableError the journal cannot store
+     what must survive a restart ├─ DeliveryError a payload did not arrive: link down, rejected,
+     expired │ ├─ CallTimeoutError (TimeoutError) no answer before the deadline of a call or range │
+     └─ OutcomeUnknownError the server ended without an answer; it may have run ├─ ServiceError the
+     remote handler failed; carries its text ├─ SessionError Zenoh: router unreachable, port in use
      └─ LinkError
          ├─ LinkUnavailableError       no such link, or its package is not installed
          ├─ LinkOpenError (OSError)    the port or the peer cannot be opened
          ├─ LinkClosedError            used after close, or before open
          └─ RangeUnavailableError      the link measures no ranges, or none to that node
 
-Misbehaviour of a remote node is never an exception: bad receptions are counted, traced
-and dropped.
+Misbehaviour of a remote node never raises: bad receptions are counted, traced and dropped.
 
-Each error is one line that says what happened, the value, the limit; `hint` says what to do, and
-the command line prints it behind the message.
+Each error is one line with what happened, the value and the limit; `hint` says what to do, and the
+command line prints it after the message.
 """
 
 
@@ -34,7 +30,7 @@ class ZacousticError(Exception):
 
     Args:
         message: One line: what happened, with the value and the limit.
-        hint: What to do about it, or empty.
+        hint: What to do, or empty.
     """
 
     def __init__(self, message: str, *, hint: str = "") -> None:
@@ -79,7 +75,7 @@ class DeliveryError(ZacousticError):
 
 
 class CallTimeoutError(DeliveryError, TimeoutError):
-    """No answer arrived before the deadline of the call, or of the range that was asked for."""
+    """No answer arrived before the deadline of a call or of a range measurement."""
 
 
 class OutcomeUnknownError(DeliveryError):
@@ -87,7 +83,7 @@ class OutcomeUnknownError(DeliveryError):
 
 
 class ServiceError(ZacousticError):
-    """The remote handler of a service failed; the text is the remote one's."""
+    """The remote handler of a service failed; the text is the handler's."""
 
 
 class SessionError(ZacousticError):
@@ -99,7 +95,7 @@ class LinkError(ZacousticError):
 
 
 class LinkUnavailableError(LinkError):
-    """No link of that name, or its package is missing."""
+    """There is no link of that name, or its package is missing."""
 
 
 class LinkOpenError(LinkError, OSError):

@@ -1,4 +1,4 @@
-"""The gateway, for programs: `zacoustic.zenoh.gateway`."""
+"""Public names of the gateway, for programs: `zacoustic.zenoh.gateway`."""
 
 from zacoustic.zenoh.gateway import (
     Gateway,

@@ -1,4 +1,4 @@
-"""JSON5, as links see it: `zacoustic.config.json5`."""
+"""Public names for links that read JSON5: `zacoustic.config.json5`."""
 
 from zacoustic.config.json5 import (
     ACOUSTIC_SECTION,

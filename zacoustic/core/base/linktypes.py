@@ -118,7 +118,7 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError("measures_range is True; allowed: only where the link acknowledges")
 
     def airtime_ns(self, frame_bytes: int) -> int:
-        """Return the airtime of a frame, ns: preamble and bits, without the gap."""
+        """Return the airtime of a frame of that size, ns: preamble and bits, without the gap."""
         return seconds_to_ns(self.preamble_s + frame_bytes * 8 / self.bit_rate_bps)
 
 

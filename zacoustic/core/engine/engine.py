@@ -8,12 +8,12 @@ Contract for the shell that drives an engine (the runtime, the virtual network, 
   None; then re-arm one timer from `poll_timeout`.
 - ``now`` is an instant in ns of one monotonic clock and never decreases. A timer that fires early
   is handed the instant that was asked for.
-- After a transmission nothing goes by its link until `handle_transmit_report` has been called.
-- An input from a link has the link's name; without one it is from the first link. A transmission
-  has the name of the link that it is for.
-- A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
-- Inputs from the channel never raise; any exception from them is a bug, and another engine goes on
-  from the journal then (`zacoustic.run.replacement`). Commands raise `LocalError`s.
+- After a transmission its link sends nothing until `handle_transmit_report` has been called.
+- An input from a link carries the link's name; without one it is from the first link. A
+  transmission carries the name of its link.
+- Call `handle_journal_committed` once a journal write from `poll_journal` is safe.
+- Inputs from the channel never raise; any exception from them is a bug, and a new engine then
+  continues from the journal (`zacoustic.run.replacement`). Commands raise `LocalError`s.
 
 Who does what, on each link (`zacoustic.core.engine.linkstack`)::
 
@@ -21,14 +21,14 @@ Who does what, on each link (`zacoustic.core.engine.linkstack`)::
                                            ▲ Handshake (may it be decoded, what is owed)
     poll_event ◄── Receiver ◄── Envelope ◄── handle_frame
                                 MediumAccess: when a frame may start
-    ranging.request, .repeat ──► Composer: frames for the sake of the range
+    ranging.request, .repeat ──► Composer: frames sent to measure a range
     measurements ◄── handle_measurement, handle_frame
 
 A stream goes by the link that `TransmitRules.routes` names, else by the first one; so do remote
 commands and ranges. The handshake is one for all links.
 
 The wire profile of the stream table (`StreamTable.wire`) decides what is transmitted and
-understood. When a frame may go, and what is booked for it, is the same for all.
+understood. Medium access and airtime caps are the same for all profiles.
 """
 
 import random

@@ -1,17 +1,17 @@
-"""The gateway: a Zenoh session on one side, a link on the other; key expressions become streams.
+"""The gateway: a Zenoh session on one side, a link on the other; maps key expressions to streams.
 
-`Gateway` is all that a program needs; `zacoustic gateway FILE` is it on the command line. One
-module for each noun:
+A program needs only `Gateway`; `zacoustic gateway FILE` runs one from the command line. One module
+for each noun:
 
-- `gateway`, `compose`, `session`: start and stop, what the parts are made of, how they run; the
-  Zenoh session is a `zacoustic.zenoh.session`, the engine runs in a `zacoustic.run.node`;
-- `network`: what is declared there for each stream (`jobs`), and who else is there; `redundant`:
-  which of several local gateways does a job;
-- `events`: the event dispatcher, and what people are told of an event;
+- `gateway`, `compose`, `session`: start and stop, composition and run of the parts; the Zenoh
+  session is a `zacoustic.zenoh.session`, the engine runs in a `zacoustic.run.node`;
+- `network`: declarations on the local network for each stream (`jobs`), and other gateways there;
+  `redundant`: which of several local gateways does a job;
+- `events`: the event dispatcher, and the notices of events;
 - `streams`: topics, services and actions, both ways, and samples for late joiners;
-- `dialect`: the forms of streams for Zenoh programs, and for nodes of ROS 2 (`ros`);
+- `dialect`: the forms of streams for Zenoh programs and for nodes of ROS 2 (`ros`);
 - `commands`: requests to the gateway itself;
-- `status`, `input_errors`, `notices`: its health, input errors and notices.
+- `status`, `inputerrors`, `notices`: health, input errors and notices of the gateway.
 """
 
 from zacoustic.zenoh.gateway.gateway import Gateway

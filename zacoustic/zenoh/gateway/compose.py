@@ -1,8 +1,8 @@
-"""Composition of a gateway session: who is made, of what, in which order.
+"""Composition of a gateway session: its parts, what they need, and their order.
 
-Each part is made of parts that are there already, and none is changed afterwards. Two things come
-late by their nature, and are given when the session opens: the events of the engine, which is made
-first, and the wake-up of the loop.
+Each part is made from parts that already exist, and none is changed afterwards. Two things must
+come later, when the session opens: the events of the engine, which is made first, and the wake-up
+of the loop.
 """
 
 import asyncio
@@ -48,26 +48,26 @@ from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp
 
-# The engine tells 64 calls to one service apart; a caller that needs more than this at once on all
-# services together would wait for hours on sound.
+# The engine distinguishes 64 calls to one service; callers of more than this on all services
+# together would wait for hours on sound.
 QUERIES_LIMIT: Final = 256
-"""Local queries that are held at the same time."""
+"""Most local queries held at the same time."""
 STOPPING_TEXT: Final = "the gateway is stopping"
-"""What a caller reads whose query is held then."""
+"""The error text for callers of queries held at the end."""
 
 MakeDialects = Callable[[ZenohSession, InputErrors, Callable[[], None]], Dialects]
-"""Makes the dialects of a session; the last argument wakes the loop."""
+"""Creates the dialects of a session; the last argument wakes the loop."""
 
 
 class Composition:
     """The parts of one gateway session, each made once; on the loop.
 
     Args:
-        node: What is on the link.
+        node: The node on the link.
         zenoh_session: The Zenoh session, open.
-        make_dialects: Makes the local forms of streams.
+        make_dialects: Creates the local forms of streams.
         about: Constant facts for monitors.
-        notify: Told what people want to know.
+        notify: Receives the notices.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Composition:
         )
 
     def session(self) -> GatewaySession:
-        """Make the session."""
+        """Create the session."""
         streams = self._streams()
         routes = Routes(
             self._table,

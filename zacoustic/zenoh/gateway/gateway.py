@@ -1,15 +1,15 @@
-"""The life of a gateway: from a config to a session that joins network and link, and back.
+"""The life of a gateway: from a config to a session that joins network and link, and its end.
 
 ::
 
     Zenoh's threads                       the loop                                      the link
-    subscriber ──► Mailbox ──┐                             ┌────────────┐
-    queryable ──► QueryHandler ─┼─► WakeUp ──► Session ────►│ LinkRunner │──► transmit
-    token ──────► Presence ──┘                             │   Engine   │
-    put, reply ◄── Island, Worker ◄── Topics, Services ◄───│            │◄── frames
+    subscriber ─► Mailbox ──────┐                          ┌────────────┐
+    queryable ──► QueryHandler ─┼─► WakeUp ─► Session ────►│ LinkRunner │──► transmit
+    token ──────► Presence ─────┘                          │   Engine   │
+    put, reply ◄─ Network, Worker ◄── Topics, Services ◄───│            │◄── frames
                                                            └────────────┘
 
-Nothing runs on a thread of Zenoh's but handing over; nothing blocks the loop.
+Zenoh's threads only hand over; nothing blocks the loop.
 """
 
 import asyncio
@@ -57,21 +57,20 @@ _logger = logging.getLogger(__name__)
 
 
 class Gateway:
-    """Joins the Zenoh network of one session to others through a link; an async context manager.
+    """Joins the local Zenoh network to remote ones through a link; an async context manager.
 
-    It starts once: a closed one is not started again.
+    It starts only once: a closed gateway cannot start again.
 
     Args:
-        config: What the node is, with the settings of its Zenoh session.
-        link: The modem, not open yet; None: what the config's locator names.
-        journal: What the node remembers across restarts, a store or the folder of its file; None:
-            the folder that the config names, or nothing.
-        record: File into which everything is recorded; None: nothing is. Needs the extra
-            `recording`.
-        notify: Told what people want to know, on the loop; None: logged.
+        config: The node, with the settings of its Zenoh session.
+        link: The modem, not open yet; None: the link that the config's locator names.
+        journal: Journal, or the folder of its file; None: the folder that the config names, or no
+            journal.
+        record: File of the recording; None: no recording. Needs the extra `recording`.
+        notify: Receives the notices, on the loop; None: they are logged.
         metrics: Host and port at which it answers Prometheus; None: the config's.
-        clock: Where instants come from; the same as the link's.
-        host: The clock of the computer, which hours of the day and slots go by; None: this one's.
+        clock: Source of instants, the same as the link's.
+        host: Clock of the computer, for hours of the day and slots; None: this computer's.
 
     Raises:
         ConfigError: The config has no Zenoh settings or no link.
@@ -135,16 +134,16 @@ class Gateway:
         notify: Notify | None = None,
         metrics: tuple[str, int] | None = None,
     ) -> Self:
-        """Make the gateway of a file.
+        """Create a gateway from a file.
 
         Args:
             path: A Zenoh config with a section `plugins.acoustic`.
-            address: Acoustic address, instead of the file's.
-            locator: Locator of the modem, instead of the file's.
-            journal: Folder of the journal, instead of the file's.
-            listen: Zenoh endpoints to listen at, instead of the file's; empty: those.
-            record: File into which everything is recorded; None: nothing is.
-            notify: Told what people want to know, on the loop; None: logged.
+            address: Acoustic address; overrides the file's.
+            locator: Locator of the modem; overrides the file's.
+            journal: Folder of the journal; overrides the file's.
+            listen: Zenoh endpoints to listen at; override the file's, unless empty.
+            record: File of the recording; None: no recording.
+            notify: Receives the notices, on the loop; None: they are logged.
             metrics: Host and port at which it answers Prometheus; None: the file's.
 
         Raises:
@@ -157,13 +156,13 @@ class Gateway:
         return cls(config, journal=journal, record=record, notify=notify, metrics=metrics)
 
     async def start(self) -> None:
-        """Open the session and the link, and join them; nothing is left open if that fails.
+        """Open the session and the link, and join them; if that fails, nothing stays open.
 
         Raises:
-            SessionError: Port in use, router unreachable, or the address is taken.
+            SessionError: A port is in use, the router cannot be reached, or the address is taken.
             LinkOpenError: The link cannot be opened, or the metrics' port is in use.
             RangeUnavailableError: The file asks for ranges, and the link measures none.
-            ConfigError: The journal cannot be used, or the recording cannot be made.
+            ConfigError: The journal or the recording cannot be opened.
         """
         try:
             node = self._node = await self._parts.prepare(self._recorder())
@@ -180,7 +179,7 @@ class Gateway:
             raise
 
     async def close(self) -> None:
-        """Stop; leaves no task, no declaration and no session. May be called again."""
+        """Stop, without leaving a task, a declaration or a session. May be called again."""
         if self._is_closing:
             await self._closed.wait()
             return
@@ -202,8 +201,8 @@ class Gateway:
         """Wait until the gateway ends.
 
         Raises:
-            LocalError: It has not been started.
-            Exception: What has stopped it, if it was not closed.
+            LocalError: The gateway has not been started.
+            Exception: The error that stopped it, unless it was closed.
         """
         if self._session is None:
             raise LocalError("the gateway has not been started", hint="await start() before")
@@ -253,7 +252,7 @@ class Gateway:
         return without_secrets(links[0].locator) if links else type(self._parts.link).__name__
 
     def _about(self) -> dict[str, object]:
-        """Return what does not change, for the health report."""
+        """Return the constant facts for the health report."""
         config = self.config
         return {
             "address": config.address,
@@ -277,7 +276,7 @@ class Gateway:
         await self._metrics.open()
 
     def _recorder(self) -> OpenRecording | None:
-        """Return what opens the recording, if there is to be one."""
+        """Return the function that opens the recording; None: no recording."""
         if self._record is None:
             return None
         from zacoustic.run.recording.live import open_recording

@@ -1,4 +1,4 @@
-"""Input errors of the local network: always counted, warned about now and then."""
+"""Input errors of the local network: counts all, and logs a warning now and then."""
 
 import logging
 from collections.abc import Callable
@@ -20,7 +20,7 @@ class InputErrors:
     Args:
         clock: Where instants come from.
         quiet_s: Time between two warnings about one stream, s.
-        tell: Takes each warning as well.
+        tell: Receives each warning as well.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class InputErrors:
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.counts: dict[str, dict[str, int]] = {}
-        """How many, by stream and reason."""
+        """Counts by stream and reason."""
         self._clock = clock
         self._tell = tell
         self._quiet_ns = seconds_to_ns(quiet_s)
@@ -39,12 +39,12 @@ class InputErrors:
         self._unsaid: dict[str, int] = {}
 
     def add(self, stream: str, reason: str, text: str) -> None:
-        """Complain.
+        """Count an error, and log it if no warning about the stream is recent.
 
         Args:
             stream: Name of the stream.
             reason: One word, the key of the counter.
-            text: One line for people; the name in front of it is not repeated.
+            text: One line for people, without the name of the stream.
         """
         by_reason = self.counts.setdefault(stream, {})
         by_reason[reason] = by_reason.get(reason, 0) + 1

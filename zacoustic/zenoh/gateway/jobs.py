@@ -1,4 +1,4 @@
-"""What a gateway can do for a stream locally; `routes` declares what each job needs."""
+"""The jobs of a gateway for a stream on the local network; `routes` declares their needs."""
 
 from typing import Final
 

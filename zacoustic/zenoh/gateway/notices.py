@@ -6,16 +6,16 @@ import msgspec
 
 
 class Notice(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
-    """A fact; in JSON `event` names it."""
+    """A notice; in JSON, `event` names its kind."""
 
     @property
     def event(self) -> str:
-        """Which fact: the word that JSON has."""
+        """Kind of the notice: the word in JSON."""
         return str(self.__struct_config__.tag)
 
     @property
     def is_trouble(self) -> bool:
-        """Somebody should look at it."""
+        """Whether somebody should look at it."""
         return False
 
     def lines(self) -> list[str]:
@@ -35,9 +35,9 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     zid: str
     """Id of its Zenoh session."""
     endpoints: tuple[str, ...]
-    """Where the session listens and what it connects to, by the config."""
+    """Endpoints at which the session listens, or to which it connects, by the config."""
     listens_here: bool = False
-    """The file has no `listen`: only this computer reaches the session."""
+    """Whether the file has no `listen`, so that only this computer reaches the session."""
     link: str
     """Locator of the modem."""
     link_state: str
@@ -49,11 +49,11 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     journal: str = ""
     """File of the journal; empty: nothing survives a restart."""
     forgotten: str = ""
-    """What a restart forgets for want of a journal, one line; empty: nothing that matters."""
+    """What a restart forgets without a journal, one line; empty: nothing that matters."""
     metrics: str = ""
-    """Where it answers to Prometheus; empty: nowhere."""
+    """Place at which it answers Prometheus; empty: nowhere."""
     recording: str = ""
-    """File into which everything is recorded; empty: nothing is."""
+    """File of the recording; empty: no recording."""
     redundant: tuple[int, ...] = ()
     """Addresses of the other local gateways."""
 
@@ -85,7 +85,7 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
     detail: str = ""
     """What it waits for."""
     link: str = ""
-    """Its name, where there are several."""
+    """Name of the link, if there are several."""
 
     @property
     def is_trouble(self) -> bool:
@@ -102,11 +102,11 @@ class SilenceJournalled(Notice, frozen=True, kw_only=True, tag="silence"):
     """Transmit silence has begun by command, or has ended."""
 
     silent: bool
-    """Nothing is transmitted now."""
+    """Whether the node transmits nothing now."""
     until_utc: str
-    """End as far as it is known; empty: until it is resumed, or no silence."""
+    """End, if known; empty: until `resume`, or no silence."""
     doubt: str = ""
-    """Why it may last longer than commanded; empty: it does not."""
+    """Why the silence may last longer than commanded; empty: it does not."""
 
     def lines(self) -> list[str]:
         """One line."""
@@ -124,9 +124,9 @@ class TopicOverridden(Notice, frozen=True, kw_only=True, tag="overridden"):
     stream: str
     """Its name."""
     on: bool
-    """Its samples go."""
+    """Whether its samples are sent."""
     min_interval_s: float
-    """Least time between two samples of a key, s."""
+    """Minimum time between two samples of a key, s."""
     priority: str
     """Zenoh's priority."""
     commanded_by: int
@@ -148,7 +148,7 @@ class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
 
     @property
     def is_trouble(self) -> bool:
-        """What is reliable waits."""
+        """Whether reliable traffic waits."""
         return bool(self.failure)
 
     def lines(self) -> list[str]:
@@ -162,11 +162,11 @@ class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
     """The journal may lack the last writes."""
 
     reason: str
-    """What was found."""
+    """What the journal's check has found."""
 
     @property
     def is_trouble(self) -> bool:
-        """What was promised before may be forgotten."""
+        """Always: the node may have forgotten commitments."""
         return True
 
     def lines(self) -> list[str]:
@@ -175,7 +175,7 @@ class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
 
 
 class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
-    """Frames do not open that say they are of a node, or open and cannot be of it."""
+    """Frames in the name of a node do not open, or open and cannot come from it."""
 
     address: int
     """The node."""
@@ -184,11 +184,11 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
     refusal: str
     """``forged``, ``unsealed``, ``former_life``, ``clone`` or ``forbidden``."""
     frames: int
-    """How many since the start."""
+    """Number of such frames since the start."""
     is_too_many: bool
-    """So many that the key is to be rotated."""
+    """Whether there are so many that the key should be rotated."""
     stream: str = ""
-    """Name of the stream that is forbidden to it, or empty."""
+    """Name of the stream that the node may not use, or empty."""
 
     @property
     def is_trouble(self) -> bool:
@@ -210,7 +210,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
 
 
 class ClockChanged(Notice, frozen=True, kw_only=True, tag="clock"):
-    """Nothing is transmitted for want of a time that is sure; or no longer."""
+    """The node transmits nothing because it does not know the time; or it does again."""
 
     doubt: str
     """What is missing; empty: nothing."""
@@ -231,13 +231,13 @@ class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):
     """A bug has ended the engine; a new one goes on from the journal."""
 
     faults: int
-    """How many internal errors there were since the start."""
+    """Number of internal errors since the start."""
     cause: str
-    """What was raised."""
+    """The exception."""
 
     @property
     def is_trouble(self) -> bool:
-        """Report it; the log has what to report."""
+        """Always: report it, with the log."""
         return True
 
     def lines(self) -> list[str]:
@@ -246,10 +246,10 @@ class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):
 
 
 class LinkUnheard(Notice, frozen=True, kw_only=True, tag="unheard"):
-    """Frames were sent since the link is up, and nothing at all was heard."""
+    """The node has sent frames since the link came up, and heard none."""
 
     frames: int
-    """How many were sent."""
+    """Number of frames sent."""
 
     @property
     def is_trouble(self) -> bool:
@@ -277,7 +277,7 @@ class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
 
     @property
     def is_trouble(self) -> bool:
-        """Not everything may cross."""
+        """Whether some streams may not cross."""
         return not self.same_table
 
     def lines(self) -> list[str]:
@@ -318,7 +318,7 @@ class PeerBack(Notice, frozen=True, kw_only=True, tag="found"):
 
 
 class Subscribed(Notice, frozen=True, kw_only=True, tag="subscribers"):
-    """Others subscribe to an on-demand topic of this node than before."""
+    """The subscribers of an on-demand topic of this node have changed."""
 
     stream: str
     """Name of the topic."""
@@ -332,7 +332,7 @@ class Subscribed(Notice, frozen=True, kw_only=True, tag="subscribers"):
 
 
 class SampleLate(Notice, frozen=True, kw_only=True, tag="late"):
-    """Of a topic with a deadline no sample came in time, for the first time since the last one."""
+    """A topic with a deadline had no sample in time, for the first time since the last sample."""
 
     stream: str
     """The key."""
@@ -341,7 +341,7 @@ class SampleLate(Notice, frozen=True, kw_only=True, tag="late"):
     side: str
     """``offered``: not published here; ``requested``: not received here."""
     missed: int
-    """How often that has happened in all."""
+    """Number of missed deadlines in all."""
 
     @property
     def is_trouble(self) -> bool:
@@ -355,7 +355,7 @@ class SampleLate(Notice, frozen=True, kw_only=True, tag="late"):
 
 
 class StreamDiffers(Notice, frozen=True, kw_only=True, tag="differs"):
-    """A node defines a stream in another way; it is stopped between the two."""
+    """A node defines a stream differently; it is stopped between the two."""
 
     address: int
     """The node."""
@@ -379,7 +379,7 @@ class RangingFailed(Notice, frozen=True, kw_only=True, tag="ranging"):
     """A range that the file asks for cannot be measured."""
 
     address: int
-    """The node that is far away."""
+    """The other node."""
     text: str
     """Why, one line."""
 
@@ -397,7 +397,7 @@ class RedundancyChanged(Notice, frozen=True, kw_only=True, tag="redundant"):
     """The local gateways have changed."""
 
     addresses: tuple[int, ...]
-    """Those alive, this one included."""
+    """Addresses of the live gateways, this one included."""
 
     def lines(self) -> list[str]:
         """One line."""
@@ -405,7 +405,7 @@ class RedundancyChanged(Notice, frozen=True, kw_only=True, tag="redundant"):
 
 
 class RouterChanged(Notice, frozen=True, kw_only=True, tag="router"):
-    """The Zenoh router that the gateway is a client of was lost, or is back."""
+    """The gateway, as a client, has lost its Zenoh router, or has it back."""
 
     state: str
     """``lost`` or ``back``."""
@@ -432,7 +432,7 @@ class EntityHeard(Notice, frozen=True, kw_only=True, tag="entity"):
     type: str
     """Its type; empty when it leaves."""
     leaves: bool = False
-    """It is there no more."""
+    """Whether the endpoint was withdrawn."""
 
     def lines(self) -> list[str]:
         """One line."""
@@ -441,10 +441,10 @@ class EntityHeard(Notice, frozen=True, kw_only=True, tag="entity"):
 
 
 class NotRecorded(Notice, frozen=True, kw_only=True, tag="recording"):
-    """The recording has ended, or something of it was dropped; the gateway goes on."""
+    """The recording has ended, or has dropped something; the gateway goes on."""
 
     detail: str
-    """The file, and why."""
+    """The file and the reason."""
 
     def lines(self) -> list[str]:
         """One line."""

@@ -1,16 +1,17 @@
 """The mark on samples from the channel: their publisher and their age.
 
-A second local gateway hears what the first one puts and must not send it back. Nothing in a Zenoh
-sample names its publisher, so the gateway writes it into the *attachment*, a CBOR map::
+A second local gateway receives the samples that the first one puts, and must not send them back.
+Nothing in a Zenoh sample names its publisher, so the gateway writes it into the *attachment*, a
+CBOR map::
 
     {"acoustic": 2, "age_s": 1.3}
     {"acoustic": 2, "call": "2/17/20/5"}
 
-`acoustic` is always there and comes first: the acoustic address of the node that published the
-sample, that calls, or that answers. `age_s`, s, is there on streams with ``stamp: "age"``: the
-sample's age when its frame was composed, and for an answer to a `get` also the time since then;
-infinity means over an hour. `call` is there on calls: the call id. Everything with this mark stays
-on its network. An attachment that an application sets does not cross the channel.
+`acoustic` is always present and first: the acoustic address of the node that published, called or
+answered. `age_s`, s, is present on streams with ``stamp: "age"``: the age of the sample when its
+frame was composed, in a reply to a `get` plus the time since then; infinity means over an hour.
+`call` is present on calls: the call id. Samples with this mark stay on their network. An
+application's attachment does not cross the channel.
 """
 
 from typing import Final
@@ -29,9 +30,9 @@ class Marker(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of the attachment."""
 
     acoustic: int
-    """Acoustic address of the source, 1…254; 0 where the wire does not have it (rmw_desert)."""
+    """Acoustic address of the source, 1…254; 0 if the wire does not have it (rmw_desert)."""
     age_s: float | None = None
-    """Age, s, ≥ 0; infinity: over an hour; None: not known."""
+    """Age, s, ≥ 0; infinity: over an hour; None: unknown."""
     call: str | None = None
     """Call id of a call: a text of `CallKey`."""
 
@@ -46,12 +47,12 @@ class Marker(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def is_marked(attachment: bytes) -> bool:
-    """Tell whether an attachment is one of a gateway; cheap, for each sample on Zenoh's thread."""
+    """Tell whether an attachment is a gateway's; cheap, for each sample on Zenoh's thread."""
     return attachment[1 : 1 + len(_NAME)] == _NAME and _MAP_FIRST <= attachment[0] <= _MAP_LAST
 
 
 def read_marker(attachment: bytes | zenoh.ZBytes | None) -> Marker | None:
-    """Read an attachment; None when there is none, or it is not one of a gateway."""
+    """Read an attachment; None: there is none, or it is not a gateway's."""
     if isinstance(attachment, zenoh.ZBytes):
         attachment = attachment.to_bytes()
     if attachment is None or not is_marked(attachment):

@@ -194,7 +194,7 @@ class OtherRuns:
         return at if is_sound and is_fresh else rhythm.heard_at
 
     def _opens_at(self, rhythm: Rhythm, at: int) -> int:
-        """Return when a frame must start to arrive in a pause: the last instant, or the next."""
+        """Return the last start not after `at`, or else the first, to arrive in a pause, ns."""
         first_at = rhythm.pause_at - rhythm.way_ns + MARGIN_NS
         periods = max(0, (at - first_at) // self.period_ns)
         return first_at + periods * self.period_ns
