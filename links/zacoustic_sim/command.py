@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zacoustic.command import EXIT_OK, Command
@@ -114,5 +115,5 @@ def _read_scenario(path: str, seed: int | None) -> "Scenario":
     from zacoustic.channel.scenario import scenario_from_mapping
     from zacoustic.json5 import read_json5
 
-    scenario = scenario_from_mapping(read_json5(path), source=path)
+    scenario = scenario_from_mapping(read_json5(path), source=path, folder=Path(path).parent)
     return scenario if seed is None else msgspec.structs.replace(scenario, seed=seed)

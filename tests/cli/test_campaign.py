@@ -231,6 +231,27 @@ def test_cells_have_intervals_and_a_page_with_plots(
     assert "nav: p95_s" in page
 
 
+def test_tracks_are_swept_as_files(
+    folder: Path, cluster: Cluster, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, x in (("near", 300), ("far", 1500)):
+        (folder / f"{name}.csv").write_text(f"t,x,y,z\n0,{x},0,20\n60,{x},50,20\n")
+    (folder / "water.json5").write_text(
+        SCENARIO.replace("position: [1000, 0, 50]", 'track: "near.csv"')
+    )
+    (folder / "campaign.json5").write_text(
+        """{ scenario: "water.json5", until_s: 120, seeds: 1,
+             sweep: [ { key: "nodes[1].track", values: ["near.csv", "far.csv"] } ] }"""
+    )
+    assert campaign(folder, cluster) == 0
+    near, far = table_in(folder / "campaign.results" / "runs.csv")
+    assert float(near["nav: mean_s"]) < float(far["nav: mean_s"])
+    capsys.readouterr()
+    (folder / "far.csv").write_text("t,x,y,z\n0,1501,0,20\n")
+    assert campaign(folder, cluster) == 2
+    assert "changed since then: a file that is named;" in capsys.readouterr().err
+
+
 def test_a_changed_campaign_is_refused_and_nothing_is_lost(
     folder: Path, cluster: Cluster, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -23,6 +23,8 @@ every message begins with the key and has the value and the allowed values.
 """
 
 import itertools
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Final, Literal, get_args
 
 import msgspec
@@ -41,6 +43,7 @@ from zacoustic.channel.faults.nodefaults import (
 from zacoustic.channel.problem import explain
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.propagation.position import Motion, Position, Waypoint, distance_m
+from zacoustic.channel.tracks import with_tracks
 from zacoustic.channel.traffic import Pattern, TrafficSpec
 from zacoustic.errors import ConfigError
 
@@ -57,6 +60,7 @@ _MAX_COORDINATE_M: Final = 1.0e6  # beyond it the earth is not flat, and no mode
 _MAX_SPEED_M_S: Final = 100.0  # far above any vehicle, far below sound
 _MAX_DELAY_S: Final = 60.0
 _MAX_TIME_S: Final = 1.0e9  # thirty years
+_MANY_PLACES: Final = 64
 
 
 class LinkSpec(
@@ -200,10 +204,13 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     @property
     def farthest_s(self) -> float:
-        """Longest propagation delay, one way, between any two nodes, wherever they go, s."""
+        """Longest propagation delay, one way, between any two nodes, wherever they go, s.
+
+        Of a long track, which would take minutes, it is that of the box around it: no less.
+        """
         if self.delay_s is not None:
             return self.delay_s
-        routes = [node.motion().places for node in self.nodes]
+        routes = [_corners(node.motion().places) for node in self.nodes]
         farthest_m = max(
             (
                 distance_m(one, other)
@@ -250,12 +257,13 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             seen.add((link.source, link.target))
 
 
-def scenario_from_mapping(mapping: object, *, source: str) -> Scenario:
+def scenario_from_mapping(mapping: object, *, source: str, folder: Path | None = None) -> Scenario:
     """Convert what a parser made of a scenario file.
 
     Args:
         mapping: Nested mappings, arrays, strings and numbers; anything else is an error too.
         source: What messages call the file.
+        folder: What names of track files are relative to; None: it may name none.
 
     Returns:
         The scenario, checked.
@@ -263,6 +271,8 @@ def scenario_from_mapping(mapping: object, *, source: str) -> Scenario:
     Raises:
         ConfigError: One line: file, key path, value, allowed values.
     """
+    if folder is not None:
+        mapping = with_tracks(mapping, folder)
     try:
         return msgspec.convert(mapping, Scenario)
     except (msgspec.ValidationError, OverflowError) as error:
@@ -306,6 +316,14 @@ def check_position(key: str, position: Position) -> None:
     """
     for index, coordinate in enumerate(position):
         check_range(f"{key}[{index}]", coordinate, -_MAX_COORDINATE_M, _MAX_COORDINATE_M)
+
+
+def _corners(places: Sequence[Position]) -> Sequence[Position]:
+    """Return the places of a track, or the corners of the box around many."""
+    if len(places) <= _MANY_PLACES:
+        return places
+    (x0, x1), (y0, y1), (z0, z1) = ((min(axis), max(axis)) for axis in zip(*places, strict=True))
+    return list(itertools.product((x0, x1), (y0, y1), (z0, z1)))
 
 
 def _check_track(track: tuple[Waypoint, ...]) -> None:

@@ -27,6 +27,7 @@ is from now on, x east, y north, z down, in m::
 import argparse
 import asyncio
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
@@ -222,7 +223,8 @@ def _read_scenario(arguments: argparse.Namespace) -> "Scenario":
 
     if arguments.scenario is None:
         return scenario_of(2 if arguments.modems is None else arguments.modems)
-    scenario = scenario_from_mapping(read_json5(arguments.scenario), source=arguments.scenario)
+    path: str = arguments.scenario
+    scenario = scenario_from_mapping(read_json5(path), source=path, folder=Path(path).parent)
     count = len(scenario.nodes) if arguments.modems is None else arguments.modems
     if not 1 <= count <= len(scenario.nodes):
         raise ConfigError(f"--modems {count}; the scenario has {len(scenario.nodes)} nodes")

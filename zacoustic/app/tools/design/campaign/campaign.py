@@ -23,6 +23,7 @@ from zacoustic.app.tools.design.campaign.fewer import keep_first
 from zacoustic.app.tools.design.campaign.paths import parse_path, put
 from zacoustic.app.tools.design.campaign.spec import CampaignSpec, SweepSpec
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
+from zacoustic.channel.tracks import with_tracks
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.config.json5 import read_json5, read_zenoh_config
 from zacoustic.errors import ConfigError
@@ -127,7 +128,8 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
         _change(mapping, (edit for edit in edits if not _is_of_config(edit[0])), source)
         if isinstance(mapping, dict):
             mapping["seed"] = seed
-        scenario = scenario_from_mapping(mapping, source=source)
+        folder = Path(self.place).parent
+        scenario = scenario_from_mapping(mapping, source=source, folder=folder)
         changes = [(path, value) for path, value in edits if _is_of_config(path)]
         if not scenario.config:
             if changes:
@@ -136,7 +138,7 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
                     hint='add config: "fleet.json5" to the scenario',
                 )
             return scenario, {}
-        file = Path(self.place).parent / scenario.config
+        file = folder / scenario.config
         section = copy.deepcopy(self.configs[scenario.config])
         source = f"{file} with {self.named(cell)}"
         _change(section, ((path.partition(".")[2], value) for path, value in changes), source)
@@ -166,7 +168,7 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
             mapping = copy.deepcopy(self.scenario)
             source = f"{self.place} with {self.named(cell)}"
             _change(mapping, (edit for edit in edits if not _is_of_config(edit[0])), source)
-            scenario_from_mapping(mapping, source=source)
+            scenario_from_mapping(mapping, source=source, folder=Path(self.place).parent)
 
     def check_files(self) -> None:
         """Compare the files that configs name with those that the campaign was made with.
@@ -195,7 +197,7 @@ def campaign_of(spec: CampaignSpec, path: Path, version: str) -> Campaign:
         ConfigError: The scenario or a config is wrong.
     """
     place = (path.parent / spec.scenario).absolute()
-    mapping = read_json5(place)
+    mapping = with_tracks(read_json5(place), place.parent)
     sweep = [_parameter(each) for each in spec.sweep]
     edits = [edit for each in sweep for case in each.cases for edit in case.edits]
     names = {value for key, value in edits if key == _CONFIG}
@@ -256,7 +258,7 @@ def _change(tree: Any, edits: Iterable[tuple[str, Any]], source: str) -> None:  
 
 def _files(folder: Path, configs: Mapping[str, Any], values: list[Any]) -> dict[str, str]:
     """Return the digest of each file that a config or a swept value names."""
-    names: set[str] = set()
+    names = set(_texts(values))
     for name, section in configs.items():
         within = Path(name).parent
         open_part = (

@@ -23,7 +23,7 @@ NAME: Final = "runs.jsonl"
 _PARTS: Final = {
     "version": "the version of zacoustic", "until_s": "until_s", "seeds": "seeds",
     "sweep": "sweep", "scenario": "the scenario", "configs": "the config",
-    "files": "a file that the config names",
+    "files": "a file that is named",
 }  # fmt: skip
 
 

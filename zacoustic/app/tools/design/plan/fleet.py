@@ -116,7 +116,7 @@ def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> 
 
 
 def _of_scenario(path: Path, mapping: object) -> Fleet:
-    scenario = scenario_from_mapping(mapping, source=str(path))
+    scenario = scenario_from_mapping(mapping, source=str(path), folder=path.parent)
     configs = configs_of(scenario, path)
     tables = tables_of(scenario, configs, str(path))
     return Fleet(

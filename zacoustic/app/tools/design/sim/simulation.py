@@ -64,7 +64,7 @@ def simulate(
     Raises:
         ConfigError: The scenario, its config or its traffic is wrong.
     """
-    scenario = scenario_from_mapping(read_json5(path), source=str(path))
+    scenario = scenario_from_mapping(read_json5(path), source=str(path), folder=Path(path).parent)
     if seed is not None:
         scenario = msgspec.structs.replace(scenario, seed=seed)
     configs = configs_of(scenario, Path(path))

@@ -62,7 +62,8 @@ def what_if(paths: Sequence[str], wanted: Wanted) -> WhatIf:
     scenario, notes = measured.scenario, list(measured.notes)
     if wanted.scenario is not None:
         written = read_json5(wanted.scenario)
-        scenario = scenario_from_mapping(written, source=wanted.scenario)
+        folder = Path(wanted.scenario).parent
+        scenario = scenario_from_mapping(written, source=wanted.scenario, folder=folder)
         scenario = msgspec.structs.replace(scenario, seed=wanted.seed)
         notes = [f"the channel is that of {Path(wanted.scenario).name}"]
         lacking = {*facts.tables} - {node.address for node in scenario.nodes}
