@@ -27,9 +27,9 @@ from zacoustic.core.engine.events import (
 )
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
-from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.objects.code.code import Fragments
 from zacoustic.core.transport.objects.manifest import encode_object

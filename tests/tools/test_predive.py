@@ -206,7 +206,7 @@ def test_slots_that_differ_are_named(tmp_path: Path) -> None:
     run(scene())
 
 
-def test_a_journal_of_another_life_is_named(tmp_path: Path) -> None:
+def test_a_journal_that_is_not_that_of_the_lives_is_named(tmp_path: Path) -> None:
     here, there = _sections(tmp_path, KEY, KEY)
 
     async def scene() -> None:
@@ -224,7 +224,9 @@ def test_a_journal_of_another_life_is_named(tmp_path: Path) -> None:
             path = beside(tmp_path, shore, streams=EAGER, **here)
             code, told = await asyncio.to_thread(_told, path)
         assert code == 1
-        assert "node 2 auv1 is in life 2; its journal has seen 1 starts" in _text(told)
+        assert "node 2 auv1 has a journal in doubt" in _text(told)
+        assert told["contacts"][0]["life"] == 2
+        assert told["contacts"][0]["status"]["starts"] == 1
 
     run(scene())
 

@@ -232,7 +232,7 @@ def _of_contacts(
                 cure="set max_range_m to the largest distance of the dive",
             )
         if contact.status is not None:
-            yield from _of_status(config, contact, contact.status, node)
+            yield from _of_status(config, contact.status, node)
 
 
 def _unanswered(config: Config, running: Running, contact: Contact, node: str) -> Finding:
@@ -256,19 +256,10 @@ def _unanswered(config: Config, running: Running, contact: Contact, node: str) -
     )
 
 
-def _of_status(
-    config: Config, contact: Contact, status: PeerStatus, node: str
-) -> Iterator[Finding]:
+def _of_status(config: Config, status: PeerStatus, node: str) -> Iterator[Finding]:
     if status.journal != "kept":
         what, why, cure = _JOURNALS[status.journal]
         yield Finding(what=f"{node} {what}", why=why, cure=cure)
-    elif config.security is not None and contact.life is not None and status.starts < contact.life:
-        yield Finding(
-            what=f"{node} is in life {contact.life}; its journal has seen {status.starts} starts",
-            why="it is another journal than that of its lives, or an old copy: frames that were "
-            "recorded since may be opened again",
-            cure="put its own journal back; if that is lost, roll the key (docs/security.md)",
-        )
     ahead_s, doubt_s = status.clock_ahead_s, status.clock_doubt_s
     if ahead_s is not None and doubt_s is not None:
         stated_s = config.rules.clock_error_s
