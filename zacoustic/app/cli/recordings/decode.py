@@ -14,6 +14,8 @@ from zacoustic.text.safetext import one_line
 
 if TYPE_CHECKING:
     from zacoustic.app.tools.inspect.decode.decoded import DecodedItem
+    from zacoustic.app.tools.inspect.decode.opening import FrameOpener
+    from zacoustic.config import Config
     from zacoustic.core.streams.table import StreamTable
 
 _BROADCAST: Final = 255
@@ -47,6 +49,10 @@ class DecodeCommand(Command):
             "--wire", choices=("native", "rmw_desert"),
             help="what is spoken (default: as the configuration says, native without one)",
         )  # fmt: skip
+        parser.add_argument(
+            "--unsealed", action="store_true",
+            help="frames are not sealed, although the configuration has a key: those of `sim`",
+        )  # fmt: skip
         parser.add_argument("--json", action="store_true", help="one JSON object for each frame")
         parser.epilog = (
             "example:\n"
@@ -66,13 +72,16 @@ class DecodeCommand(Command):
         import msgspec
 
         from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder
+        from zacoustic.app.tools.inspect.decode.opening import said_in
         from zacoustic.core.streams.wireprofile import WireProfile
 
-        table = None
+        table, opener = None, None
         if arguments.config is not None:
             from zacoustic.app.tools.fleetfile import read_fleet
 
-            table = read_fleet(arguments.config).table
+            config = read_fleet(arguments.config)
+            table = config.table
+            opener = None if arguments.unsealed else _opener_of(config)
         code = EXIT_OK
         files = [each for each in arguments.frames if arguments.log or _is_file(each)]
         if arguments.log and not files:
@@ -80,7 +89,7 @@ class DecodeCommand(Command):
         if files:
             if len(arguments.frames) > 1:
                 raise ConfigError(f"{files[0]} and more; allowed: one recording, or frames")
-            return _decode_recording(arguments, table)
+            return _decode_recording(arguments, table, opener)
         wire = None if arguments.wire is None else WireProfile(arguments.wire)
         decoder, destinations = FrameDecoder(table, wire=wire), _Destinations()
         written = [_Written(text) for text in arguments.frames]
@@ -93,7 +102,7 @@ class DecodeCommand(Command):
                 continue
             unicast = destinations.is_unicast(frame, each.destination)
             source = arguments.source or each.source
-            items = decoder.decode(frame, source=source, unicast=unicast)
+            items = said_in(decoder, opener, frame, source, each.destination, unicast=unicast)
             if arguments.json:
                 found = {"frame": frame.hex(), "items": msgspec.to_builtins(items)}
                 print_json(found)
@@ -102,7 +111,29 @@ class DecodeCommand(Command):
         return code
 
 
-def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None") -> int:
+def _opener_of(config: "Config") -> "FrameOpener | None":
+    """Return what opens the frames of a fleet; None: they are not sealed.
+
+    Raises:
+        ConfigError: Its key file cannot be used.
+    """
+    if config.security is None:
+        return None
+    from zacoustic.app.tools.inspect.decode.opening import FrameOpener
+    from zacoustic.seal.keyring import open_keyring
+
+    links = config.rules.of_links
+    return FrameOpener(
+        open_keyring(config.security, config.address).cipher,
+        nodes=tuple(config.table.nodes) or tuple(range(1, _BROADCAST)),
+        ports=[index if each.port is None else each.port for index, each in enumerate(links)],
+        digest=config.table.digest,
+    )
+
+
+def _decode_recording(
+    arguments: argparse.Namespace, table: "StreamTable | None", opener: "FrameOpener | None"
+) -> int:
     """Print the frames of a recording, or of a log.
 
     Raises:
@@ -119,9 +150,9 @@ def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None"
     began_ns, shown = 0, 0
     path = arguments.frames[0]
     if arguments.log is None:
-        frames = decode_recording(path, table, wire=wire)
+        frames = decode_recording(path, table, wire=wire, opener=opener)
     else:
-        frames = decode_log(path, arguments.log, table, wire=wire)
+        frames = decode_log(path, arguments.log, table, wire=wire, opener=opener)
     for frame in frames:
         if arguments.source not in (0, frame.source):
             continue

@@ -8,6 +8,7 @@ import msgspec
 
 from zacoustic.app.tools.inspect.decode.decoded import DecodedItem
 from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder
+from zacoustic.app.tools.inspect.decode.opening import FrameOpener, said_in
 from zacoustic.app.tools.inspect.recordings.replaying.epochs import LifeReader, NewLife
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.streams.table import StreamTable
@@ -63,13 +64,20 @@ class FrameReader:
     Args:
         table: The streams, instead of those of the recording.
         wire: What is spoken, instead of what the table says.
+        opener: Opens sealed frames; None: nobody has the key.
     """
 
     def __init__(
-        self, table: StreamTable | None = None, *, wire: WireProfile | None = None
+        self,
+        table: StreamTable | None = None,
+        *,
+        wire: WireProfile | None = None,
+        opener: FrameOpener | None = None,
     ) -> None:
         self._given = table
         self._wire = wire
+        self._opener = opener
+        self._sealed: dict[int, bool] = {}
         self._found: StreamTable | None = None
         self._epochs = LifeReader()
         self._tables: dict[int, StreamTable] = {}
@@ -99,6 +107,8 @@ class FrameReader:
             part = self._epochs.read(message)
             if isinstance(part, NewLife):
                 self._tables[node] = part.life.table.table()
+                self._sealed[node] = part.life.is_sealed
+                self._envelopes.clear()
                 self._decoders.pop(node, None)
 
     def _read_link(self, message: ReadMessage, node: int, name: str) -> None:
@@ -120,8 +130,11 @@ class FrameReader:
         for source, destination, records, fault in self._open(record):
             items: list[DecodedItem] = []
             if not fault:
+                opener = None
+                if self._is_sealed(node):
+                    opener = self._opener = self._opener or FrameOpener()
                 unicast = destination != BROADCAST
-                items = decoder.decode(records, source=source, unicast=unicast)
+                items = said_in(decoder, opener, records, source, destination, unicast=unicast)
             yield DecodedFrame(
                 utc_ns=utc_ns,
                 node=node,
@@ -146,7 +159,9 @@ class FrameReader:
         key = (record.node, record.direction, record.source)
         envelope = self._envelopes.get(key)
         if envelope is None:
-            envelope = self._envelopes[key] = Envelope(capabilities, record.node)
+            is_sealed = self._is_sealed(record.node)
+            envelope = Envelope(capabilities, record.node, sealed=is_sealed)
+            self._envelopes[key] = envelope
         received = ReceivedFrame(
             frame_bytes=record.frame,
             received_at=record.at,
@@ -159,9 +174,17 @@ class FrameReader:
             else:
                 yield opened.source, opened.destination, opened.records, ""
 
+    def _is_sealed(self, node: int) -> bool:
+        """Tell whether frames of a node are: as its lives say, else where there is a key."""
+        return self._sealed.get(node, self._opener is not None)
+
 
 def decode_recording(
-    path: str | Path, table: StreamTable | None = None, *, wire: WireProfile | None = None
+    path: str | Path,
+    table: StreamTable | None = None,
+    *,
+    wire: WireProfile | None = None,
+    opener: FrameOpener | None = None,
 ) -> Iterator[DecodedFrame]:
     """Decode the frames of a recording.
 
@@ -169,11 +192,12 @@ def decode_recording(
         path: The file.
         table: The streams, instead of those of the recording.
         wire: What is spoken, instead of what the table says.
+        opener: Opens sealed frames; None: nobody has the key.
 
     Raises:
         ConfigError: It is none.
     """
-    frames = FrameReader(table, wire=wire)
+    frames = FrameReader(table, wire=wire, opener=opener)
     for message in RecordingReader(path):
         yield from frames.read(message)
 
@@ -184,6 +208,7 @@ def decode_log(
     table: StreamTable | None = None,
     *,
     wire: WireProfile | None = None,
+    opener: FrameOpener | None = None,
 ) -> Iterator[DecodedFrame]:
     """Decode the frames in a log of a modem's port.
 
@@ -192,6 +217,7 @@ def decode_log(
         link: Name of the link to such a modem.
         table: The streams.
         wire: What is spoken, instead of what the table says.
+        opener: Opens sealed frames; None: they are not sealed.
 
     Raises:
         ConfigError: It cannot be read.
@@ -205,7 +231,9 @@ def decode_log(
     decoder = FrameDecoder(table, wire=wire)
     for logged in kind.read_log(log):
         unicast = logged.destination != BROADCAST
-        items = decoder.decode(logged.frame_bytes, source=logged.source, unicast=unicast)
+        items = said_in(
+            decoder, opener, logged.frame_bytes, logged.source, logged.destination, unicast=unicast
+        )
         yield DecodedFrame(
             node=0,
             direction=SENT if logged.is_sent else RECEIVED,
