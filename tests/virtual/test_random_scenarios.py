@@ -29,6 +29,11 @@ def test_all_holds_in_any_scenario(count: Callable[[int], int], number: int) -> 
         assert not violations, f"{again}: {len(violations)} complaints, {violations[0]}"
 
 
+def test_a_busy_fleet_delivers_what_waits() -> None:
+    # Five nodes with a backlog: they do not wait for pauses of objects that nobody sends.
+    assert not run_scenario(draw_scenario(540)).violations
+
+
 def test_scenarios_are_repeatable_and_differ() -> None:
     digests = [run_scenario(draw_scenario(seed), digest=True).digest for seed in (5, 5, 6)]
     assert digests[0] == digests[1] != digests[2]

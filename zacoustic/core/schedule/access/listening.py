@@ -57,7 +57,7 @@ _BACKLOG_FRAMES: Final = 2
 _LISTENED_PERIODS: Final = 2
 """An announcement is awaited for this many runs and pauses: at 40 % loss one comes in 84 of 100
 cases."""
-_LONG_ROW_FRAMES: Final = 3
+_LONG_ROW_FRAMES: Final = 2
 """This many of the largest frames in a row are a run with pauses."""
 _LISTENED_PERIODS_OF_SEARCH: Final = 1
 """The same for an urgent frame that searches for the pause by itself."""
@@ -177,7 +177,8 @@ class Listening(OtherRuns):
         """Record an own frame that goes to the link."""
         if not self._follows_at_once(now):
             self._burst_at = now
-            self._searches = self._hears_full_run(now) and not self._active(now)
+            is_run = self._senses_carrier and self._hears_full_run(now)
+            self._searches = is_run and not self._active(now)
         if not self._continues(now):
             begin_at = self._told_begin_at(now)
             if self._follows(now):
@@ -256,11 +257,11 @@ class Listening(OtherRuns):
             follows: It may directly follow what was sent last.
         """
         goes_on = self._follows_at_once(at) if follows else not is_urgent and self._follows(at)
-        if at > self._run_heard_until or goes_on or self._active(at):
+        if not self._hears_full_run(at) or goes_on or self._active(at):
             return at
         # Never twice at the same position in a run: its announcement may be there.
         part = self._listened * _GOLDEN_RATIO % 1.0
-        searches = is_urgent and self._hears_full_run(at)
+        searches = is_urgent and self._senses_carrier
         periods = _LISTENED_PERIODS_OF_SEARCH if searches else _LISTENED_PERIODS
         until = self._listens_since + round((periods + part) * self.period_ns)
         return max(at, min(until, self._run_heard_until + 1))
@@ -311,8 +312,12 @@ class Listening(OtherRuns):
             self._full_run_heard_until = now + self._memory_ns
 
     def _hears_full_run(self, at: int) -> bool:
-        """Return whether a run that has pauses can be heard."""
-        return self._senses_carrier and at <= min(self._run_heard_until, self._full_run_heard_until)
+        """Return whether a run that has pauses can be heard, or was told of.
+
+        Sounds that follow each other are none: that is what a busy fleet sounds like.
+        """
+        is_full = not self._senses_carrier or at <= self._full_run_heard_until
+        return is_full and at <= self._run_heard_until
 
     def _continues(self, now: int) -> bool:
         """Return whether a frame that starts now would belong to the present run."""

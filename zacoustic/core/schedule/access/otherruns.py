@@ -188,8 +188,13 @@ class OtherRuns:
         ]
 
     def _heard_at(self, rhythm: Rhythm, at: int) -> int:
-        """Return when a node was last heard, ns; `at` if a present sound may come from it."""
-        is_sound = self._sound_tells and self._busy_since is not None
+        """Return when a node was last heard, ns; `at` if a present sound may come from it.
+
+        Only the sounds of a full run keep a rhythm: in a busy fleet somebody is always heard, and
+        every node would wait for the pauses of all others.
+        """
+        is_run = self._sound_tells and at <= self._full_run_heard_until
+        is_sound = is_run and self._busy_since is not None
         is_fresh = at - rhythm.frame_at <= _REMEMBERED_PERIODS * self.period_ns
         return at if is_sound and is_fresh else rhythm.heard_at
 

@@ -9,7 +9,9 @@ sample is sent once, without a number; so it is lost if a run that is not heard 
 then.
 
 Copies end when a newer sample of the key is published, and half a minute after the publication: a
-subscriber that restarts knows no numbers and would take an old sample for new.
+subscriber that restarts knows no numbers and would take an old sample for new. They take at most a
+small share of the time: an emergency is rare, and a busy stream of this priority would fill the
+channel with copies.
 """
 
 from collections import deque
@@ -22,6 +24,7 @@ from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.airtime import AirtimeAccount
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import LaneKey, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
@@ -35,6 +38,8 @@ _MOST_IN_THE_DARK: Final = 6
 _MOST_KEYS: Final = 1024
 """For how many keys, the latest ones, the received numbers are remembered."""
 _MOST_NUMBERS: Final = 8
+_COPIES_SHARE: Final = 0.03
+"""Share of the time that copies may take; that of ten minutes can be saved up."""
 COPIED_NS: Final = 30 * NS_PER_S
 """How long after its publication copies of a sample are sent at most, ns."""
 
@@ -73,6 +78,7 @@ class CopiedSamples:
         self._handshake = context.handshake
         context.peers.forgotten.connect(self.peer_forgotten)
         self._times: LinkTimes | None = None
+        self._account = AirtimeAccount(_COPIES_SHARE)
         self._next_number = 0
         self._copied: dict[int, _Copied] = {}
         self._waiting: list[tuple[LaneKey, Waiting, Qos]] = []
@@ -182,6 +188,8 @@ class CopiedSamples:
         size_bytes = record.size_bytes + SYNC_BYTES
         if listening is None or not listening.hears_run(now):
             return 1
+        if self._account.even_at(now) > now:
+            return 1
         if largest_bytes is not None and size_bytes > largest_bytes:
             return 1
         detour_ns = listening.detour_ns(record.destination, now)
@@ -198,6 +206,8 @@ class CopiedSamples:
             return
         record, listening = each.record, self._times.listening
         at = report.finished_at
+        if each.was_sent:
+            self._account.spend(at - report.started_at, at)
         invited_at = (
             listening.next_invitation_at(at, at + listening.pause_ns) if listening else None
         )
