@@ -29,6 +29,7 @@ from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.objects.code.code import Fragments
 from zacoustic.core.transport.objects.manifest import encode_object
@@ -129,6 +130,7 @@ def vectors() -> Iterator[Vector]:
     yield from _reliable()
     yield from _goals()
     yield from _orders()
+    yield from _status()
     yield from _subscriptions()
     yield from _dense()
     yield from _packed_bytes()
@@ -535,6 +537,20 @@ def _orders() -> Iterator[Vector]:
 
 def _order(order: RemoteCommand, engine: Engine, now: int) -> int:
     return engine.commands.send(2, order, now)
+
+
+def _status() -> Iterator[Vector]:
+    pair = _Pair()
+    at_s = 1_750_000_000
+    pair.network.apply(2, lambda engine, now: engine.handle_clock(at_s * NS_PER_S - now, 0, now))
+    pair.frames[2].clear()
+    frame = pair.frame(1, lambda engine, now: engine.status.ask(2, now, timeout_s=30))
+    yield _vector("status", frame, "HELLO; call for node 2: its status, call 0")
+    said = bytes.fromhex(pair.frames[2][0])
+    meaning = f"journal kept, first start, UTC {at_s} s, exact"
+    yield _vector("status_answer", said, f"HELLO; named answer of node 2: {meaning}")
+    digest = table().by_id(STATUS_STREAM_ID).digest
+    yield _vector("digest_of_stream_174", digest, "digest of the stream of the status")
 
 
 def demand_table() -> StreamTable:

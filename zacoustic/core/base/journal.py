@@ -39,6 +39,8 @@ engine deletes it when it no longer matters."""
 BOOT_KEY = "boot"
 """Key that the shell adds to `stored` and does not store: it names the run of the monotonic clock.
 Instants of two boot epochs can be compared only if both have the same name."""
+VOLATILE_KEY = "volatile"
+"""Key that a store adds to `stored` if it stores nothing beyond the process."""
 _APART: Final = "@"
 """The first character of the keys of separate owners."""
 

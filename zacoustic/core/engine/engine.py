@@ -63,6 +63,7 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.commands.commands import Commands
 from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import MakeTransport, Transport
+from zacoustic.core.transport.status import Status
 from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.seal import Cipher
@@ -155,6 +156,10 @@ class Engine:
             node, self._first.protocols.services, overrides, self.silence, rules.commands_from
         )
         """Commands to other nodes, and to this one: `send`, `execute`."""
+        self.status = Status(
+            node, self._first.protocols.services, self.clock, rules.of_links[0].access
+        )
+        """Questions about the status of other nodes, and that of this one: `ask`, `own`."""
         for stack in self._stacks.values():
             stack.protocols.recover()
 

@@ -20,6 +20,7 @@ from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.commands.commands import Commands
+from zacoustic.core.transport.status import Status
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 
 CALLS: Final = (
@@ -33,6 +34,7 @@ CALLS: Final = (
     "actions.publish_feedback", "actions.finish", "actions.answer_cancel",
     "ranging.request", "ranging.cancel", "ranging.repeat",
     "subscriptions.want", "silence.begin", "silence.resume", "commands.send", "commands.execute",
+    "status.ask",
 )  # fmt: skip
 """Inputs, outputs and commands of an engine; getters are not among them."""
 
@@ -60,6 +62,7 @@ _PARTS: Final[dict[str, type]] = {
     "commands": Commands,
     "ranging": Ranging,
     "silence": Silence,
+    "status": Status,
 }
 
 TapSink = Callable[[EngineCall], None]

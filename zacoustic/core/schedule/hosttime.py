@@ -83,6 +83,10 @@ class HostTime:
             else NetworkTime(0.0, tolerance_ns=_TOLERANCE_NS, settling_ns=0)
         )
         """The trusted time; read-only."""
+        self.shown_ns: int | None = None
+        """The last offset that the host has stated, ns, trusted or not; None: none."""
+        self.shown_error_ns: int | None = None
+        """Its largest error, ns; None: nothing synchronises the host's clock."""
         self._is_needed = has_hours or slots is not None
         self._journal = journal
         self._emit = emit
@@ -105,6 +109,7 @@ class HostTime:
         """
         self._ask(now)
         self._refusal = ""
+        self.shown_ns, self.shown_error_ns = offset_ns, error_ns
         if now + offset_ns < EARLIEST_UTC_NS:
             error_ns = None
             self._refusal = "the clock of this computer is not set"

@@ -41,6 +41,12 @@ from zacoustic.core.streams.specs import (
     check,
     check_times,
 )
+from zacoustic.core.streams.status import (
+    STATUS_STREAM_ID,
+    STATUS_TIMEOUT_S,
+    STATUS_TYPE,
+    status_types,
+)
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.dense.model.prior import Model
 from zacoustic.core.values.encoding import CBOR, OPAQUE
@@ -226,7 +232,9 @@ class StreamTable:
         """The fitted model of the dense streams; part of the digest."""
         self._by_id: dict[int, Stream] = {}
         self._by_name: dict[str, Stream] = {}
-        self._built_in = {COMMANDS_STREAM_ID: _commands()} if wire is WireProfile.NATIVE else {}
+        self._built_in: dict[int, Stream] = {}
+        if wire is WireProfile.NATIVE:
+            self._built_in = {COMMANDS_STREAM_ID: _commands(), STATUS_STREAM_ID: _status()}
         self._digest: bytes | None = None
         for spec in specs:
             self.declare(spec)
@@ -368,6 +376,20 @@ def _commands() -> Stream:
         journal=False,  # executed commands have their own deduplication table
     )
     return Stream(spec, command_types(), {}, is_built_in=True)
+
+
+def _status() -> Stream:
+    """Return the stream of the status of nodes."""
+    spec = ServiceSpec(
+        stream_id=STATUS_STREAM_ID,
+        name="status",
+        server=EVERY_NODE,
+        response_type=STATUS_TYPE,
+        timeout_s=STATUS_TIMEOUT_S,
+        qos=Qos(priority=Priority.DATA_HIGH, stamp=Stamp.AGE),
+        journal=False,
+    )
+    return Stream(spec, status_types(), {}, is_built_in=True)
 
 
 def _type_names(spec: StreamSpec) -> dict[str, str | None]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from zacoustic.core.base.journal import EPOCH_KEY, JournalWrite
+from zacoustic.core.base.journal import EPOCH_KEY, VOLATILE_KEY, JournalWrite
 from zacoustic.run.journal.port import JournalState, begin_life
 
 
@@ -20,7 +20,7 @@ class MemoryJournal:
         """Begin a boot epoch: the next number, and the committed entries."""
         self._entries = begin_life(self._entries).entries
         epoch = int.from_bytes(self._entries[EPOCH_KEY], "big")
-        return JournalState(boot_epoch=epoch, entries=dict(self._entries))
+        return JournalState(boot_epoch=epoch, entries={**self._entries, VOLATILE_KEY: b""})
 
     def commit(self, writes: Sequence[JournalWrite]) -> None:
         """Keep the writes while this object exists."""

@@ -74,9 +74,9 @@ class GatewayPinger(Pinger):
     def __init__(self, zenoh_session: ZenohSession) -> None:
         self._zenoh_session = zenoh_session
 
-    async def ping(self, node: int, timeout_s: float) -> PingAnswer:
-        """Ask the local gateways; the responsible one pings."""
-        key, parameters = ping_selector(node, timeout_s)
+    async def ping(self, node: int, timeout_s: float, *, status: bool = False) -> PingAnswer:
+        """Ask the local gateways; the responsible one pings, and may ask for the node's status."""
+        key, parameters = ping_selector(node, timeout_s, status=status)
         loop = asyncio.get_running_loop()
         ended = asyncio.Event()
         question = Question(key, lambda _: tell_loop(loop, ended.set))

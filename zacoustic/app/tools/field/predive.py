@@ -1,8 +1,8 @@
 """Before the dive: a strong frame each way through the real links, and both ends compared.
 
-What a node can see of the others is compared here: whether they answer, with which table, in which
-life, how far away. What only their own computers know (their key file, life records, journal,
-clock) the doctor examines there: run it on each.
+Each other node is asked for its status. What it says is compared with this one: journal, clock,
+medium access and range; and what its frames show: table and life. Only its own computer knows its
+files (the key's mode, copies of the life record, room on the disk): the doctor examines them there.
 """
 
 import asyncio
@@ -18,15 +18,39 @@ from zacoustic.app.tools.field.doctor.doctor import Options, diagnose
 from zacoustic.app.tools.field.doctor.network import Running, look
 from zacoustic.app.tools.field.pinging import GatewayPinger
 from zacoustic.config import Config, read_config
+from zacoustic.core.peers.sealing import Refusal
 from zacoustic.core.schedule.access.spec import TdmaSpec
 from zacoustic.errors import ConfigError, DeliveryError
 from zacoustic.link.contract import Finding
 from zacoustic.text.safetext import one_line
 from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.session.asking.pings import PeerStatus, PingAnswer
 from zacoustic.zenoh.session.session import ZenohSession
 
 DEFAULT_WITHIN_S: Final = 40.0
 """How long answers are awaited, s; with what the doctor looks at, a minute."""
+
+
+_CLOCK_S: Final = 2.0
+"""Clocks that are set differ by less, s."""
+_JOURNALS: Final = {
+    "none": (
+        "has no journal",
+        "after a restart it may execute a call again that it has executed",
+        "give it `journal`, a folder on its disk",
+    ),
+    "doubted": (
+        "has a journal in doubt: damaged, or an old copy",
+        "it may have forgotten what it accepted and executed in former lives",
+        "look at its disk; put copies back only if zacoustic journal backup made them",
+    ),
+    "failing": (
+        "cannot write its journal",
+        "it accepts nothing that has to survive a restart",
+        "make room on its disk, or give it a folder that can be written",
+    ),
+}
+"""What is wrong, why that matters, and what to do."""
 
 
 class Contact(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,6 +68,8 @@ class Contact(msgspec.Struct, frozen=True, kw_only=True):
     """Its boot epoch; where frames are sealed, its life."""
     same_table: bool | None
     """It has this node's stream table; None: it has not said so."""
+    status: PeerStatus | None
+    """What it says of itself; None: nothing."""
     error: str
     """Why there was no answer, or empty."""
 
@@ -85,7 +111,7 @@ async def predive(
     config = read_config(file, address=options.address, locator=options.locator)
     others = _others(config, nodes)
     running, _ = await look(config, options.connect)
-    answers: dict[int, tuple[float | None, float | None, str]] = {}
+    answers: dict[int, PingAnswer | str] = {}
     findings: list[Finding] = []
     if running.health:
         answers = await _ask(config, options.connect, others, within_s)
@@ -100,7 +126,7 @@ async def predive(
         )
     contacts = tuple(_contact(config, running, each, answers.get(each)) for each in others)
     examined = await diagnose(file, options)
-    findings += _of_contacts(config, contacts) if running.health else ()
+    findings += _of_contacts(config, running, contacts) if running.health else ()
     return PrediveReport(
         file=str(file),
         address=config.address,
@@ -118,7 +144,7 @@ def as_text(report: PrediveReport) -> str:
     for finding in report.findings:
         lines += [f"! {finding.what}", f"  at sea: {finding.why}", f"  cure:   {finding.cure}", ""]
     table = align(
-        ("NODE", "ANSWER", "RANGE", "LIFE", "TABLE"),
+        ("NODE", "ANSWER", "RANGE", "LIFE", "TABLE", "JOURNAL", "CLOCK"),
         [_cells(contact) for contact in report.contacts],
         right=("ANSWER", "RANGE", "LIFE"),
     )
@@ -148,17 +174,16 @@ def _others(config: Config, nodes: Sequence[int]) -> list[int]:
 
 async def _ask(
     config: Config, connect: Sequence[str], nodes: Sequence[int], within_s: float
-) -> dict[int, tuple[float | None, float | None, str]]:
-    """Return round trip, range and error of each node; all are asked at once, by one gateway."""
+) -> dict[int, PingAnswer | str]:
+    """Return the answer of each node, or why there is none; one gateway asks all at once."""
     zenoh_session = await ZenohSession.open(session_config(config, connect or None))
     pinger = GatewayPinger(zenoh_session)
 
-    async def ask(node: int) -> tuple[float | None, float | None, str]:
+    async def ask(node: int) -> PingAnswer | str:
         try:
-            answer = await pinger.ping(node, within_s)
+            return await pinger.ping(node, within_s, status=True)
         except (DeliveryError, TimeoutError) as error:
-            return None, None, str(error)
-        return answer.round_trip_s, answer.range_m, ""
+            return str(error)
 
     try:
         return dict(zip(nodes, await asyncio.gather(*map(ask, nodes)), strict=True))
@@ -170,55 +195,109 @@ def _contact(
     config: Config,
     running: Running,
     address: int,
-    answer: tuple[float | None, float | None, str] | None,
+    answer: PingAnswer | str | None,
 ) -> Contact:
     peers = running.health.get("peers")
     seen = peers.get(str(address)) if isinstance(peers, Mapping) else None
     known: Mapping[str, Any] = seen if isinstance(seen, Mapping) else {}
-    round_trip_s, range_m, error = answer or (None, None, "not asked")
+    found = answer if isinstance(answer, PingAnswer) else None
     return Contact(
         address=address,
         name=config.nodes.get(address, ""),
-        round_trip_s=round_trip_s,
-        range_m=range_m,
+        round_trip_s=None if found is None else found.round_trip_s,
+        range_m=None if found is None else found.range_m,
         life=known.get("epoch"),
         same_table=known.get("same_table"),
-        error=error,
+        status=None if found is None else found.status,
+        error=answer if isinstance(answer, str) else "" if found is not None else "not asked",
     )
 
 
-def _of_contacts(config: Config, contacts: Sequence[Contact]) -> Iterator[Finding]:
+def _of_contacts(
+    config: Config, running: Running, contacts: Sequence[Contact]
+) -> Iterator[Finding]:
     access = config.rules.access
     most_m = access.max_range_m if isinstance(access, TdmaSpec) else None
     for contact in contacts:
         node = f"node {contact.address} {contact.name}".rstrip()
         if contact.round_trip_s is None:
+            yield _unanswered(config, running, contact, node)
+        there_m = None if contact.status is None else contact.status.range_m
+        measured = (contact.range_m, there_m)
+        farthest_m = max((each for each in measured if each is not None), default=None)
+        if farthest_m is not None and most_m is not None and farthest_m > most_m:
             yield Finding(
-                what=f"{node} does not answer: {contact.error}",
-                why="no command reaches it, and no stop",
-                cure="see that its gateway runs, has the same key and file, and may transmit; "
-                "zacoustic monitor shows whether it is heard",
-            )
-        if contact.range_m is not None and most_m is not None and contact.range_m > most_m:
-            yield Finding(
-                what=f"{node} is {contact.range_m:.0f} m away; max_range_m is {most_m:g}",
+                what=f"{node} is {farthest_m:.0f} m away; max_range_m is {most_m:g}",
                 why="its frames arrive in the slots of others",
                 cure="set max_range_m to the largest distance of the dive",
             )
+        if contact.status is not None:
+            yield from _of_status(config, contact.status, node)
+
+
+def _unanswered(config: Config, running: Running, contact: Contact, node: str) -> Finding:
+    dropped = running.health.get("dropped")
+    counts = dropped.get("channel") if isinstance(dropped, Mapping) else None
+    refused: Mapping[str, Any] = counts if isinstance(counts, Mapping) else {}
+    seen = ""
+    if config.security is not None:
+        if refused.get(Refusal.FORGED.value):
+            seen = f"; {refused[Refusal.FORGED.value]} frames came that this key does not open"
+        elif refused.get(Refusal.UNSEALED.value):
+            seen = f"; {refused[Refusal.UNSEALED.value]} frames came that are not sealed"
+        elif contact.life is None:
+            seen = "; nothing of it was ever heard"
+    return Finding(
+        what=f"{node} does not answer: {contact.error}{seen}",
+        why="no command reaches it, and no stop",
+        cure="see that its gateway runs, has the same key and generation, a life record, and may "
+        "transmit: predive and zacoustic key check there; zacoustic monitor shows whether it is "
+        "heard",
+    )
+
+
+def _of_status(config: Config, status: PeerStatus, node: str) -> Iterator[Finding]:
+    if status.journal != "kept":
+        what, why, cure = _JOURNALS[status.journal]
+        yield Finding(what=f"{node} {what}", why=why, cure=cure)
+    ahead_s, doubt_s = status.clock_ahead_s, status.clock_doubt_s
+    if ahead_s is not None and doubt_s is not None:
+        stated_s = config.rules.clock_error_s
+        if abs(ahead_s) > doubt_s + max(stated_s, _CLOCK_S):
+            word = "ahead of" if ahead_s > 0 else "behind"
+            yield Finding(
+                what=f"the clock of {node} is {abs(ahead_s):.0f} s {word} this one "
+                f"(known to {doubt_s:.0f} s)",
+                why="times of its samples are wrong here; slots and quiet hours are not the same",
+                cure="set both clocks from one source: chrony, NTP or GPS",
+            )
+    if not status.same_schedule:
+        yield Finding(
+            what=f"{node} has other slots or turns, or none",
+            why="one transmits in the slots or turns of the other",
+            cure="give the links of both the same `access`",
+        )
 
 
 def _left_out(config: Config) -> Iterator[str]:
-    yield "key file, life records, journal and clock of other nodes: run predive there"
+    yield "key files, life records and disks of other nodes: run predive there"
     if config.security is None:
         yield "who has answered: frames are not sealed, anybody can"
 
 
 def _cells(contact: Contact) -> tuple[str, ...]:
     table = {True: "same", False: "another", None: "?"}[contact.same_table]
+    status = contact.status
     return (
         f"{contact.address} {contact.name}".rstrip(),
         "none" if contact.round_trip_s is None else f"{contact.round_trip_s:.1f} s",
         "?" if contact.range_m is None else f"{contact.range_m:.0f} m",
         "?" if contact.life is None else str(contact.life),
         table,
+        "?" if status is None else _journal_of(status),
+        "?" if status is None or status.clock_ahead_s is None else f"{status.clock_ahead_s:+.0f} s",
     )
+
+
+def _journal_of(status: PeerStatus) -> str:
+    return f"{status.starts} starts" if status.journal == "kept" else status.journal

@@ -4,7 +4,8 @@ The gateway asks the node whether it is silent (a command that changes nothing,
 `zacoustic.core.transport.commands`): an answer, also a refusal, shows that its engine runs, not
 only its modem. Then, if the modem measures ranges and has reported none on those frames, the
 gateway asks for one: after the answer, since a modem that waits for an acknowledgement is deaf to
-it. A wire without remote commands gives the range alone.
+it. A wire without remote commands gives the range alone. With `status` the node is asked for its
+status in place of its silence (`zacoustic.core.transport.status`).
 """
 
 from collections.abc import Iterable
@@ -18,13 +19,16 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.streams.commands import RemoteCommand
+from zacoustic.core.streams.status import STATUS_STREAM_ID, NodeStatus
 from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.pings import (
     PINGS,
+    PeerStatus,
     PingAnswer,
+    PingAsked,
     ping_selector,
     pinged_node,
     read_ping,
@@ -33,6 +37,12 @@ from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
 RANGE_LIMIT_S: Final = 10.0
 """How much longer an answer waits for the range, s: three exchanges over 1500 m."""
+
+
+_ROUNDING_S: Final = 1.0
+"""Both clocks are told in whole seconds."""
+_AGE_STEP: Final = 0.02
+"""How much of an age its code may be wrong."""
 
 
 class PingHandler:
@@ -71,12 +81,11 @@ class PingHandler:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
             return
         assert asked is not None
-        node, within_s = asked
-        if node in self._redundant.alive:
-            text = f"node {node} is on this local network: there is no channel between"
+        if asked.node in self._redundant.alive:
+            text = f"node {asked.node} is on this local network: there is no channel between"
             held.refuse(CallFailure.BAD_REQUEST, text)
             return
-        self._runner.apply(partial(self._begin, held, node, within_s))
+        self._runner.apply(partial(self._begin, held, asked))
 
     def answered(self, event: ResponseReceived | CallFailed) -> bool:
         """The node has answered, or not; False: it was asked nothing by this call."""
@@ -106,6 +115,9 @@ class PingHandler:
             ping.held.refuse(event.failure, text)
             return
         now = self._clock()
+        if isinstance(event, ResponseReceived) and event.stream_id == STATUS_STREAM_ID:
+            ping.status, ping.status_age_s = NodeStatus.from_wire(event.value), event.age_s or 0.0
+            ping.answered_at = now
         ping.round_trip_s = ns_to_seconds(now - ping.asked_at)
         left_s = min(ping.within_s - ping.round_trip_s, RANGE_LIMIT_S)
         known = self._runner.engine.measurements.range(ping.node)
@@ -119,10 +131,14 @@ class PingHandler:
         is_known = 1 <= node <= 254 and (not nodes or node in nodes)
         return is_known and self._redundant.address == self._redundant.alive[0]
 
-    def _begin(self, held: HeldQuery, node: int, within_s: float, engine: Engine, now: int) -> None:
+    def _begin(self, held: HeldQuery, asked: PingAsked, engine: Engine, now: int) -> None:
+        node, within_s = asked.node, asked.within_s
         ping = _Ping(held, node, within_s, now)
         try:
-            call_id = engine.commands.send(node, RemoteCommand(), now, timeout_s=within_s)
+            if asked.status and engine.status.is_carried:
+                call_id = engine.status.ask(node, now, timeout_s=within_s)
+            else:
+                call_id = engine.commands.send(node, RemoteCommand(), now, timeout_s=within_s)
         except LocalError as error:
             if not self._range(ping, within_s, engine, now):
                 held.refuse(CallFailure.BAD_REQUEST, f"{error}, and the modem measures no range")
@@ -159,8 +175,31 @@ class PingHandler:
                 range_m=_rounded(measured.range_m),
                 range_age_s=_rounded(measured.age_s(self._clock())),
             )
+        if ping.status is not None:
+            found = msgspec.structs.replace(found, status=self._compared(ping, found.propagation_s))
         key, _ = ping_selector(ping.node, 1)
         ping.held.answer([Answer(key=key, payload=msgspec.json.encode(found), encoding=JSON)])
+
+    def _compared(self, ping: "_Ping", propagation_s: float | None) -> PeerStatus:
+        """Return what a node has said, compared with what holds here."""
+        said, here = ping.status, self._runner.engine.status.own(ping.answered_at)
+        assert said is not None
+        ahead_s = doubt_s = None
+        if said.utc_s is not None and here.utc_s is not None:
+            # What it takes beside the age is half of the round trip at most, if no range is known.
+            on_way_s = (ping.round_trip_s or 0.0) / 2 if propagation_s is None else propagation_s
+            unknown_s = on_way_s if propagation_s is None else 0.0
+            ahead_s = said.utc_s + ping.status_age_s + on_way_s - here.utc_s
+            doubt_s = _ROUNDING_S + ping.status_age_s * _AGE_STEP + unknown_s
+        return PeerStatus(
+            journal=said.journal.value,
+            starts=said.starts,
+            clock_ahead_s=_rounded(ahead_s, 1),
+            clock_doubt_s=_rounded(doubt_s, 1),
+            clock_error_s=said.clock_error_s,
+            range_m=said.range_m,
+            same_schedule=said.schedule == here.schedule,
+        )
 
 
 class _Ping:
@@ -173,6 +212,12 @@ class _Ping:
         self.asked_at = asked_at
         self.round_trip_s: float | None = None
         """Of the node's own answer; None: it has not answered, or was not asked."""
+        self.status: NodeStatus | None = None
+        """What it says of itself; None: nothing."""
+        self.status_age_s = 0.0
+        """How old that was when it arrived, without its way, s."""
+        self.answered_at = 0
+        """When it arrived, ns."""
 
 
 def _rounded(value: float | None, digits: int = 3) -> float | None:

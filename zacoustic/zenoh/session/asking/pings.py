@@ -1,7 +1,8 @@
 """A ping as a Zenoh key: the query, and the JSON of its answer.
 
 A `get` on ``@acoustic/2/ping?within_s=30`` makes the local gateway ask node 2, which answers by
-itself, whatever it is doing.
+itself, whatever it is doing. With ``status=true`` the answer has what node 2 says of its journal,
+clock and medium access.
 """
 
 import math
@@ -18,6 +19,26 @@ DEFAULT_PING_S: Final = 30.0
 """How long an answer is awaited by default, s."""
 PINGS: Final = f"{PREFIX}/{ANY_NODE}/ping"
 """Key expression of the pings of all nodes."""
+_FLAGS: Final = {"true": True, "false": False}
+
+
+class PeerStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """What a node says of itself, compared with the gateway that has asked."""
+
+    journal: str
+    """`kept`; `none`; `doubted`: damaged, or an old copy; `failing`: it cannot be written now."""
+    starts: int
+    """Starts of the node that its journal has seen, this one included; 0: none."""
+    clock_ahead_s: float | None = None
+    """How far its clock is ahead of the one here, s; None: one of them is not known."""
+    clock_doubt_s: float | None = None
+    """How wrong that comparison may be, s."""
+    clock_error_s: float | None = None
+    """How wrong its clock is at most, as it says, s; None: nothing keeps it right."""
+    range_m: int | None = None
+    """How far away this node is, as its modem has measured, m."""
+    same_schedule: bool = True
+    """Its slots or turns are those of this node."""
 
 
 class PingAnswer(msgspec.Struct, frozen=True, kw_only=True):
@@ -42,11 +63,24 @@ class PingAnswer(msgspec.Struct, frozen=True, kw_only=True):
     """Received level, dB, by the modem's own reference."""
     integrity: float | None = None
     """Signal quality in the modem's own scale."""
+    status: PeerStatus | None = None
+    """What the node says of itself; None: it was not asked, or refuses to say."""
 
 
-def ping_selector(node: int, within_s: float) -> tuple[str, str]:
+class PingAsked(msgspec.Struct, frozen=True, kw_only=True):
+    """A ping in a query."""
+
+    node: int
+    """Address."""
+    within_s: float = DEFAULT_PING_S
+    """How long an answer is awaited, s."""
+    status: bool = False
+    """The node is asked for its status."""
+
+
+def ping_selector(node: int, within_s: float, *, status: bool = False) -> tuple[str, str]:
     """Return key and parameters of a ping."""
-    return f"{PREFIX}/{node}/ping", f"within_s={within_s:.10g}"
+    return f"{PREFIX}/{node}/ping", f"within_s={within_s:.10g}{';status=true' if status else ''}"
 
 
 def pinged_node(key: str) -> int | None:
@@ -57,11 +91,11 @@ def pinged_node(key: str) -> int | None:
     return whole_number(chunks[1])
 
 
-def read_ping(key: str, parameters: Mapping[str, str]) -> tuple[int, float] | None:
-    """Read a ping: node, and how long an answer is awaited, s.
+def read_ping(key: str, parameters: Mapping[str, str]) -> PingAsked | None:
+    """Read a ping.
 
     Returns:
-        Both, or None: the key is browsing.
+        It, or None: the key is browsing.
 
     Raises:
         ValueError: Names a parameter, its value and the allowed values.
@@ -69,15 +103,20 @@ def read_ping(key: str, parameters: Mapping[str, str]) -> tuple[int, float] | No
     node = pinged_node(key)
     if node is None:
         return None
-    within_s = DEFAULT_PING_S
+    within_s, status = DEFAULT_PING_S, False
     for name, text in parameters.items():
         if name.startswith("_"):
             continue
+        if name == "status":
+            if text not in _FLAGS:
+                raise ValueError(f"status is {text}; allowed: {', '.join(_FLAGS)}")
+            status = _FLAGS[text]
+            continue
         if name != "within_s":
-            raise ValueError(f"{name} is no parameter of {key}; allowed: within_s")
+            raise ValueError(f"{name} is no parameter of {key}; allowed: within_s, status")
         number = real_number(text)
         within_s = math.nan if number is None else number
         if not 0 < within_s <= COMMANDS_TIMEOUT_S:
             allowed = f"seconds above 0, at most {COMMANDS_TIMEOUT_S:g}"
             raise ValueError(f"within_s is {text}; allowed: {allowed}")
-    return node, within_s
+    return PingAsked(node=node, within_s=within_s, status=status)
