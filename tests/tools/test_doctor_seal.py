@@ -20,7 +20,7 @@ from tests.gateway.networks import (
 )
 from tests.tools.ward import NODES, STREAMS, beside, examine, modem_file, problem
 from zacoustic.app.cli import main
-from zacoustic.app.tools.security.keycheck import check_room
+from zacoustic.app.tools.security.keycheck import check_room, check_running
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.gateway import Gateway
@@ -127,6 +127,23 @@ def test_a_gateway_that_runs_with_another_key_or_none(tmp_path: Path) -> None:
             assert "the running gateway does not seal its frames" in told.text
 
     run(scene())
+
+
+def test_what_a_node_may_not_say_is_not_taken_for_another_key() -> None:
+    config = config_from_mapping({"address": 1, "security": {"key": "k"}}, source="file")
+    alarms = [
+        {"event": "seal", "refusal": refusal, "text": f"seal      3 buoy: {words} ({count})"}
+        for refusal, words, count in (
+            ("forbidden", "it may not say what it says: auv1/stop", 1),
+            ("forbidden", "it may not say what it says: auv1/stop", 31),
+            ("unsealed", "its frames are not sealed", 1),
+        )
+    ]
+    health = {"seal": {"fingerprint": "x"}, "events": {"events": alarms}}
+    forbidden, unsealed = check_running(config, health, "x")
+    assert forbidden.what.endswith("3 buoy: it may not say what it says: auv1/stop")
+    assert "somebody has its key" in forbidden.why
+    assert "has refused frames" in unsealed.what
 
 
 def test_a_gateway_that_runs_with_an_old_journal(tmp_path: Path) -> None:

@@ -168,12 +168,19 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
         )
     events = health.get("events")
     told = events.get("events") if isinstance(events, Mapping) else None
-    texts = [
-        str(each.get("text"))
+    alarms = {
+        _COUNTS.sub("", str(each.get("text"))): each.get("refusal")
         for each in (told if isinstance(told, Sequence) else ())
         if isinstance(each, Mapping) and each.get("event") == "seal"
-    ]
-    for text in dict.fromkeys(_COUNTS.sub("", each) for each in texts):
+    }
+    for text, refusal in alarms.items():
+        if refusal == "forbidden":
+            yield Finding(
+                what=f"a node of the fleet was refused what it said: {text}",
+                why="the program of that node is changed, or somebody has its key",
+                cure="look at that node; in doubt give the next key to all but that one",
+            )
+            continue
         yield Finding(
             what=f"the running gateway has refused frames: {text}",
             why="one end has another key, another generation or none; or somebody lies",
