@@ -1,7 +1,6 @@
 """Notices of a running gateway: one record per fact, as text or as JSON."""
 
 from collections.abc import Callable
-
 from typing import Final
 
 import msgspec
