@@ -116,7 +116,7 @@ async def expedition(
         text = (_HERE / "water.json5").read_text(encoding="utf-8")
         water.write_text(text.replace("seed: 7,", f"seed: 7, loss: {{ frame: {loss} }},"))
         modems = ("emulate", "evologics", "--scenario", str(water), "--listen", "127.0.0.1:0")
-        await begin("modems", *program, *modems, "--moves", "--json")
+        await begin("modems", *program, *modems, "--positions", "-", "--json")
         endpoints = dict(
             zip(
                 (SHORE, VEHICLE),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
+from zacoustic.link.positions import add_positions, positions_from
 from zacoustic.link.serving import LineWriter, parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
 
@@ -34,6 +35,7 @@ class MediumCommand(Command):
             "--time-scale", type=float, default=1.0, metavar="X",
             help="how many times faster than real (default: %(default)s)",
         )  # fmt: skip
+        add_positions(parser)
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -58,8 +60,9 @@ class MediumCommand(Command):
             server = MediumServer(medium, host, port)
             await server.open()
             try:
-                reporter.listening(server.address, arguments.scenario, scenario)
-                await asyncio.get_running_loop().create_future()  # until it is cancelled
+                with positions_from(arguments, medium):
+                    reporter.listening(server.address, arguments.scenario, scenario)
+                    await asyncio.get_running_loop().create_future()  # until it is cancelled
             finally:
                 await server.close()
 

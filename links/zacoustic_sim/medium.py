@@ -21,6 +21,7 @@ from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.faults.faults import corrupt
 from zacoustic.channel.medium import Arrival, Emission, Medium, Outcome, Reception
 from zacoustic.channel.modems import Ending, Modems, Sound
+from zacoustic.channel.propagation.position import Position
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.clock import Clock
 from zacoustic.core.linktypes import LinkCapabilities, LinkMetrics, TransmitOutcome
@@ -133,6 +134,15 @@ class SimMedium(Modems[Place, Transmit]):
         if place.tell is not None:
             place.unplug()
             self._observe(Detached(address))
+
+    def move(self, address: int, position: Position) -> None:
+        """Tell where a node is from now on: x east, y north, z down, m.
+
+        Raises:
+            ValueError: No such node, or a coordinate that is no number of reach.
+        """
+        self.agenda.run(self._now())
+        self.medium.move(address, position, self.agenda.now)
 
     def transmit(self, address: int, request: Transmit) -> None:
         """Send a frame from a node; `Finished` follows, also for a frame that cannot be sent."""

@@ -18,10 +18,7 @@ that modems send by themselves have 0 bytes, unless a message goes with them: `a
 water: a modem that restarts meanwhile, or an acknowledgement that `--faults` takes, is not seen.
 `at_s` counts from the start, in the time of the modems.
 
-With `--moves` modems can be steered: each line of standard input is an object that says where one
-is from now on, x east, y north, z down, in m::
-
-    { "address": 2, "position": [1420.5, -3.0, 18.2] }
+With `--positions` another program steers the modems: see `zacoustic.link.positions`.
 """
 
 import argparse
@@ -33,6 +30,7 @@ from typing import TYPE_CHECKING, Final
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
+from zacoustic.link.positions import add_positions, positions_from
 from zacoustic.link.serving import LineWriter, parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
 
@@ -84,11 +82,7 @@ class EvologicsEmulation(Command):
             "--set", metavar="NAME=VALUE", nargs="+", action="extend", default=[], dest="settings",
             help="settings and port options of all modems, such as ZX=1 RI=0",
         )  # fmt: skip
-        parser.add_argument(
-            "--moves", action="store_true",
-            help="standard input says where modems are: {\"address\": 2, \"position\": [x, y, z]} "
-            "in a line",
-        )  # fmt: skip
+        add_positions(parser)
         parser.add_argument(
             "--json", action="store_true",
             help="one JSON object per line: `listening` for each place, then `emission` and "
@@ -106,7 +100,6 @@ class EvologicsEmulation(Command):
         return EXIT_OK
 
     async def _serve(self, arguments: argparse.Namespace, stop: asyncio.Event) -> None:
-        from zacoustic_evologics.emulator.serving.moves import follow_moves, unbuffered_input
         from zacoustic_evologics.emulator.serving.running import RunningFleet
         from zacoustic_evologics.emulator.serving.server import FleetServer
 
@@ -119,12 +112,11 @@ class EvologicsEmulation(Command):
             running = RunningFleet(fleet, time_scale=arguments.time_scale)
             server = FleetServer(running)
             try:
-                for place in await _open_places(server, addresses, listens, arguments.pty):
-                    reporter.listening(place)
-                running.start()
-                if arguments.moves:
-                    follow_moves(unbuffered_input(), running)
-                await asyncio.get_running_loop().create_future()  # until it is cancelled
+                with positions_from(arguments, running):
+                    for place in await _open_places(server, addresses, listens, arguments.pty):
+                        reporter.listening(place)
+                    running.start()
+                    await asyncio.get_running_loop().create_future()  # until it is cancelled
             finally:
                 await server.close()
 

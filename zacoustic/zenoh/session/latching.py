@@ -1,8 +1,8 @@
-"""Latched topics as Zenoh has them: a publisher with a cache, a subscriber that asks for it.
+"""Latched topics on Zenoh: a publisher with a cache, a subscriber that asks for its content.
 
-Zenoh's advanced subscriber with a history, which a *transient local* subscription of rmw_zenoh is,
-asks the caches of publishers, each under ``KEY/@adv/pub/…``. Zenoh's advanced publisher is such a
-cache. It needs samples with time stamps: if the file has turned those off, there is no cache, and a
+Zenoh's advanced subscriber with a history, such as a *transient local* subscription of rmw_zenoh,
+asks the caches of publishers, each under ``KEY/@adv/pub/…``. Zenoh's advanced publisher has such a
+cache. It needs samples with time stamps: if the file turns those off, there is no cache, and a
 warning says so.
 """
 
@@ -19,11 +19,11 @@ from zacoustic.zenoh.session.session import ZenohSession, one_line, zenoh_priori
 _logger = logging.getLogger(__name__)
 
 Latched = zenoh.ext.AdvancedPublisher | zenoh.Publisher
-"""A publisher with a cache; or without, where there can be none."""
+"""A publisher with a cache, or without one if there can be none."""
 
 
 def stamp_samples(settings: zenoh.Config) -> None:
-    """Have all samples stamped, unless the file sets it: caches need that."""
+    """Stamp all samples, which caches need, unless the file has its own setting."""
     if json.loads(settings.get_json("timestamping/enabled")) is None:
         everywhere = {"router": True, "peer": True, "client": True}
         settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
@@ -35,10 +35,10 @@ def latched_publisher(
     """Declare a publisher that keeps its last samples for late joiners.
 
     Args:
-        zenoh_session: Where.
-        key: Its key.
-        depth: How many it keeps.
-        priority: Of its samples.
+        zenoh_session: The session.
+        key: Key of the publisher.
+        depth: Samples that it keeps.
+        priority: Priority of its samples.
     """
     try:
         return zenoh.ext.declare_advanced_publisher(
@@ -63,13 +63,13 @@ def latched_publisher(
 def latched_subscriber(
     zenoh_session: ZenohSession, expression: str, take: Callable[[zenoh.Sample], None], depth: int
 ) -> "zenoh.ext.AdvancedSubscriber[None]":
-    """Declare a subscriber that gets what caches have kept, too.
+    """Declare a subscriber that also gets the samples of caches.
 
     Args:
-        zenoh_session: Where.
-        expression: Its keys.
-        take: Takes samples, on a thread of Zenoh's.
-        depth: How many of each publisher it wants.
+        zenoh_session: The session.
+        expression: Keys of the subscriber.
+        take: Receives samples, on a thread of Zenoh.
+        depth: Earlier samples that it wants from each publisher.
     """
     return zenoh.ext.declare_advanced_subscriber(
         zenoh_session.session,

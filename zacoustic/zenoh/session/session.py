@@ -1,8 +1,7 @@
-"""An open Zenoh session: opened off the loop, its errors in one line, closed without remainder.
+"""An open Zenoh session: opened off the loop, with errors of one line, and closed completely.
 
-Everything that is put here has the destination REMOTE: the own session does not hear it. From the
-loop nothing ever blocks: puts are dropped on a full connection, everything else is done by the
-`Worker`.
+Every put has the destination REMOTE: this session does not receive it. Nothing blocks the loop: a
+put on a full connection is dropped, and the `Worker` does everything else.
 """
 
 import json
@@ -22,18 +21,18 @@ from zacoustic.zenoh.session.worker import Worker
 T = TypeVar("T")
 
 CLOSE_LIMIT_S: Final = 10.0
-"""How long closing may take, s; a session on a healthy network needs some milliseconds."""
+"""Time limit of closing, s; a session on a healthy network needs some milliseconds."""
 CALLBACKS_LIMIT_S: Final = 2.0
-"""How long the threads of callbacks may take to end behind the session, s."""
+"""Time for the threads of callbacks to end after the session, s."""
 
 WORDS: Final = {
     False: "the Zenoh router is gone; nothing comes or goes until it is back",
     True: "the Zenoh router is back",
 }
-"""Messages for people when the connection goes, and when it comes again."""
+"""Messages for people when the connection is lost, and when it is back."""
 
 HERE: Final = {"router": ("tcp/127.0.0.1:7447",), "peer": ("tcp/127.0.0.1:0",)}
-"""Where a session listens by default, by its mode."""
+"""Default endpoints at which a session listens, by mode."""
 _ZENOH_LISTENS: Final = {"router": ["tcp/[::]:7447"], "peer": ["tcp/[::]:0"]}
 
 _ENDPOINT: Final = re.compile(r"bound to (\S+): ")
@@ -45,11 +44,11 @@ _logger = logging.getLogger(__name__)
 
 
 class ZenohSession:
-    """An open session and its worker; made by `open`.
+    """An open session and its worker; created by `open`.
 
     Args:
         session: The session.
-        worker: Where what may block is done; ends with the session.
+        worker: Runs calls that may block; ends with the session.
         mode: router, peer or client.
     """
 
@@ -69,7 +68,8 @@ class ZenohSession:
         """Open a session in the mode of the config.
 
         Raises:
-            SessionError: A port is in use, no router is reached, or another error of Zenoh.
+            SessionError: A port is in use, no router can be reached, or Zenoh reports another
+                error.
         """
         worker = Worker("zenoh")
 
@@ -84,23 +84,24 @@ class ZenohSession:
             await worker.close(limit_s=CLOSE_LIMIT_S)
             raise explain(error, endpoints_of(config, "connect")) from error
         except BaseException:
-            # Opening goes on in its thread and cannot be stopped: what it opens is closed there.
+            # Opening goes on in its thread and cannot be stopped: a session that it opens is closed
+            # there.
             worker.end()
             raise
 
     def callback(
         self, function: Callable[[T], None], end: Callable[[], None] | None = None
     ) -> "zenoh.handlers.Callback[T]":
-        """Make a callback for Zenoh, which `close` waits for.
+        """Make a callback for Zenoh, for whose end `close` waits.
 
-        Zenoh calls it on a thread that ends some time after the session. A thread that comes back
-        to an interpreter which is ending kills the process, with an abort instead of its exit code.
+        Zenoh calls it on a thread that ends some time after the session. A thread that returns to
+        an ending interpreter aborts the process, which then lacks its own exit code.
 
-        It must be given to Zenoh at once, together with a key that is a `zenoh.KeyExpr` already: of
-        any other Zenoh may complain before it takes the callback, which it then never drops.
+        Give it to Zenoh at once, together with a key that is already a `zenoh.KeyExpr`: with
+        another key Zenoh may raise before it takes the callback, which it then never drops.
 
         Args:
-            function: Takes what arrives, on a thread of Zenoh's.
+            function: Receives arrivals, on a thread of Zenoh.
             end: Called there when nothing arrives any more.
         """
 
@@ -118,11 +119,11 @@ class ZenohSession:
         return zenoh.handlers.Callback(function, drop)
 
     def watch(self, tell: Callable[[bool], None]) -> None:
-        """Have the connection watched.
+        """Watch the connection.
 
         Args:
-            tell: Told, on a thread of Zenoh's, whether there is any connection, when that changes;
-                at first when there is one.
+            tell: Called on a thread of Zenoh when the connection comes or goes, first when there is
+                one.
         """
 
         def note(event: zenoh.TransportEvent) -> None:
@@ -170,18 +171,18 @@ class ZenohSession:
             self._lose(key, error)
 
     async def close(self) -> None:
-        """Close the session behind all steps, off the loop; gives up after `CLOSE_LIMIT_S`."""
+        """Close the session after all steps, off the loop; give up after `CLOSE_LIMIT_S`."""
         if not await self.worker.close(limit_s=CLOSE_LIMIT_S):
             _logger.warning("the Zenoh session does not close within %g s", CLOSE_LIMIT_S)
 
     def _close(self) -> None:
-        """Close the session and see its threads off; in the worker, or where that is over."""
+        """Close the session and wait for its threads; in the worker, unless that has ended."""
         self.session.close()  # type: ignore[no-untyped-call]
         until_s = time.monotonic() + CALLBACKS_LIMIT_S
         with self._changed:
             self._changed.wait_for(lambda: self._callbacks == 0, CALLBACKS_LIMIT_S)
             ending = self._ending
-        # They have dropped their callbacks, and have a few steps to go.
+        # They have dropped their callbacks and will end soon.
         for thread in ending:
             thread.join(max(until_s - time.monotonic(), 0))
 
@@ -191,7 +192,7 @@ class ZenohSession:
 
 
 def zenoh_priority(priority: Priority) -> zenoh.Priority:
-    """Return Zenoh's own constant: the numbers are the same."""
+    """Return Zenoh's constant, which has the same number."""
     return _PRIORITIES[priority]
 
 
@@ -201,7 +202,7 @@ def mode_of(config: zenoh.Config) -> str:
 
 
 def endpoints_of(config: zenoh.Config, word: str) -> tuple[str, ...]:
-    """Return where a session of that config listens or what it connects to.
+    """Return the endpoints at which a session with this config listens, or to which it connects.
 
     Args:
         config: The settings.
@@ -214,11 +215,11 @@ def endpoints_of(config: zenoh.Config, word: str) -> tuple[str, ...]:
 
 
 def listen_at(config: zenoh.Config, endpoints: Sequence[str]) -> None:
-    """Let a session of that config listen elsewhere.
+    """Make a session with this config listen elsewhere.
 
     Args:
         config: The settings; changed.
-        endpoints: Where, in place of those that are there.
+        endpoints: Endpoints that replace those of the config.
 
     Raises:
         ConfigError: Zenoh knows no such endpoint.
@@ -232,9 +233,9 @@ def listen_at(config: zenoh.Config, endpoints: Sequence[str]) -> None:
 
 
 def listen_here(config: zenoh.Config) -> bool:
-    """Have a session without `listen` in its file listen on this computer only.
+    """Make a session without `listen` in its file listen on this computer only.
 
-    Zenoh's own default is every network that the computer is in.
+    Zenoh's own default is every network of the computer.
 
     Args:
         config: The settings; changed.
@@ -252,11 +253,11 @@ def listen_here(config: zenoh.Config) -> bool:
 
 
 def explain(error: zenoh.ZError, endpoints: Sequence[str] = ()) -> SessionError:
-    """Say in one line what an error of opening means, and what to do.
+    """Return an error of opening as one line with its meaning and what to do.
 
     Args:
-        error: What Zenoh raised.
-        endpoints: What the session was to connect to; not all errors name it.
+        error: The error of Zenoh.
+        endpoints: Endpoints to which the session should connect; not all errors name them.
     """
     text = one_line(error)
     endpoint = found[1] if (found := _ENDPOINT.search(text)) else ""
@@ -284,7 +285,7 @@ def explain(error: zenoh.ZError, endpoints: Sequence[str] = ()) -> SessionError:
 
 
 def one_line(error: zenoh.ZError) -> str:
-    """Zenoh's message, without places in its source."""
+    """Return Zenoh's message, without places in its source."""
     return " ".join(_NOISE.sub("", str(error)).split())
 
 

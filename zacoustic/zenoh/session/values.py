@@ -1,6 +1,6 @@
-"""Values on the Zenoh side: CBOR maps or JSON objects for types, bytes as they are without one.
+"""Values on the Zenoh side: CBOR maps or JSON objects with a type, plain bytes without one.
 
-Decoding and encoding does not check whether the type allows the value; the caller that gives it to
+Decoding and encoding do not check whether the type allows the value; the caller that passes it to
 an engine or to an application does.
 """
 
@@ -13,7 +13,7 @@ def said_encoding(encoding: object, otherwise: str) -> str:
     """Return the encoding of a sample; `otherwise` for Zenoh's default and None.
 
     Args:
-        encoding: What Zenoh gives; its text counts.
+        encoding: Zenoh's encoding; its text counts.
         otherwise: The stream's.
     """
     said = OPAQUE if encoding is None else str(encoding)
@@ -24,7 +24,7 @@ def read_value(payload: bytes, spec: TypeSpec | None, encoding: str) -> object:
     """Decode a local payload: a dict, or bytes.
 
     Raises:
-        PayloadInvalidError: It cannot be read.
+        PayloadInvalidError: The payload cannot be read.
     """
     return payload if spec is None else decode_application(payload, encoding, type_spec=spec)
 
@@ -33,7 +33,7 @@ def write_value(value: object, spec: TypeSpec | None, encoding: str) -> bytes:
     """Encode a value for the local network.
 
     Raises:
-        PayloadInvalidError: The encoding cannot carry it, or it is opaque and not bytes.
+        PayloadInvalidError: The encoding cannot carry the value, or it is opaque and not bytes.
     """
     if spec is not None:
         return encode_application(value, encoding)

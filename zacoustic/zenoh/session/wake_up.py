@@ -1,7 +1,7 @@
 """The wake-up from Zenoh's threads to the loop: at most one is under way.
 
-A loop that is called for each sample collects an unbounded queue of calls. So the sender keeps what
-it hands over, bounded, and wakes the loop unless a wake-up is under way.
+A call of the loop for each sample would make an unbounded queue of calls. So the sender keeps its
+items in a bounded queue and wakes the loop unless a wake-up is under way.
 """
 
 import asyncio
@@ -11,11 +11,11 @@ from collections.abc import Callable
 
 
 class WakeUp:
-    """Wakes the loop from any thread, once until it has been answered.
+    """Wakes the loop from any thread, once until the loop has answered.
 
     Args:
         loop: The loop to wake.
-        answer: What it then does; None: what `open` says, which is called later.
+        answer: Called on the loop; None: the function that `open` gets later.
     """
 
     def __init__(
@@ -27,13 +27,13 @@ class WakeUp:
         self._has_rung = False
 
     def open(self, answer: Callable[[], None]) -> None:
-        """Answer from now on, and at once if it was rung before; on the loop."""
+        """Answer from now on, at once if `ring` was called before; on the loop."""
         self._answer = answer
         if self._has_rung:
             self._take()
 
     def ring(self) -> None:
-        """Have `answer` called soon; everything handed over before the call is there by then."""
+        """Have `answer` called soon; it sees everything handed over before this call."""
         with self._guard:
             if self._has_rung:
                 return
@@ -49,6 +49,6 @@ class WakeUp:
 
 
 def tell_loop(loop: asyncio.AbstractEventLoop, callback: Callable[[], None]) -> None:
-    """Call back on the loop, if it still runs; from any thread."""
+    """Call back on the loop if it still runs; from any thread."""
     with contextlib.suppress(RuntimeError):  # it has ended
         loop.call_soon_threadsafe(callback)

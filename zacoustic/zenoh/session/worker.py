@@ -1,7 +1,8 @@
-"""The one thread for calls of Zenoh that may block.
+"""The single thread for calls of Zenoh that may block.
 
 A reply to a client that does not read, a declaration on a full connection, opening and closing can
-each block for seconds; the loop, which owns the engine, must not. The order of the steps is kept.
+each block for seconds; the loop, which owns the engine, must not block. The worker keeps the order
+of the steps.
 """
 
 import asyncio
@@ -18,7 +19,7 @@ from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
 
-# Longer than a node tries to reach its router, which cannot be interrupted.
+# Longer than a node's attempt to reach its router, which cannot be interrupted.
 EXIT_LIMIT_S: Final = 4.0
 """How long the end of the process waits for the last steps, s."""
 
@@ -28,11 +29,10 @@ _logger = logging.getLogger(__name__)
 
 
 class Worker:
-    """A thread that takes steps one after the other; it starts when it is made.
+    """A thread that runs steps one after the other; it starts on construction.
 
-    It ends by `end` or `close`, or with the main thread. What is handed over is bounded by who
-    hands it over: queries by `QueryHandler`, calls by the call numbers, declarations by the stream
-    table.
+    It ends with `end` or `close`, or with the main thread. The callers bound the number of steps:
+    queries by `QueryHandler`, calls by the call numbers, declarations by the stream table.
 
     Args:
         name: Of the thread.
@@ -47,30 +47,30 @@ class Worker:
         self._thread.start()
 
     def submit(self, step: Callable[[], object]) -> None:
-        """Take a step soon; from any thread. What Zenoh raises is logged."""
+        """Run a step soon, from any thread; errors of Zenoh are logged."""
         self._steps.put(step)
 
     async def run(self, step: Callable[[], T], *, limit_s: float | None = None) -> T:
-        """Take a step and wait for it.
+        """Run a step and wait for it.
 
         Args:
-            step: What to do.
-            limit_s: How long to wait, s; None: for ever. The step itself cannot be stopped.
+            step: The step.
+            limit_s: Time limit, s; None: none. The step itself cannot be stopped.
 
         Raises:
-            TimeoutError: It is not done in time.
-            Exception: What the step raises.
+            TimeoutError: The step is not done in time.
+            Exception: Whatever the step raises.
         """
         loop = asyncio.get_running_loop()
         done: asyncio.Future[T] = loop.create_future()
 
         def tell(report: Callable[[], None]) -> None:
-            tell_loop(loop, lambda: None if done.done() else report())  # who waits may be gone
+            tell_loop(loop, lambda: None if done.done() else report())  # the caller may be gone
 
         def take() -> None:
             try:
                 result = step()
-            except Exception as error:  # handed on to the waiting caller
+            except Exception as error:  # passed on to the waiting caller
                 failure = error
                 tell(lambda: done.set_exception(failure))
             else:
@@ -81,15 +81,15 @@ class Worker:
             return await done
 
     def end_with(self, farewell: Callable[[], object]) -> None:
-        """Set the final step, after all others, whichever caller ends the thread; in a step."""
+        """Set the last step, whichever caller ends the thread; called in a step."""
         self._farewell = farewell
 
     def end(self) -> None:
-        """Take the present steps and end; does not wait. May be called again."""
+        """Run the present steps and end, without waiting. May be called again."""
         self._steps.put(_END)
 
     async def close(self, *, limit_s: float) -> bool:
-        """Take the present steps and end; False if it takes above `limit_s`."""
+        """Run the present steps and end; False: that takes longer than `limit_s`."""
         self.end()
         await asyncio.to_thread(self._thread.join, limit_s)
         return not self._thread.is_alive()
@@ -109,7 +109,7 @@ class Worker:
             step()
         except zenoh.ZError as error:
             _logger.debug("zenoh: %s", error)
-        except Exception:  # a fault of one step; the steps behind it are others' business
+        except Exception:  # a fault of one step; later steps belong to others
             _logger.exception("a step of the thread %s failed", self._thread.name)
 
 
