@@ -21,6 +21,7 @@ from zacoustic.run.journal.mark import read_mark
 from zacoustic.seal.keyring import Keyring, open_keyring
 from zacoustic.seal.lives import Lives
 from zacoustic.text.safetext import one_line
+from zacoustic.zenoh.gateway.notices import FORBIDDEN
 
 _COUNTS: Final = re.compile(r" \([0-9]+\)")
 
@@ -168,13 +169,13 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
         )
     events = health.get("events")
     told = events.get("events") if isinstance(events, Mapping) else None
-    alarms = {
-        _COUNTS.sub("", str(each.get("text"))): each.get("refusal")
+    texts = [
+        str(each.get("text"))
         for each in (told if isinstance(told, Sequence) else ())
         if isinstance(each, Mapping) and each.get("event") == "seal"
-    }
-    for text, refusal in alarms.items():
-        if refusal == "forbidden":
+    ]
+    for text in dict.fromkeys(_COUNTS.sub("", each) for each in texts):
+        if FORBIDDEN in text:
             yield Finding(
                 what=f"a node of the fleet was refused what it said: {text}",
                 why="the program of that node is changed, or somebody has its key",
