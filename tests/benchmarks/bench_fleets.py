@@ -11,7 +11,6 @@ little, or agreement takes too many bytes.
 """
 
 import argparse
-import math
 import statistics
 import sys
 from pathlib import Path
@@ -20,6 +19,7 @@ from typing import Final
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.virtual.crowd import OFF, SEALED, SEALED_OFF, Crowd, run_crowd
+from zacoustic.app.tools.design.campaign.interval import interval_of
 
 PERIODS_S: Final = {10: 60.0, 20: 60.0, 40: 120.0, 60: 180.0}
 """Period of a report, by the number of nodes."""
@@ -27,8 +27,6 @@ LEAST: Final = {"tag": {20: 0.92, 40: 0.85}, "sealed": dict.fromkeys(PERIODS_S, 
 """Share of what arrives without agreement, by method and number of nodes."""
 MOST_BYTES: Final = {"tag": 0.26, "sealed": 0.05}
 """Share of the bytes that agreement takes."""
-_T_95: Final = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26)
-"""Student's t, two-sided, for 1 to 9 degrees of freedom."""
 
 
 def main() -> int:
@@ -74,11 +72,10 @@ def main() -> int:
 
 
 def _interval(values: list[float]) -> str:
-    mean = statistics.fmean(values)
-    if len(values) < 2:
-        return f"{mean:.3f}"
-    t = _T_95[min(len(values) - 1, len(_T_95)) - 1]
-    return f"{mean:.3f} ± {t * statistics.stdev(values) / math.sqrt(len(values)):.3f}"
+    found = interval_of(values, 0.95)
+    assert found is not None
+    half = "" if found.high is None else f" ± {found.high - found.mean:.3f}"
+    return f"{found.mean:.3f}{half}"
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, VOLATILE_KEY, JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.run.journal import EPOCHS, MemoryJournal, SqliteJournal, journal_in
 
@@ -69,7 +69,7 @@ def test_file_and_memory_keep_the_same(groups: list[list[tuple[str, bytes | None
             journal.commit(writes)
         journal.close()
         expected = memory.recover().entries
-        del expected[EPOCH_KEY], expected[LIFE_KEY]
+        del expected[EPOCH_KEY], expected[LIFE_KEY], expected[VOLATILE_KEY]
         assert entries_of(path) == expected
 
 

@@ -78,12 +78,12 @@ def test_sound_goes_where_a_modem_was_told_to_be() -> None:
     assert fleet.distance_m(1, 2) == pytest.approx(1500.0, abs=0.1)
 
 
-WATER = """{ profile: "ideal", channel: "none",
+SCENARIO = """{ profile: "ideal", channel: "none",
   nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [15, 0, 10] } ] }"""
 
 
 def test_a_simulator_on_zenoh_says_where_nodes_of_a_medium_are(tmp_path: Path) -> None:
-    (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
+    (tmp_path / "water.json5").write_text(SCENARIO, encoding="utf-8")
     with zenoh_router() as port:
         endpoint = f"tcp/127.0.0.1:{port}"
         words = ["medium", "water.json5", "--listen", "127.0.0.1:0", "--json"]
@@ -152,7 +152,7 @@ def test_a_source_that_is_none_is_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     path = tmp_path / "water.json5"
-    path.write_text(WATER, encoding="utf-8")
+    path.write_text(SCENARIO, encoding="utf-8")
     begun = ["medium", str(path)] if verb == "medium" else ["emulate", "evologics"]
     assert main([*begun, "--listen", "127.0.0.1:0", *words]) == code
     told = capsys.readouterr()

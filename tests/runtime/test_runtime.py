@@ -10,7 +10,7 @@ import pytest
 
 from tests.runtime.loop_checks import run, until
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, VOLATILE_KEY, JournalWrite
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, LinkStateChanged, SampleReceived
 from zacoustic.core.linktypes import (
@@ -481,10 +481,11 @@ def test_memory_journal_draws_an_epoch_and_keeps_writes_for_its_life() -> None:
         "k": b"\x01",
         EPOCH_KEY: second.boot_epoch.to_bytes(2, "big"),
         LIFE_KEY: (2).to_bytes(8, "big"),
+        VOLATILE_KEY: b"",
     }
     for _ in range(2):  # what is not there may be deleted, too
         journal.commit([JournalWrite(write_id=3, key="k", value=None)])
-    assert set(journal.recover().entries) == {EPOCH_KEY, LIFE_KEY}
+    assert set(journal.recover().entries) == {EPOCH_KEY, LIFE_KEY, VOLATILE_KEY}
     journal.close()
 
 

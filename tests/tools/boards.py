@@ -69,3 +69,34 @@ def full_board(**changed: object) -> Board:
 def full_view(**changed: object) -> GatewayView:
     """Make the view of gateway 2, at `NOW_S`; documents may be changed."""
     return full_board(**changed).view(2)
+
+
+def fleet_board(gateways: int = 40) -> Board:
+    """Return a board of a fleet in which each gateway hears each other node."""
+    board = full_board()
+    nodes = range(1, gateways + 1)
+    for address in nodes:
+        peers = {
+            str(each): {
+                "name": f"auv{each}",
+                "same_table": (address, each) != (1, 30),
+                "heard_at_unix_s": NOW_S - each,
+                "per": 0.7 if (address, each) == (1, 40) else 0.0,
+            }
+            for each in nodes
+            if each != address
+        }
+        streams = [
+            {"id": each, "name": f"auv{each}/report", "kind": "topic", "jobs": ["deliver"],
+             "received": 3, "deadline_missed": int(each == 175)}
+            for each in range(1, 176)
+        ]  # fmt: skip
+        for name, document in {
+            "node": {"name": f"auv{address}"},
+            "link": {"state": "down" if address == 39 else "up"},
+            "peers": peers,
+            "peer/3/lost": {"lost": False},
+            "streams": {"streams": streams},
+        }.items():
+            put(board, name, document, address)
+    return board

@@ -9,8 +9,9 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from tests.tools.boards import NOW_S, full_board, full_view, put
+from tests.tools.boards import NOW_S, fleet_board, full_board, full_view, put
 from zacoustic.app.tools.pages.truth import Alarm
+from zacoustic.app.tools.watch.crowd import MOST_GATEWAYS, MOST_STREAMS, MOST_TROUBLED
 from zacoustic.app.tools.watch.drawing import (
     cause_bars,
     event_lines,
@@ -68,6 +69,58 @@ def test_page_shows_what_there_is_and_what_comes_later() -> None:
             await user.should_see("link down, no answer")
 
     asyncio.run(visit())
+
+
+def test_a_fleet_of_forty_is_one_page_with_what_fails_on_top() -> None:
+    from nicegui import ui
+    from nicegui.testing.user_simulation import user_simulation
+
+    shown = lookout()
+    shown.board, shown.trouble = fleet_board(), ""
+    shown.note()
+    pages: list[Page] = []
+
+    async def visit() -> None:
+        async with user_simulation(lambda: pages.append(Page(shown))) as user:
+            await user.open("/")
+            await user.should_see("40 gateways on tcp/h:7447")
+
+            def marked(name: str, kind: Any) -> list[Any]:
+                found = user.find(marker=name, kind=kind).elements
+                return sorted(found, key=lambda each: each.id)
+
+            states = [each.text for each in marked("state", ui.badge)]
+            assert len(states) == MOST_GATEWAYS
+            assert states[0] == "link down"
+            peers = [[row["node"] for row in each.rows] for each in marked("peers", ui.table)]
+            assert peers[0] == []
+            assert peers[1] == ["30 auv30", "40 auv40"]
+            said = [each.text for each in marked("more peers", ui.label)]
+            assert said[1] == "well: 37 nodes, each heard in the last 39 s"
+            streams = marked("streams", ui.table)
+            assert streams[0].rows[0]["name"] == "auv175/report"
+            assert {len(each.rows) for each in streams} == {MOST_STREAMS}
+            assert marked("more streams", ui.label)[0].text == "and 135 streams"
+            assert marked("rest", ui.label)[0].text.startswith("and 34 gateways, all well")
+            rows = sum(len(each.rows) for each in user.find(kind=ui.table).elements)
+            assert rows <= MOST_GATEWAYS * (MOST_STREAMS + MOST_TROUBLED + 10)
+            for box in marked("all nodes", ui.checkbox):
+                box.value = True
+            pages[0].refresh()
+            assert len(marked("peers", ui.table)[1].rows) == 39
+            for address in range(1, 41):
+                put(shown.board, "link", {"state": "down"}, address)
+            pages[0].refresh()
+            assert len(marked("state", ui.badge)) == MOST_GATEWAYS
+            assert len(marked("gateways", ui.table)[0].rows) == MOST_TROUBLED
+            said = [each.text for each in marked("rest", ui.label)]
+            assert said[0].startswith("and 10 gateways, 10 of them with troubles")
+
+    asyncio.run(visit())
+    alarm = alarm_of(shown.board.views(), "")
+    assert alarm is not None
+    assert alarm.text.endswith("and 36 more")
+    assert len(alarm.text) < 200
 
 
 def test_page_of_one_gateway_leaves_the_others_out() -> None:

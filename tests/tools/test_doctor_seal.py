@@ -20,12 +20,14 @@ from tests.gateway.networks import (
 )
 from tests.tools.ward import NODES, STREAMS, beside, examine, modem_file, problem
 from zacoustic.app.cli import main
-from zacoustic.app.tools.security.keycheck import check_room
+from zacoustic.app.tools.security.keycheck import check_room, check_running
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.gateway import Gateway
 from zacoustic.run.journal import journal_in
 from zacoustic.seal.keys import FleetKey, new_key, read_key, write_key
+from zacoustic.zenoh.gateway.notices import SealBroken
+from zacoustic.zenoh.gateway.status.recent_events import RecentEvents
 
 KEY = new_key("harbour")
 EAGER = [{**STREAMS[0], "min_interval_s": 0}, STREAMS[1]]
@@ -127,6 +129,22 @@ def test_a_gateway_that_runs_with_another_key_or_none(tmp_path: Path) -> None:
             assert "the running gateway does not seal its frames" in told.text
 
     run(scene())
+
+
+def test_what_a_node_may_not_say_is_not_taken_for_another_key() -> None:
+    config = config_from_mapping({"address": 1, "security": {"key": "k"}}, source="file")
+    events = RecentEvents()
+    for refusal, frames in (("forbidden", 1), ("forbidden", 31), ("unsealed", 1)):
+        stream = "auv1/stop" if refusal == "forbidden" else ""
+        notice = SealBroken(
+            address=3, name="buoy", refusal=refusal, frames=frames, is_too_many=False, stream=stream
+        )
+        events.note(notice)
+    health = {"seal": {"fingerprint": "x"}, **events.documents()}
+    forbidden, unsealed = check_running(config, health, "x")
+    assert forbidden.what.endswith("3 buoy: it may not say what it says: auv1/stop")
+    assert "somebody has its key" in forbidden.why
+    assert "has refused frames" in unsealed.what
 
 
 def test_a_gateway_that_runs_with_an_old_journal(tmp_path: Path) -> None:

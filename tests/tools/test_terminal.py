@@ -8,7 +8,8 @@ pytest.importorskip("rich")
 
 from rich.console import Console
 
-from tests.tools.boards import DOCUMENTS, full_view
+from tests.tools.boards import DOCUMENTS, fleet_board, full_view
+from zacoustic.app.tools.watch.crowd import MOST_GATEWAYS
 from zacoustic.app.tools.watch.terminal import Terminal, picture, waiting_picture
 from zacoustic.app.tools.watch.words import rate_words, size_words, state_words, time_words
 
@@ -45,6 +46,19 @@ def test_of_many_nodes_those_are_listed_with_which_something_is_amiss() -> None:
     whole = drawn({"peers": peers}, is_complete=True)
     assert "8 auv8" in whole
     assert "well:" not in whole
+
+
+def test_of_forty_gateways_those_that_fail_are_drawn_and_the_others_are_counted() -> None:
+    console = Console(file=io.StringIO(), width=120, record=True)
+    console.print(picture(fleet_board().views()))
+    text = console.export_text()
+    lines = [line for line in text.splitlines() if "────" in line and "auv" in line]
+    assert len(lines) == MOST_GATEWAYS
+    assert len(text.splitlines()) < MOST_GATEWAYS * 80
+    assert " 39 auv39 " in lines[0]
+    assert " 1 auv1 " in lines[1]
+    assert "30 auv30" in text
+    assert "and 34 gateways, all well" in text
 
 
 def test_picture_tells_streams_nodes_airtime_transfers_and_events() -> None:

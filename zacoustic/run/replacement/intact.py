@@ -12,7 +12,14 @@ import logging
 from collections.abc import Callable, Mapping, Set
 from typing import Final, TypeAlias
 
-from zacoustic.core.base.journal import BOOT_KEY, DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.journal import (
+    BOOT_KEY,
+    DOUBT_KEY,
+    EPOCH_KEY,
+    LIFE_KEY,
+    VOLATILE_KEY,
+    JournalWrite,
+)
 from zacoustic.core.engine.engine import Engine
 from zacoustic.run.journal.thread import NO_WRITE
 
@@ -21,7 +28,7 @@ Renew: TypeAlias = Callable[[int, Mapping[str, bytes]], Engine]
 Trial: TypeAlias = Callable[[Engine], None]
 """Does the first step with an engine that is thrown away afterwards."""
 
-_OF_THE_LIFE: Final = frozenset({EPOCH_KEY, LIFE_KEY, DOUBT_KEY, BOOT_KEY})
+_OF_THE_LIFE: Final = frozenset({EPOCH_KEY, LIFE_KEY, DOUBT_KEY, BOOT_KEY, VOLATILE_KEY})
 _LOGGED_BYTES: Final = 256
 _logger = logging.getLogger(__name__)
 

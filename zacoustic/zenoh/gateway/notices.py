@@ -1,6 +1,7 @@
 """Notices of a running gateway: one record per fact, as text or as JSON."""
 
 from collections.abc import Callable
+from typing import Final
 
 import msgspec
 
@@ -174,6 +175,10 @@ class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
         return [f"journal   in doubt, a new life with what is right in it: {self.reason}"]
 
 
+FORBIDDEN: Final = "it may not say what it says"
+"""The words for an authentic node that says what the table does not allow it."""
+
+
 class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
     """Frames in the name of a node do not open, or open and cannot come from it."""
 
@@ -202,7 +207,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
             "forged": "its frames do not open: another key, or not from it",
             "former_life": "it speaks as in a former life: old records, or a recording of it",
             "clone": "another computer has this key and address; nothing is transmitted any more",
-            "forbidden": f"it may not say what it says: {self.stream}",
+            "forbidden": f"{FORBIDDEN}: {self.stream}",
         }[self.refusal]
         rotate = "; rotate the key" if self.is_too_many else ""
         node = f"{self.address} {self.name}".rstrip()

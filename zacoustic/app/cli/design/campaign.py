@@ -66,7 +66,7 @@ class CampaignCommand(Command):
         from zacoustic.app.tools.design.campaign.conducting import PAGE, Wishes, run_campaign
 
         path = Path(arguments.file)
-        folder = arguments.output or path.with_name(f"{path.stem}.results")
+        folder = arguments.output or path.parent / f"{path.stem}.results"
         wishes = Wishes(
             scheduler=arguments.scheduler,
             workers=workers,

@@ -3,7 +3,13 @@
 import argparse
 import asyncio
 
-from zacoustic.app.cli.support.arguments import add_json, add_load, add_node_file, check_positive
+from zacoustic.app.cli.support.arguments import (
+    add_examined_node,
+    add_json,
+    add_load,
+    check_positive,
+    examined_node,
+)
 from zacoustic.app.cli.support.printing import print_result
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
 
@@ -17,14 +23,7 @@ class DoctorCommand(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, node, where to look and form of the output."""
-        add_node_file(parser)
-        parser.add_argument(
-            "--connect", action="append", default=[], metavar="ENDPOINT",
-            help="Zenoh router of the gateway, instead of the file's; may be given again",
-        )  # fmt: skip
-        parser.add_argument(
-            "--ntp", metavar="HOST[:PORT]", help="ask this time server how wrong the clock is"
-        )
+        add_examined_node(parser)
         add_load(
             parser,
             recording="how often things are said, for the airtime",
@@ -47,17 +46,16 @@ class DoctorCommand(Command):
         Raises:
             ConfigError: The file or an argument is wrong.
         """
+        import msgspec
+
         from zacoustic.app.tools.design.plan.fleet import AssumedChannel
-        from zacoustic.app.tools.field.doctor.doctor import DEFAULT_PATIENCE_S, Options, diagnose
+        from zacoustic.app.tools.field.doctor.doctor import DEFAULT_PATIENCE_S, diagnose
         from zacoustic.app.tools.field.doctor.text import as_text
         from zacoustic.channel.profiles import DEFAULT_PROFILE
 
         check_positive(arguments, "patience")
-        options = Options(
-            address=arguments.address,
-            locator=arguments.link,
-            connect=tuple(arguments.connect),
-            ntp=arguments.ntp,
+        options = msgspec.structs.replace(
+            examined_node(arguments),
             recordings=tuple(arguments.recording),
             channel=AssumedChannel(profile=arguments.profile or DEFAULT_PROFILE),
             patience_s=arguments.patience or DEFAULT_PATIENCE_S,

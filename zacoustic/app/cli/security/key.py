@@ -2,12 +2,16 @@
 
 import argparse
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from zacoustic.app.cli.support.arguments import add_json
 from zacoustic.app.cli.support.printing import print_json, print_note, print_result
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
+
+if TYPE_CHECKING:
+    from zacoustic.seal.identities import Members
+    from zacoustic.seal.keys import FleetKey
 
 _DANGER: Final = """\
 Every frame of a node is sealed under a number that no other frame may have. The number begins with
@@ -75,7 +79,6 @@ class NewKey(Command):
             ConfigError: There is one already, or it cannot be written.
         """
         from zacoustic.app.tools.security import members
-        from zacoustic.app.tools.security.keyreport import as_text, report_on
         from zacoustic.seal.keys import new_key, write_key
 
         if (arguments.identity is None) != (arguments.members is None):
@@ -86,13 +89,10 @@ class NewKey(Command):
             listed = members.enrol(
                 arguments.key, arguments.members, arguments.network, arguments.identity
             )
-            report = members.report_on(arguments.members, listed)
-            print_result(report, members.as_text, as_json=arguments.json)
-            return EXIT_OK
+            return _print_members(arguments, arguments.members, listed)
         key = new_key(arguments.network, after=_generation(arguments))
         write_key(arguments.key, key, replace=arguments.force)
-        print_result(report_on(arguments.key, key), as_text, as_json=arguments.json)
-        return EXIT_OK
+        return _print_key(arguments, key)
 
 
 class ShowKey(Command):
@@ -116,18 +116,13 @@ class ShowKey(Command):
             ConfigError: The file cannot be used.
         """
         from zacoustic.app.tools.security import members
-        from zacoustic.app.tools.security.keyreport import as_text, report_on
         from zacoustic.seal.keys import read_key
 
         if members.is_list(arguments.key):
             from zacoustic.seal.identities import read_members
 
-            report = members.report_on(arguments.key, read_members(arguments.key))
-            print_result(report, members.as_text, as_json=arguments.json)
-            return EXIT_OK
-        key = read_key(arguments.key)
-        print_result(report_on(arguments.key, key), as_text, as_json=arguments.json)
-        return EXIT_OK
+            return _print_members(arguments, arguments.key, read_members(arguments.key))
+        return _print_key(arguments, read_key(arguments.key))
 
 
 class RotateKey(Command):
@@ -160,22 +155,18 @@ class RotateKey(Command):
             ConfigError: The file cannot be used, or there is no next generation.
         """
         from zacoustic.app.tools.security import members
-        from zacoustic.app.tools.security.keyreport import as_text, report_on
         from zacoustic.seal.keys import read_key, write_key
 
         path = arguments.key.resolve()  # of a link the file behind it
         if members.is_list(path):
             listed = members.rotate(path, end_overlap=arguments.end_overlap)
-            report = members.report_on(arguments.key, listed)
-            print_result(report, members.as_text, as_json=arguments.json)
-            return EXIT_OK
+            return _print_members(arguments, arguments.key, listed)
         key = read_key(path)
         if arguments.end_overlap and key.former is None:
             raise ConfigError(f"{arguments.key}: has no former generation; allowed: leave it")
         key = key.settled() if arguments.end_overlap else key.rotated()
         write_key(path, key, replace=True)
-        print_result(report_on(arguments.key, key), as_text, as_json=arguments.json)
-        return EXIT_OK
+        return _print_key(arguments, key)
 
 
 class RevokeKey(Command):
@@ -206,9 +197,7 @@ class RevokeKey(Command):
 
         if members.is_list(arguments.key):
             left = members.revoke(arguments.key, arguments.address)
-            report = members.report_on(arguments.key, left)
-            print_result(report, members.as_text, as_json=arguments.json)
-            return EXIT_OK
+            return _print_members(arguments, arguments.key, left)
         key = read_key(arguments.key)
         raise ConfigError(
             f"{arguments.key}: {key.network} has one key for all nodes; node {arguments.address} "
@@ -320,6 +309,20 @@ class CheckKey(Command):
         check = check_keys(config, wanted)
         print_result(check, as_text, as_json=arguments.json)
         return EXIT_FAILED if check.findings else EXIT_OK
+
+
+def _print_key(arguments: argparse.Namespace, key: "FleetKey") -> int:
+    from zacoustic.app.tools.security.keyreport import as_text, report_on
+
+    print_result(report_on(arguments.key, key), as_text, as_json=arguments.json)
+    return EXIT_OK
+
+
+def _print_members(arguments: argparse.Namespace, path: Path, listed: "Members") -> int:
+    from zacoustic.app.tools.security import members
+
+    print_result(members.report_on(path, listed), members.as_text, as_json=arguments.json)
+    return EXIT_OK
 
 
 def _generation(arguments: argparse.Namespace) -> int:

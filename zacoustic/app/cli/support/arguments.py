@@ -1,10 +1,13 @@
 """Arguments that several verbs share, each defined once."""
 
 import argparse
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from zacoustic.core.base.clock import DURATIONS, LONGEST_S, SHORTEST_S, is_duration
 from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:
+    from zacoustic.app.tools.field.doctor.doctor import Options
 
 DEFAULT_WINDOW_S: Final = 10.0
 """Time whose samples usually share a frame, s."""
@@ -30,6 +33,30 @@ def add_connect(parser: _Adds) -> None:
     """Declare where Zenoh is joined."""
     parser.add_argument(
         "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
+    )
+
+
+def add_examined_node(parser: argparse.ArgumentParser) -> None:
+    """Declare a node that is examined on its own computer."""
+    add_node_file(parser)
+    parser.add_argument(
+        "--connect", action="append", default=[], metavar="ENDPOINT",
+        help="Zenoh router of the gateway, instead of the file's; may be given again",
+    )  # fmt: skip
+    parser.add_argument(
+        "--ntp", metavar="HOST[:PORT]", help="ask this time server how wrong the clock is"
+    )
+
+
+def examined_node(arguments: argparse.Namespace) -> "Options":
+    """Return what `add_examined_node` has declared."""
+    from zacoustic.app.tools.field.doctor.doctor import Options
+
+    return Options(
+        address=arguments.address,
+        locator=arguments.link,
+        connect=tuple(arguments.connect),
+        ntp=arguments.ntp,
     )
 
 

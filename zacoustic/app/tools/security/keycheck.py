@@ -21,6 +21,7 @@ from zacoustic.run.journal.mark import read_mark
 from zacoustic.seal.keyring import Keyring, open_keyring
 from zacoustic.seal.lives import Lives
 from zacoustic.text.safetext import one_line
+from zacoustic.zenoh.gateway.notices import FORBIDDEN
 
 _COUNTS: Final = re.compile(r" \([0-9]+\)")
 
@@ -174,6 +175,13 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
         if isinstance(each, Mapping) and each.get("event") == "seal"
     ]
     for text in dict.fromkeys(_COUNTS.sub("", each) for each in texts):
+        if FORBIDDEN in text:
+            yield Finding(
+                what=f"a node of the fleet was refused what it said: {text}",
+                why="the program of that node is changed, or somebody has its key",
+                cure="look at that node; in doubt give the next key to all but that one",
+            )
+            continue
         yield Finding(
             what=f"the running gateway has refused frames: {text}",
             why="one end has another key, another generation or none; or somebody lies",

@@ -9,6 +9,12 @@ from typing import Any, Final
 from nicegui import ui
 
 from zacoustic.app.tools.pages.webpage import Banner
+from zacoustic.app.tools.watch.crowd import (
+    MOST_PEERS,
+    gateways_in_short,
+    peers_in_short,
+    streams_in_short,
+)
 from zacoustic.app.tools.watch.drawing import (
     STYLE,
     cause_bars,
@@ -44,6 +50,10 @@ from zacoustic.app.tools.watch.words import (
 REFRESH_S: Final = 0.5
 """Time between two looks, s."""
 
+_GATEWAY_COLUMNS: Final = (
+    ("gateway", "gateway", True), ("air", "on the air", False), ("waiting", "waits", False),
+    ("nodes", "nodes", False), ("trouble", "", True),
+)  # fmt: skip
 _STREAM_COLUMNS: Final = (
     ("id", "id", False), ("name", "stream", True), ("kind", "kind", True),
     ("sent", "sent", False), ("sent_ago", "last", False), ("sent_rate", "rate", False),
@@ -80,7 +90,7 @@ class Page:
 
     def __init__(self, lookout: Lookout) -> None:
         self._lookout = lookout
-        self._sections: dict[int, _Section] = {}
+        self._sections: list[_Section] = []
         ui.page_title("zacoustic")
         self._banner = Banner("NOT CURRENT")
         ui.add_css(STYLE)
@@ -92,6 +102,8 @@ class Page:
         with ui.column().classes("za w-full gap-6"):
             self._trouble = ui.label().classes("text-h6 bad").mark("trouble")
             self._body = ui.column().classes("w-full gap-8 za-live")
+            self._others = _table(_GATEWAY_COLUMNS).mark("gateways")
+            self._rest = ui.label().classes("za-dim").mark("rest")
         ui.timer(REFRESH_S, self.refresh)
         self.refresh()
 
@@ -107,20 +119,26 @@ class Page:
         trouble = "" if addresses else lookout.trouble or "no gateway has been heard yet"
         self._trouble.set_text(trouble)
         self._trouble.set_visibility(bool(trouble))
-        for view in views:
-            if view.address not in self._sections:
-                with self._body:
-                    self._sections[view.address] = _Section()
+        whole, others, rest = gateways_in_short(views)
+        while len(self._sections) < len(whole):
+            with self._body:
+                self._sections.append(_Section())
+        for index, section in enumerate(self._sections):
+            section.card.set_visibility(index < len(whole))
+        for section, view in zip(self._sections, whole, strict=False):
             history = lookout.histories.get(view.address)
             chart = load_chart(history.points if history else (), view.unix_s)
-            self._sections[view.address].show(view, chart)
+            section.show(view, chart)
+        _fill(self._others, [gateway_row(each) for each in others])
+        self._others.set_visibility(bool(others))
+        self._rest.set_text(f"{rest}: zacoustic dashboard --node N shows one" if rest else "")
 
 
 class _Section:
     """One gateway; made inside of the element that holds it."""
 
     def __init__(self) -> None:
-        with ui.card().classes("w-full gap-3"):
+        with ui.card().classes("w-full gap-3") as self.card:
             with ui.row().classes("items-center gap-3"):
                 self._title = ui.label().classes("text-h5")
                 self._state = ui.badge().classes("text-body2 q-pa-xs").mark("state")
@@ -132,9 +150,12 @@ class _Section:
                     self._streams = _table(_STREAM_COLUMNS, sent_ago="", heard_ago="", age="").mark(
                         "streams"
                     )
+                    self._more_streams = ui.label().classes("za-dim").mark("more streams")
                     self._quiet = ui.checkbox("quiet streams as well").mark("quiet")
                     _heading("nodes")
                     self._peers = _table(_PEER_COLUMNS, heard=_AGO).mark("peers")
+                    self._more_peers = ui.label().classes("za-dim").mark("more peers")
+                    self._all = ui.checkbox("all nodes").mark("all nodes")
                     _heading("last frames")
                     self._frames = _table(_FRAME_COLUMNS, ago=_AGO).mark("frames")
                 with ui.column().classes("gap-3").style("flex: 2 1 22rem; min-width: 0"):
@@ -155,14 +176,30 @@ class _Section:
         self._modem.set_text(_modem_words(view))
         self._figures.set_content(_figures(view))
         wanted = [each for each in view.streams if self._quiet.value or not is_quiet(each)]
-        shown = troubled_first(wanted)
-        _fill(self._streams, [stream_row(each) for each in shown])
-        _fill(self._peers, [peer_row(each) for each in view.peers])
+        streams, more = streams_in_short(troubled_first(wanted))
+        _fill(self._streams, [stream_row(each) for each in streams])
+        self._more_streams.set_text(more)
+        peers, more = peers_in_short(view.peers, is_complete=self._all.value)
+        _fill(self._peers, [peer_row(each) for each in peers])
+        self._more_peers.set_text(more)
+        self._all.set_visibility(len(view.peers) > MOST_PEERS)
         _fill(self._frames, frame_rows(view))
         self._chart.set_content(chart)
         self._causes.set_content(cause_bars(view.causes))
         self._transfers.set_content(transfer_bars(view.transfers))
         self._events.set_content(event_lines(view.events))
+
+
+def gateway_row(view: GatewayView) -> dict[str, Any]:
+    """Return the row of a gateway among many."""
+    return {
+        "id": view.address,
+        "gateway": title_words(view),
+        "air": share_words(view.utilisation),
+        "waiting": view.waiting or "",
+        "nodes": len(view.peers),
+        "trouble": "" if is_well(view) else state_words(view),
+    }
 
 
 def stream_row(stream: StreamView) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
+from zacoustic.app.tools.watch.crowd import gateways_in_short, peers_in_short, streams_in_short
 from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.app.tools.watch.words import (
     LOSING,
@@ -53,8 +54,6 @@ _WIDEST: Final = 1000
 # What a narrow terminal does not show of streams, by place: the rates, then the airtime as well,
 # then when something was sent and heard last.
 _LACKING: Final = tuple(map(frozenset, ((), (2, 5), (2, 5, 8), (1, 2, 4, 5, 8))))
-_MOST_PEERS: Final = 12
-"""Of more nodes only those are shown one by one with which something is amiss."""
 _GOOD, _BAD, _WEAK, _DIM = "green", "bold red", "yellow", "dim"
 
 
@@ -103,9 +102,27 @@ def picture(views: Sequence[GatewayView], *, is_complete: bool = False) -> Rende
 
     Args:
         views: What holds of each.
-        is_complete: With the streams that are quiet.
+        is_complete: With all gateways and nodes, and the streams that are quiet.
     """
-    return Group(*(_gateway(view, is_complete=is_complete) for view in views))
+    if is_complete:
+        return Group(*(_gateway(view, is_complete=True) for view in views))
+    whole, others, rest = gateways_in_short(views)
+    return Group(
+        *(_gateway(view, is_complete=False) for view in whole),
+        *([_gateway_table(others)] if others else []),
+        *([Text(rest, style=_DIM)] if rest else []),
+    )
+
+
+def _gateway_table(views: Sequence[GatewayView]) -> Table:
+    table = _table("gateway", right=("on the air", "waiting"))
+    table.add_column("")
+    for view in views:
+        state = _cell(state_words(view), _GOOD if is_well(view) else _BAD)
+        table.add_row(
+            _cell(title_words(view)), share_words(view.utilisation), str(view.waiting), state
+        )
+    return table
 
 
 def _gateway(view: GatewayView, *, is_complete: bool) -> RenderableType:
@@ -173,11 +190,13 @@ class _Fitting:
 def _streams(view: GatewayView, *, is_complete: bool) -> RenderableType:
     shown = [each for each in view.streams if is_complete or not is_quiet(each)]
     quiet = len(view.streams) - len(shown)
+    rest = [f"quiet: {quiet} stream{'s' if quiet > 1 else ''}"] if quiet else []
+    if not is_complete:
+        shown, more = streams_in_short(shown)
+        rest += [more] if more else []
     table = _Fitting(*(_stream_table(shown, lacking) for lacking in _LACKING))
-    if not quiet:
-        return table
-    names = Text(f"quiet: {quiet} stream{'s' if quiet > 1 else ''}", style=_DIM)
-    return Group(table, names) if shown else names
+    lines = [Text(", ".join(rest), style=_DIM)] if rest else []
+    return Group(*([table] if shown or not lines else []), *lines)
 
 
 def _stream_table(streams: Sequence[StreamView], lacking: frozenset[int]) -> Table:
@@ -207,20 +226,9 @@ def _crossed(times: int, ago_s: float | None, rate_hz: float | None) -> tuple[st
 
 def _peers(view: GatewayView, *, is_complete: bool) -> RenderableType:
     """Draw the other nodes; of many only those with something amiss, and a line for the rest."""
-    is_all = is_complete or len(view.peers) <= _MOST_PEERS
-    shown = [each for each in view.peers if is_all or not _is_well(each)]
-    rest = [each.heard_ago_s or 0.0 for each in view.peers if each not in shown]
-    table = _peer_table(shown)
-    if not rest:
-        return table
-    text = f"well: {len(rest)} nodes, each heard in the last {time_words(max(rest))}"
-    line = Text(text, style=_DIM)
-    return Group(table, line) if shown else line
-
-
-def _is_well(peer: PeerView) -> bool:
-    is_heard = peer.heard_ago_s is not None
-    return is_heard and (peer.per or 0) <= LOSING and not trouble_words(peer)
+    shown, rest = peers_in_short(view.peers, is_complete=is_complete)
+    line = [Text(rest, style=_DIM)] if rest else []
+    return Group(*([_peer_table(shown)] if shown or not rest else []), *line)
 
 
 def _peer_table(peers: Sequence[PeerView]) -> Table:

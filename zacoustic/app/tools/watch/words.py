@@ -14,6 +14,8 @@ from zacoustic.app.tools.watch.views import (
 
 NOTHING: Final = "–"
 """Stands for unknown values."""
+_MOST_NAMED: Final = 4
+"""Of more gateways that have failed, so many are named."""
 LOSING: Final = 0.2
 """A packet error rate above this is worth a colour."""
 LOST_OUTCOMES: Final = ("not_delivered", "rejected", "aborted")
@@ -113,6 +115,8 @@ def alarm_of(views: Sequence[GatewayView], trouble: str) -> Alarm | None:
     words += [f"link of gateway {title_words(view)} {view.link_state}" for view in down]
     if not words:
         return None
+    if len(words) > _MOST_NAMED:
+        words[_MOST_NAMED:] = [f"and {len(words) - _MOST_NAMED} more"]
     since_s = gone[0].gone_s if len(words) == 1 and gone else None
     return Alarm(f"NOT CURRENT: {', '.join(words)}", since_s)
 

@@ -1,7 +1,7 @@
 """Health as plain Zenoh keys: the state of the link, the channel and the streams.
 
-JSON under ``@acoustic/ADDRESS/``, put when it has changed, at most once in `INTERVAL_S`, and
-answered to a `get`:
+JSON under ``@acoustic/ADDRESS/``, put when it has changed, at most once in `INTERVAL_S` and not
+more than `BYTES_PER_S` of each, and answered to a `get`:
 
 ============  =====================================================================================
 ``node``      name, version, start, locator
@@ -29,6 +29,7 @@ cross the channel. The one timer is armed by a change and not re-armed: an idle 
 """
 
 import asyncio
+import math
 from typing import Final
 
 import msgspec
@@ -43,6 +44,8 @@ from zacoustic.zenoh.session.session import ZenohSession
 
 INTERVAL_S: Final = 1.0
 """Least time between two puts of one document, s."""
+BYTES_PER_S: Final = 8_000
+"""Of a larger document so many bytes are put a second: `peers` of 254 nodes has some 80 kB."""
 
 
 class Health:
@@ -76,6 +79,7 @@ class Health:
         self._is_closed = False
         self._last_at_s = float("-inf")
         self._published: dict[str, bytes] = {}
+        self._free_at_s: dict[str, float] = {}
 
     @property
     def expression(self) -> str:
@@ -84,9 +88,7 @@ class Health:
 
     def touch(self) -> None:
         """Something has changed: publish soon."""
-        if self._timer is None and not self._is_closed:
-            due_at_s = max(self._loop.time(), self._last_at_s + self._interval_s)
-            self._timer = self._loop.call_at(due_at_s, self._publish)
+        self._arm(max(self._loop.time(), self._last_at_s + self._interval_s))
 
     def answer(self, held: HeldQuery) -> None:
         """Answer a `get`."""
@@ -111,15 +113,33 @@ class Health:
 
     def _publish(self) -> None:
         self._timer = None
-        self._last_at_s = self._loop.time()
+        now_s = self._last_at_s = self._loop.time()
+        later_at_s = math.inf
         documents = self._encoded()
         if self._times_set != self._dates.times_set:
             self._times_set = self._dates.times_set
             documents = {**self._clock_document(), **documents}  # before those that it dates
         for key, payload in documents.items():
-            if self._published.get(key) != payload:
-                self._published[key] = payload
-                self._zenoh_session.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
+            if self._published.get(key) == payload:
+                continue
+            free_at_s = self._free_at_s.get(key, now_s)
+            if free_at_s > now_s:
+                later_at_s = min(later_at_s, free_at_s)
+                continue
+            self._published[key] = payload
+            self._zenoh_session.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
+            if len(payload) > BYTES_PER_S * self._interval_s:
+                self._free_at_s[key] = now_s + len(payload) / BYTES_PER_S
+        if later_at_s < math.inf:
+            self._arm(max(later_at_s, now_s + self._interval_s))
+
+    def _arm(self, due_at_s: float) -> None:
+        """Publish then, or sooner if that is planned already."""
+        if self._is_closed or (self._timer is not None and self._timer.when() <= due_at_s):
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self._loop.call_at(due_at_s, self._publish)
 
     def _clock_document(self) -> dict[str, bytes]:
         """Shows a client how far the wall clocks are apart."""

@@ -13,9 +13,9 @@ import msgspec
 
 from zacoustic.app.tools.design.campaign.batches import Batches
 from zacoustic.app.tools.design.campaign.campaign import Campaign
-from zacoustic.app.tools.design.campaign.cluster import no_workers
+from zacoustic.app.tools.design.campaign.cluster import CampaignError, no_workers
 from zacoustic.app.tools.design.campaign.running import Batch, Row, run_batch
-from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -25,10 +25,6 @@ _AHEAD: Final = 2
 _LOOK_S: Final = 1.0
 """How often workers are counted."""
 _AGAIN: Final = "start it again to go on: what is done is kept"
-
-
-class CampaignError(ZacousticError):
-    """A run, a worker or the scheduler has failed."""
 
 
 def carry_out(

@@ -10,12 +10,11 @@ import tempfile
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
-from zacoustic.errors import ConfigError
+from zacoustic.errors import ConfigError, ZacousticError
 
 if TYPE_CHECKING:
     from distributed import Client
 
-MOST_WORKERS: Final = 1024
 SCHEMES: Final = ("tcp://", "tls://", "ws://", "wss://")
 """How the address of a scheduler begins."""
 
@@ -26,6 +25,10 @@ _SETTINGS: Final[dict[str, Any]] = {
     "distributed.admin.tick.limit": "1h",
     "distributed.admin.system-monitor.interval": "10s",
 }
+
+
+class CampaignError(ZacousticError):
+    """A run, a worker or the scheduler has failed."""
 
 
 def cores() -> int:
@@ -48,30 +51,15 @@ def connected(
 
     Raises:
         ConfigError: The address is none.
+        CampaignError: No worker can be started.
         TimeoutError: Scheduler or workers are not there in time.
     """
-    import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     for name in ("distributed", "distributed.client"):  # what matters comes as an exception
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler is None:
-        number = workers or cores()
-        with (
-            dask.config.set(_SETTINGS),
-            tempfile.TemporaryDirectory(prefix="zacoustic-") as scratch,
-            LocalCluster(  # type: ignore[no-untyped-call]
-                n_workers=number,
-                threads_per_worker=1,
-                processes=True,
-                host="127.0.0.1",
-                dashboard_address=None,
-                memory_limit=0,
-                silence_logs=logging.CRITICAL,
-                local_directory=scratch,
-            ) as cluster,
-            Client(cluster) as client,  # type: ignore[no-untyped-call]
-        ):
+        with _started(workers or cores()) as client:
             yield client
         return
     if not scheduler.startswith(SCHEMES):
@@ -92,6 +80,40 @@ def connected(
             client.wait_for_workers(1, timeout=patience_s)
         except TimeoutError as error:
             raise TimeoutError(no_workers(patience_s)) from error
+        yield client
+
+
+@contextlib.contextmanager
+def _started(workers: int) -> "Iterator[Client]":
+    """Start workers here.
+
+    Raises:
+        CampaignError: That is not possible.
+    """
+    import dask
+    from distributed import Client, LocalCluster
+
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(dask.config.set(_SETTINGS))
+        scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix="zacoustic-"))
+        try:
+            cluster = LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address=None,
+                memory_limit=0,
+                silence_logs=logging.CRITICAL,
+                local_directory=scratch,
+            )
+            stack.enter_context(cluster)
+            client = stack.enter_context(Client(cluster))  # type: ignore[no-untyped-call]
+        except (OSError, RuntimeError) as error:
+            raise CampaignError(
+                f"{workers} workers cannot be started here: {error.__cause__ or error}",
+                hint="fewer of them: --workers N",
+            ) from error
         yield client
 
 

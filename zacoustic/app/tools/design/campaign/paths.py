@@ -53,7 +53,9 @@ def _put(tree: Any, steps: tuple[Step, ...], at: int, value: object) -> None:  #
     step, is_last = steps[at], at + 1 == len(steps)
     if isinstance(step, str):
         if not isinstance(tree, dict):
-            raise ValueError(f"{written(steps[:at])} is no object; allowed: a path into the file")
+            raise ValueError(
+                f"{written(steps[:at]) or 'the file'} is no object; allowed: a path into the file"
+            )
         if is_last:
             tree[step] = value
         else:
