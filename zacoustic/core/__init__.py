@@ -13,9 +13,9 @@ Nine layers; each imports only from those below (import-linter checks that in `m
 `profiles`      which transports a node speaks, and how a frame is decoded: `native`, `rmw_desert`,
                 each a `profile`; `rules` has the rules of the config, `entities` those of discovery
 `transport`     the mechanisms between two nodes, end to end: `topics`, `reliable`, `objects`,
-                `subscriptions`, `calls`, `actions`, `commands`; `repeating` repeats records until
-                an answer, `deliveries` has the events of samples; `contract` is for third-party
-                transports
+                `subscriptions`, `calls`, `actions`, `commands`; `status` answers what a node is
+                asked before a dive; `repeating` repeats records until an answer, `deliveries` has
+                the events of samples; `contract` is for third-party transports
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
                 `composer` and `filling` to `port` to `transmitter`; `access`, `airtime`, `silence`
                 and `hosttime` decide when a frame goes; `timing`, `pacers` and `copies` how often;
@@ -31,7 +31,7 @@ Nine layers; each imports only from those below (import-linter checks that in `m
                 `access`, `agreement`, `calls`, `goals`, `numbers`, `objects`, `subscriptions`
                 (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
-                `commands` are in every table, `rmwdesert` says which streams it allows
+                `commands` and `status` are in every table, `rmwdesert` says which streams it allows
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
 `base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `linkids`,
