@@ -156,6 +156,7 @@ def test_a_node_with_settings_of_its_own_is_not_spoken_for(tmp_path: Path) -> No
     config["plugins"]["acoustic"]["nodes"][41]["heartbeat_s"] = 20
     path.write_text(json.dumps(config))
     airtime = {each.address: each.utilisation for each in plan(path, hours=0.5).nodes}
+    del airtime[1]  # it commands the others
     assert max(airtime, key=lambda each: airtime[each]) == 42
     assert airtime[42] > 3 * airtime[43]
 
