@@ -65,8 +65,14 @@ async def fleet() -> AsyncIterator[Fleet]:
 
 def alive(of: LocalNetwork) -> tuple[int, ...]:
     """Return the gateways on a local network as its last notice about them says."""
-    found = [each.addresses for each in of.notices if isinstance(each, RedundancyChanged)]
-    return found[-1] if found else ()
+    found: list[tuple[int, ...]] = [()]
+    for each in of.notices:
+        if isinstance(each, Started):
+            others = each.redundant  # those that were there before
+            found.append(tuple(sorted((*others, each.address))) if others else ())
+        elif isinstance(each, RedundancyChanged):
+            found.append(each.addresses)
+    return found[-1]
 
 
 def test_one_put_is_one_transmission_and_one_delivery_without_echo() -> None:
