@@ -50,6 +50,10 @@ def test_dense_texts_that_go_as_records_fit_the_frame(seed: int) -> None:
     assert run_scenario(draw_mixed_scenario(seed)).violations == ()
 
 
+def test_a_sample_that_becomes_an_object_after_a_restart_keeps_its_lineage() -> None:
+    assert run_scenario(draw_mixed_scenario(25)).violations == ()
+
+
 @pytest.mark.parametrize("number", range(4))
 def test_order_is_kept_in_any_scenario(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(400), 4):

@@ -48,13 +48,17 @@ class Spans:
         """Begin another lineage at a number that was never sent."""
         self.all.append(Span(number, lineage))
 
-    def of(self, address: int, number: int) -> Span:
-        """Return the span of a number for one receiver."""
-        span = max(
+    def at(self, number: int) -> Span:
+        """Return the span of a number for receivers without a lineage of their own."""
+        return max(
             (each for each in self.all if each.first <= number),
             key=lambda each: each.first,
             default=self.all[0],
         )
+
+    def of(self, address: int, number: int) -> Span:
+        """Return the span of a number for one receiver."""
+        span = self.at(number)
         own = self.own.get(address)
         return own if own is not None and span.first <= own.first <= number else span
 

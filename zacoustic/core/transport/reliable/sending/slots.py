@@ -120,7 +120,8 @@ class LargeSlots:
         """Send as an object a sample that fits no frame, or give it up."""
         fault = "oversized"
         if self.sender is not None and sample.waiting.prefix[:1] != bytes((Control.DELETE,)):
-            slot = SequenceSlot(lane.lineage, sample.number)
+            # A sample from before the restart keeps its lineage: a newer one would end that.
+            slot = SequenceSlot(lane.spans.at(sample.number).lineage, sample.number)
             fault = self.sender.enlarge(sample, lane.key[0], slot, now)
         if fault:
             self.give_up(lane, sample, DeliveryOutcome.CANCELLED, now, fault)
