@@ -306,7 +306,7 @@ class Drive:
             case SampleReceived():
                 oracle.hand_on(
                     node, life, event.source, event.stream_id, event.instance, event.value,
-                    again=event.again,
+                    now_s=self.network.now / NS_PER_S, again=event.again,
                 )  # fmt: skip
             case RequestReceived() if event.call.client in self.hostile.addresses:
                 oracle.hand_on(node, life, event.call.client, event.call.stream_id, (), event.value)

@@ -11,7 +11,7 @@ _TIMES = 12
 
 
 def test_node_may_be_forgotten_at_any_instant(count: Callable[[int], int]) -> None:
-    for seed in range(count(400)):
+    for seed in (17, *range(count(400))):  # 17: forgotten while its SUBSCRIBE is journalled
         drive, rng = Drive(hostile(seed)), random.Random(f"forget {seed}")
         addresses = drive.hostile.addresses
         for _ in range(_TIMES):

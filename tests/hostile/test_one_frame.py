@@ -29,8 +29,9 @@ EPOCH = 1
 """That of each node of the fleet: whoever forges a frame has listened, or has guessed."""
 OTHER = 9000
 STRANGER = 77
-SPARE_BYTES = 48
-"""Frames of the same fleet may fall together in another way."""
+SPARE_BYTES = 96
+"""Frames of the same fleet may fall together in another way: over 30 seeds of the channel an
+untouched fleet spends 627 to 755 bytes."""
 
 
 def hello(epoch: int, digest: bytes = TABLE.digest) -> bytes:
@@ -104,7 +105,8 @@ def same_service(outcome: Outcome, *, busy: bool, collisions: int = 0) -> bool:
     lacking, more = expected - Counter(outcome.got), Counter(outcome.got) - expected
     print("lacking:", *lacking.elements(), "more:", *more.elements(), sep="\n")
     lost = [each for each in lacking.elements() if each[2] in fleet.BEST_EFFORT]
-    return len(lost) == lacking.total() and len(lost) <= collisions and not more
+    samples = {each[1:] for each in lost}  # a broadcast one is lost at several receivers at once
+    return len(lost) == lacking.total() and len(samples) <= collisions and not more
 
 
 @pytest.mark.parametrize("serial", [1, 2, 30000])

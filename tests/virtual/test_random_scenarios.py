@@ -34,6 +34,11 @@ def test_a_busy_fleet_delivers_what_waits() -> None:
     assert not run_scenario(draw_scenario(540)).violations
 
 
+def test_last_repetition_before_the_end_does_not_wait_for_a_full_turn() -> None:
+    # Due at once and refused at once: the engine's time-out stood still.
+    assert not run_scenario(draw_scenario(1515)).violations
+
+
 def test_scenarios_are_repeatable_and_differ() -> None:
     digests = [run_scenario(draw_scenario(seed), digest=True).digest for seed in (5, 5, 6)]
     assert digests[0] == digests[1] != digests[2]

@@ -33,7 +33,7 @@ from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectStat
 from zacoustic.core.transport.objects.sending.sending import Sending
 from zacoustic.core.transport.objects.stored import StoredObject
 from zacoustic.core.transport.reliable.receiving.receiving import Claim, ReliableReceiving
-from zacoustic.core.transport.reliable.sending.keeping import given_up
+from zacoustic.core.transport.reliable.sending.keeping import OTHER_STREAM, given_up
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.reliable.sending.sendlane import Outgoing
 from zacoustic.core.transport.reliable.sending.slots import LargeSlots, SequenceSlot
@@ -118,7 +118,7 @@ class LargeSamples:
     def link_up(self, now: int) -> None:
         """Report samples that can no longer be decoded, and resume the others: the link is up."""
         for order in self._given_up:
-            self._emit(given_up(order.stream_id, order.object_id, now))
+            self._emit(given_up(order.stream_id, order.object_id, OTHER_STREAM, now))
         self._given_up.clear()
         self._now = now
         self.objects.link_up(now)

@@ -143,7 +143,7 @@ class Subscribers:
 
         def kept(at: int) -> None:
             held.is_journalled = True
-            if self._held[source, message.page] is held:
+            if self._held.get((source, message.page)) is held:
                 self._answer(source, message, at)
 
         value = held.epoch.to_bytes(2, "big") + bytes((held.version, held.streams))

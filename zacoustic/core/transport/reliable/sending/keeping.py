@@ -7,6 +7,7 @@ read by anybody, and are given up.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -19,6 +20,10 @@ from zacoustic.core.transport.reliable.spans import Span
 from zacoustic.errors import JournalUnavailableError
 
 _JOURNAL: Final = "out"
+OTHER_STREAM: Final = "the stream is defined in another way now"
+"""Why a sample is given up: nobody could read it."""
+_NO_COUNT: Final = "the journal is damaged: the count of its stream is missing"
+"""The same: nobody knows which numbers the receivers have seen."""
 
 
 class _JournalledCount(msgspec.Struct, frozen=True, array_like=True):
@@ -113,17 +118,22 @@ class Keeping:
                 of_lane += [int(number) for number in parts[3:]]
         for name in sorted(numbers):
             _, stream_id, instance = name.split("/")
-            count = msgspec.msgpack.decode(stored[name], type=_JournalledCount)
             stream = table.get(int(stream_id))
+            count: _JournalledCount | None = None
+            if name in stored:
+                count = msgspec.msgpack.decode(stored[name], type=_JournalledCount)
             samples = [
                 (number, msgspec.msgpack.decode(stored[f"{name}/{number}"], type=JournalledSample))
                 for number in sorted(numbers[name])
             ]
             self.highest_id = max([self.highest_id, *(each.delivery_id for _, each in samples)])
-            if stream is None or stream.digest != count.digest:
-                self._journal.write(name, None)
+            if count is None or stream is None or stream.digest != count.digest:
+                why = _NO_COUNT if count is None else OTHER_STREAM
                 for number, sample in samples:
-                    self._give_up(f"{name}/{number}", int(stream_id), sample.delivery_id, emit)
+                    ended = partial(given_up, int(stream_id), sample.delivery_id, why)
+                    self._give_up(f"{name}/{number}", ended, emit)
+                if count is not None:
+                    self._journal.write(name, None)
                 continue
             yield JournalledLane(
                 stream_id=int(stream_id),
@@ -135,20 +145,23 @@ class Keeping:
             )
 
     def _give_up(
-        self, key: str, stream_id: int, delivery_id: int, emit: Callable[[DeliveryEnded], None]
+        self,
+        key: str,
+        ended: Callable[[int], DeliveryEnded],
+        emit: Callable[[DeliveryEnded], None],
     ) -> None:
-        self._journal.write(key, None, lambda at: emit(given_up(stream_id, delivery_id, at)))
+        self._journal.write(key, None, lambda at: emit(ended(at)))
 
 
-def given_up(stream_id: int, delivery_id: int, now: int) -> DeliveryEnded:
-    """Return the event for a sample whose stream is defined differently now."""
+def given_up(stream_id: int, delivery_id: int, detail: str, now: int) -> DeliveryEnded:
+    """Return the event for a sample from before the restart that can never be sent."""
     return DeliveryEnded(
         delivery_id=delivery_id,
         stream_id=stream_id,
         outcome=DeliveryOutcome.CANCELLED,
         missing=(),
         ended_at=now,
-        detail="the stream is defined in another way now",
+        detail=detail,
     )
 
 

@@ -165,6 +165,8 @@ class Pacing:
         is_free = sample.follows or sample.asked or priority is Priority.REAL_TIME
         if times is None or is_free or self._at_most_ns(lane) is not None:
             return True
+        if self._before_end(sample, now + 1) <= now:
+            return True  # a later turn would be too late
         size_bytes = sample.waiting.size_bytes
         turns = [self.timing(each) for each in lane.lacking(sample)]
         turns = [each for each in turns if each.may_repeat(now, times, priority)]
