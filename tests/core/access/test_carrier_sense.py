@@ -77,6 +77,58 @@ def test_who_wanted_nothing_meanwhile_does_not_back_off() -> None:
     assert ready(access, SLOT_NS) <= SLOT_NS
 
 
+def crowd(seed: int, unread: int, read: int = 0) -> CarrierSense:
+    """Let two other nodes be heard, then sounds that give no frame, then some that do."""
+    access = CarrierSense(LINK, random.Random(seed))
+    for number in range(2 + unread + read):
+        at = number * SLOT_NS
+        access.handle_carrier(True, at)
+        access.handle_carrier(False, at + 1)
+        if not 2 <= number < 2 + unread:
+            access.handle_heard(1 + number % 2, at + 1)
+    return access
+
+
+def longest_wait(unread: int, read: int = 0, **wanted: bool) -> int:
+    """Return the longest of many waits for a frame that is due directly after an own one, ns."""
+    waits = []
+    for seed in range(300):
+        access = crowd(seed, unread, read)
+        now = 100 * SLOT_NS
+        access.handle_transmitted(now)
+        ready_at = access.ready_at(Wanted(now, **wanted), now)
+        assert ready_at is not None
+        waits.append(ready_at - now)
+    return max(waits)
+
+
+def test_sounds_that_give_no_frame_widen_the_window_of_a_crowd() -> None:
+    for unread, slots in ((2, 2), (3, 4), (6, 32), (20, 32)):
+        assert slots * SLOT_NS // 2 < longest_wait(unread) <= slots * SLOT_NS
+
+
+def test_sounds_that_give_frames_narrow_it() -> None:
+    assert longest_wait(20, 3) <= 8 * SLOT_NS
+    assert longest_wait(20, 12) == 0
+
+
+def test_frame_that_others_count_on_does_not_wait_for_a_wide_window() -> None:
+    assert longest_wait(20, is_in_rhythm=True) == 0
+    assert longest_wait(20, is_copy=True) == 0
+    assert longest_wait(20, is_urgent=True) == 0
+
+
+def test_sounds_between_two_nodes_widen_nothing() -> None:
+    access = CarrierSense(LINK, random.Random(1))
+    for number in range(20):
+        access.handle_carrier(True, number * SLOT_NS)
+        access.handle_carrier(False, number * SLOT_NS + 1)
+        if number % 4 == 0:
+            access.handle_heard(2, number * SLOT_NS + 1)
+    access.handle_transmitted(100 * SLOT_NS)
+    assert ready(access, 100 * SLOT_NS) <= 100 * SLOT_NS
+
+
 def test_urgent_frame_waits_for_the_end_of_the_carrier_only() -> None:
     access = CarrierSense(LINK, random.Random(3))
     access.handle_carrier(True, 0)

@@ -115,8 +115,13 @@ class LinkPort:
                 due_at = self.listening.listens_until(
                     max(due_at, now), is_urgent=wanted.is_urgent, follows=follows
                 )
-        wanted = msgspec.structs.replace(wanted, due_at=due_at, is_invited=is_invited)
+        wanted = msgspec.structs.replace(
+            wanted, due_at=due_at, is_invited=is_invited, is_in_rhythm=self._is_in_rhythm(now)
+        )
         return self.access.ready_at(wanted, now)
+
+    def _is_in_rhythm(self, now: int) -> bool:
+        return self._listens and self.listening.keeps_rhythm(now)
 
     def speak_at(self, now: int) -> int | None:
         """Return the instant at which medium access wants a frame of its own, ns, or None."""

@@ -31,6 +31,15 @@ class BackOff:
         """Double the window."""
         self._window_slots = min(2 * self._window_slots, _LARGEST_WINDOW_SLOTS)
 
+    def shrink(self) -> None:
+        """Halve the window."""
+        self._window_slots = max(1, self._window_slots // 2)
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether the window is larger than the smallest one."""
+        return self._window_slots > 1
+
     def reset(self) -> None:
         """Return to the smallest window."""
         self._window_slots = 1

@@ -30,6 +30,8 @@ class Wanted(msgspec.Struct, frozen=True):
     is_copy: bool = False
     """Whether it repeats what was just sent, and may follow at once if the other node listens
     on."""
+    is_in_rhythm: bool = False
+    """Whether other nodes count on the run that it belongs to, or it is part of an object."""
 
     def earliest(self, now: int) -> int:
         """Return the earliest instant at which it could start, ns."""

@@ -137,6 +137,10 @@ class Listening(OtherRuns):
             return self._frames if begin_at is None else self._fitting(begin_at, now)
         return self._fitting(self._run_begun_at, now)
 
+    def keeps_rhythm(self, now: int) -> bool:
+        """Return whether a frame that starts now belongs to an object or to a told run."""
+        return self.sends_full or self.exclusive or self._is_told(now)
+
     def ends_run_now(self, now: int) -> bool:
         """Return whether a largest frame that starts now is the last of several in a run."""
         has_pauses = self._frames > 1 and not self.exclusive
