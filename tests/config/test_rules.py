@@ -76,20 +76,31 @@ def test_access_of_the_file_counts_beside_a_locator() -> None:
     assert config.rules.access == AlohaSpec()
 
 
+def _slot(**settings: object) -> dict[str, object]:
+    """Return a schedule whose second slot has these settings."""
+    first, second = ({"owners": [each], "for_s": 1, "range_m": 100} for each in (1, 2))
+    return {"method": "schedule", "clock_error_s": 0.01, "slots": [first, second | settings]}
+
+
 @pytest.mark.parametrize(
     ("access", "problem"),
     [
-        ({}, '.method: is missing; allowed: "aloha", "carrier_sense", "tdma", "polling"'),
+        ({}, '.method: is missing; allowed: "aloha", "carrier_sense", "tdma", "schedule"'),
         ({"method": "tdam"}, '.method: "tdam"; allowed: "aloha", '),
         ({"method": 3}, '.method: 3; allowed: "aloha"'),
         ("tdma", ': "tdma"; allowed: { method: '),
         ({"method": "carrier_sense", "x": 1}, ".x: unknown key"),
-        (ACCESS | {"slotts": 1}, ".slotts: unknown key; allowed: slots, slot_s"),
+        (ACCESS | {"slotts": 1}, ".slotts: unknown key; allowed: clock_error_s, clock"),
         (ACCESS | {"slots": [1, 3]}, ".slots[1]: 3 is no node; allowed: 1 (shore), 2 (auv1)"),
         (ACCESS | {"clock": 3}, ".clock: 3 is no node"),
         (ACCESS | {"slot_s": "3"}, '.slot_s: "3"; allowed: seconds, above 0'),
         (ACCESS | {"slot_s": 1}, ".slot_s: 1 s is not more than its guard of 1.092 s"),
         (ACCESS | {"clock_error_s": None}, ".clock_error_s: is missing, and slots need clocks"),
+        (_slot(owners=[3]), ".slots[1].owners[0]: 3 is no node; allowed: 1 (shore), 2 (auv1)"),
+        (_slot(for_s=0), ".slots[1].for_s: 0; allowed: above 0"),
+        (_slot(range_m=-1), ".slots[1].range_m: -1; allowed: metres, 0 to 100000"),
+        (_slot(range=5), ".slots[1].range: unknown key; allowed: owners, for_s, range_m"),
+        (_slot() | {"slots": []}, ".slots: 0 slots; allowed: 1..1024"),
         ({"method": "polling", "poller": 1, "nodes": [1]}, ".nodes: 1 is the poller; allowed"),
         ({"method": "polling", "poller": 3, "nodes": [2]}, ".poller: 3 is no node"),
         ({"method": "aloha", "slot_s": 0}, ".slot_s: 0; allowed: above 0"),

@@ -13,6 +13,8 @@ from typing import Final
 import msgspec
 
 from tests.virtual.sealed import SealedFleet
+from zacoustic.app.tools.design.schedule import ScheduleWish, distance_of, make_schedule
+from zacoustic.channel.profiles import profile_named
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.engine.engine import Engine
@@ -20,10 +22,12 @@ from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import ScheduleSpec
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport import contract as ct
 from zacoustic.testing import VirtualNetwork
+from zacoustic.testing.virtual import Modem
 
 OFF: Final = "off"
 """In place of a method: nothing but the reports."""
@@ -34,6 +38,8 @@ SEALED_OFF: Final = "sealed off"
 AGREEMENT: Final = (Cause.HELLO, Cause.CONFIRM, Cause.ASK, Cause.TABLE)
 """What agreement costs."""
 REPORT_BYTES: Final = 10
+_ALONE_S: Final = 10.0
+"""Longer than a report and its echo take."""
 _SIDE_M: Final = 3000.0
 _DEEPEST_M: Final = 50.0
 _REPORT: Final = 1
@@ -96,6 +102,14 @@ class Crowd(msgspec.Struct, frozen=True, kw_only=True):
     """Of all nodes."""
 
 
+def _schedule(scenario: Scenario) -> ScheduleSpec:
+    """Return a schedule with one frame a cycle for each node."""
+    positions = {each.address: each.position for each in scenario.nodes if each.position}
+    wish = ScheduleWish(frames=dict.fromkeys(positions, 1), clock_error_s=0.01)
+    capabilities = Modem().capabilities(profile_named(scenario.profile), scenario.farthest_s)
+    return make_schedule(wish, distance_of(positions), capabilities)
+
+
 def run_crowd(
     seed: int,
     method: str,
@@ -104,6 +118,8 @@ def run_crowd(
     period_s: float,
     length_s: float = 3600.0,
     to_shore: bool = False,
+    scheduled: bool = False,
+    alone: bool = False,
 ) -> Crowd:
     """Run a fleet that starts cold, in a square of sea.
 
@@ -114,6 +130,8 @@ def run_crowd(
         period_s: Each node reports once in it, at an instant of its own each time, s.
         length_s: How long, s.
         to_shore: The reports are for node 1 alone.
+        scheduled: Each node has a slot of its own, of a schedule for these places.
+        alone: Each report has the channel to itself, which takes longer than `length_s`.
     """
     rng = random.Random(seed)
     addresses = range(1, nodes + 1)
@@ -150,7 +168,7 @@ def run_crowd(
         table,
         deliver=deliver,
         digest=False,
-        rules=TransmitRules(agreement=agreement),
+        rules=TransmitRules(agreement=agreement, access=_schedule(scenario) if scheduled else None),
         build=SealedFleet(make=make) if is_sealed else make,
     )
 
@@ -162,12 +180,15 @@ def run_crowd(
             network.publish(address, _REPORT, content)
         published[address] += 1
 
+    number = 0
     for address in addresses:
         if to_shore and address == 1:
             continue
         for turn in range(math.floor(length_s / period_s)):
-            network.at(period_s * (turn + rng.random()), partial(report, address))
-    network.run(until_s=length_s)
+            number += 1
+            at_s = _ALONE_S * number if alone else period_s * (turn + rng.random())
+            network.at(at_s, partial(report, address))
+    network.run(until_s=max(length_s, _ALONE_S * (number + 1) if alone else 0.0))
     shares = [
         arrived[source, address] / published[source]
         for source in published

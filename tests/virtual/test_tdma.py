@@ -10,19 +10,22 @@ from typing import Any
 import pytest
 
 from tests.virtual.survey import survey
+from zacoustic.app.tools.design.schedule import ScheduleWish, distance_of, make_schedule
+from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.events import ClockStateChanged
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.access import TdmaSpec
+from zacoustic.core.schedule.access import ScheduleSpec, TdmaSpec
 from zacoustic.core.schedule.access.spec import SLOWEST_SOUND_M_S
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing.virtual import VirtualNetwork
+from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 FRAME_S = 0.951
+LINK = Modem().capabilities(profile_named(DEFAULT_PROFILE), 1.0)
 
 
 class Fleet:
@@ -32,6 +35,8 @@ class Fleet:
         seed: Everything follows from it.
         wrong: How many times the stated error the clocks are really off.
         clocks: What is wrong with clocks besides, by node.
+        scheduled: The slots are those of a schedule that was made for the places.
+        joins: Node 1 has no slot in that schedule: it has just come.
         settings: Replace those of the schedule.
     """
 
@@ -41,6 +46,8 @@ class Fleet:
         *,
         wrong: float = 1.0,
         clocks: dict[int, dict[str, Any]] | None = None,
+        scheduled: bool = False,
+        joins: bool = False,
         **settings: Any,
     ) -> None:
         self.rng = rng = random.Random(seed)
@@ -58,7 +65,7 @@ class Fleet:
             "clock_error_s": error_s,
             "max_range_m": range_m,
         }
-        self.spec = TdmaSpec(**(defaults | settings))
+        self.spec: TdmaSpec | ScheduleSpec = TdmaSpec(**(defaults | settings))
         stated = {
             node: {
                 "node": node,
@@ -68,11 +75,15 @@ class Fleet:
             }
             for node in self.addresses
         }
+        places = {node: _place(rng, range_m) for node in self.addresses}
+        if scheduled:
+            own = [node for node in self.addresses if node != 1 or not joins]
+            frames = {node: rng.randint(1, 3) for node in own}
+            wish = ScheduleWish(frames=frames, clock_error_s=error_s, newcomer_m=range_m)
+            self.spec = make_schedule(wish, distance_of(places), LINK)
         scenario = scenario_from_mapping(
             {
-                "nodes": [
-                    {"address": node, "position": _place(rng, range_m)} for node in self.addresses
-                ],
+                "nodes": [{"address": node, "position": place} for node, place in places.items()],
                 "seed": seed,
                 "channel": "none",
                 "collisions": "protocol",
@@ -116,12 +127,12 @@ class Fleet:
             self.sent.append((record.at / NS_PER_S, record.node))
 
 
-def _place(rng: random.Random, range_m: float) -> list[float]:
+def _place(rng: random.Random, range_m: float) -> tuple[float, float, float]:
     """A place in a ball of that diameter."""
     while True:
         place = [rng.uniform(-0.5, 0.5) * range_m for _ in range(3)]
         if math.dist(place, (0, 0, 0)) <= range_m / 2:
-            return [place[0], place[1], place[2] + range_m / 2]
+            return place[0], place[1], place[2] + range_m / 2
 
 
 def test_nothing_collides_for_any_geometry_inside_the_guard(count: Callable[[int], int]) -> None:
@@ -130,6 +141,23 @@ def test_nothing_collides_for_any_geometry_inside_the_guard(count: Callable[[int
         fleet.talk(10)
         assert len(fleet.sent) > 20, seed
         assert fleet.collided == 0, seed
+
+
+def test_nothing_collides_on_a_schedule_for_these_places(count: Callable[[int], int]) -> None:
+    for seed in range(count(2000)):
+        fleet = Fleet(seed, scheduled=True)
+        fleet.talk(10)
+        assert len(fleet.sent) > 20, seed
+        assert fleet.collided == 0, seed
+
+
+def test_one_that_has_just_come_speaks_in_the_open_slot(count: Callable[[int], int]) -> None:
+    for seed in range(count(500)):
+        fleet = Fleet(seed, scheduled=True, joins=True)
+        fleet.talk(10)
+        assert isinstance(fleet.spec, ScheduleSpec)
+        assert fleet.collided == 0, seed
+        assert min(at_s for at_s, node in fleet.sent if node == 1) < 10 * fleet.spec.cycle_s + 60
 
 
 def test_clocks_that_are_worse_than_stated_do_collide() -> None:

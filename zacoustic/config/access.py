@@ -16,6 +16,7 @@ from zacoustic.core.schedule.access.spec import (
     CarrierSenseSpec,
     DelegatedSpec,
     PollingSpec,
+    ScheduleSpec,
     TdmaSpec,
 )
 
@@ -44,7 +45,7 @@ def read_access(
         close = get_close_matches(str(method), METHODS, 1)
         hint = f'did you mean "{close[0]}"?' if close else ""
         place.at("method").refuse(shown(method), allowed=_METHODS_SHOWN, hint=hint)
-    if method == "tdma" and written.get("clock_error_s") is None:
+    if method in ("tdma", "schedule") and written.get("clock_error_s") is None:
         place.at("clock_error_s").refuse(
             "is missing, and slots need clocks whose error is known",
             allowed="seconds, 0 or more",
@@ -54,6 +55,11 @@ def read_access(
     match spec:
         case TdmaSpec():
             _check_nodes(place.at("slots"), spec.slots, nodes)
+            if spec.clock is not None:
+                _check_node(place.at("clock"), spec.clock, nodes)
+        case ScheduleSpec():
+            for index, slot in enumerate(spec.slots):
+                _check_nodes(place.at("slots").at(index).at("owners"), slot.owners, nodes)
             if spec.clock is not None:
                 _check_node(place.at("clock"), spec.clock, nodes)
         case PollingSpec():

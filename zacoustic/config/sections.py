@@ -12,6 +12,7 @@ from zacoustic.core.base.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S
 from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
+from zacoustic.core.schedule.access.spec import ScheduledSlot
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.encoding import TYPED_ENCODINGS
 from zacoustic.core.values.types import SCALAR_TYPES, FieldSpec
@@ -34,9 +35,13 @@ ALLOWED: Final = {
     "locator": 'a text, NAME/ADDRESS#key=value, such as "sim/127.0.0.1:7000"',
     "wire": ", ".join(f'"{profile.value}"' for profile in WireProfile),
     "allowed_topics": "a text, rmw_desert's file of topics, such as ros_allowed_topics.conf",
-    "access": '{ method: "aloha" | "carrier_sense" | "tdma" | "polling" | "delegated", … }',
+    "access": '{ method: "aloha" | "carrier_sense" | "tdma" | "schedule" | "polling" | '
+    '"delegated", … }',
     "method": "the name of a medium access",
-    "slots": "a list of addresses",
+    "slots": "a list of addresses; of a schedule, of { owners, for_s, range_m }",
+    "owners": "a list of addresses",
+    "for_s": "seconds, above 0",
+    "range_m": "metres, 0 or more",
     "slot_s": "seconds, above 0",
     "guard_s": "seconds, above 0",
     "max_range_m": "metres, above 0",
@@ -437,6 +442,7 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "": Section,
     "nodes": NodeEntry,
     "links": LinkEntry,
+    "slots": ScheduledSlot,
     "types": TypeEntry,
     "fields": FieldSpec,
     "wildcards": WildcardEntry,

@@ -22,7 +22,7 @@ from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.journal import BOOT_KEY, JournalPort
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.access.networktime import NetworkTime
-from zacoustic.core.schedule.access.spec import AccessSpec, TdmaSpec
+from zacoustic.core.schedule.access.spec import ClockedSpec
 
 EARLIEST_UTC_NS: Final = 1_735_689_600 * NS_PER_S
 """2025-01-01: a clock that shows an earlier time is not set."""
@@ -65,7 +65,7 @@ class HostTime:
 
     def __init__(
         self,
-        access: AccessSpec | None,
+        access: ClockedSpec | None,
         has_hours: bool,
         stored: Mapping[str, bytes],
         *,
@@ -74,7 +74,7 @@ class HostTime:
         emit: Callable[[ClockStateChanged], None],
     ) -> None:
         self._timers = timers
-        slots = access if isinstance(access, TdmaSpec) and access.clock is None else None
+        slots = access if access is not None and access.clock is None else None
         self.doubt = ""
         """Why missing time keeps this node from transmitting; empty: it does not."""
         self.time = (

@@ -13,7 +13,7 @@ import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds
 from zacoustic.core.base.journal import LIFE_KEY, VOLATILE_KEY
-from zacoustic.core.schedule.access.spec import AccessSpec, PollingSpec, TdmaSpec
+from zacoustic.core.schedule.access.spec import AccessSpec, PollingSpec, ScheduleSpec, TdmaSpec
 from zacoustic.core.schedule.context import NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.streams.status import STATUS_STREAM_ID, JournalStatus, NodeStatus
@@ -122,6 +122,8 @@ def schedule_digest(access: AccessSpec | None) -> int:
             shared: tuple[object, ...] = (
                 access.slots, access.slot_s, access.max_range_m, access.guard_s, access.clock
             )  # fmt: skip
+        case ScheduleSpec():
+            shared = (access.slots, access.clock)
         case PollingSpec():
             shared = (access.poller, access.nodes, access.turn_s, access.max_range_m)
         case _:

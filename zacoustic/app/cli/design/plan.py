@@ -2,11 +2,15 @@
 
 import argparse
 import math
+from typing import TYPE_CHECKING
 
 from zacoustic.app.cli.support.arguments import add_json, add_load
 from zacoustic.app.cli.support.printing import print_result
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+
+if TYPE_CHECKING:
+    from zacoustic.app.tools.design.plan.slots import ScheduleOptions
 
 
 class PlanCommand(Command):
@@ -41,6 +45,30 @@ class PlanCommand(Command):
             "--transmit-w", type=float, metavar="W",
             help="what the modem takes while it transmits, W (default: from its source level)",
         )  # fmt: skip
+        parser.add_argument(
+            "--schedule",
+            action="store_true",
+            help="also print a schedule for these nodes, as the table access of their configs",
+        )
+        parser.add_argument(
+            "--clock-error", type=float, metavar="S", help="of a schedule: of any clock, s (0.01)"
+        )
+        parser.add_argument(
+            "--clock",
+            type=int,
+            metavar="ADDRESS",
+            help="of a schedule: the node whose clock all follow (default: UTC from each host)",
+        )
+        parser.add_argument(
+            "--drift",
+            type=float,
+            metavar="M",
+            help="of a schedule: how far each node may be from its place, m (0)",
+        )
+        parser.add_argument(
+            "--hears", type=float, metavar="M",
+            help="of a schedule: nodes farther apart do not hear each other, m (all do)",
+        )  # fmt: skip
         add_json(parser)
         parser.epilog = (
             "how often something is said: the scenario's traffic, as in `zacoustic sim`; or the\n"
@@ -48,7 +76,8 @@ class PlanCommand(Command):
             "not fit. docs/plan.md says what the figures mean\n\n"
             "example:\n"
             "  zacoustic plan water.json5\n"
-            "  zacoustic plan fleet.json5 --recording monday.jsonl.gz --loss 0.2 --range 1500"
+            "  zacoustic plan fleet.json5 --recording monday.jsonl.gz --loss 0.2 --range 1500\n"
+            "  zacoustic plan water.json5 --schedule --drift 100"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -77,10 +106,31 @@ class PlanCommand(Command):
             channel = msgspec.structs.replace(channel, profile=arguments.profile)
         report = plan(
             arguments.file, channel=channel, recordings=arguments.recording, hours=hours,
-            transmit_w=transmit_w,
+            transmit_w=transmit_w, schedule=_schedule_options(arguments),
         )  # fmt: skip
         print_result(report, as_text, as_json=arguments.json)
         return EXIT_OK if report.fits else EXIT_FAILED
+
+
+def _schedule_options(arguments: argparse.Namespace) -> "ScheduleOptions | None":
+    from zacoustic.app.tools.design.plan.slots import CLOCK_ERROR_S, ScheduleOptions
+
+    given = (arguments.clock_error, arguments.clock, arguments.drift, arguments.hears)
+    if not arguments.schedule:
+        if any(each is not None for each in given):
+            raise ConfigError(
+                "--clock-error, --clock, --drift, --hears: of a schedule; allowed: with --schedule"
+            )
+        return None
+    if arguments.clock is not None and not 1 <= arguments.clock <= 254:
+        raise ConfigError(f"--clock {arguments.clock}; allowed: 1 to 254")
+    hears = arguments.hears
+    return ScheduleOptions(
+        clock_error_s=_within("--clock-error", arguments.clock_error, CLOCK_ERROR_S, 0.0, 10.0),
+        clock=arguments.clock,
+        drift_m=_within("--drift", arguments.drift, 0.0, 0.0, 100_000.0),
+        hearing_m=None if hears is None else _within("--hears", hears, 0.0, 1.0, 100_000.0),
+    )
 
 
 def _within(name: str, given: float | None, default: float, least: float, most: float) -> float:

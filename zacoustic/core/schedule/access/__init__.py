@@ -6,7 +6,7 @@ One file per policy, all with the interface of `zacoustic.core.schedule.access.b
 `delegated`        the modem, or what is behind it, decides
 `aloha`            at once, or at the next slot; a back-off after losses
 `carriersense`     not while another node is heard; a back-off after that
-`tdma`             in the slots of this node, by a common clock
+`tdma`             in the slots of this node, by a common clock; `schedule` has the same file
 `polling`          when one node gives this node the turn
 =================  =================================================================================
 
@@ -29,8 +29,11 @@ from zacoustic.core.schedule.access.spec import (
     AccessSpec,
     AlohaSpec,
     CarrierSenseSpec,
+    ClockedSpec,
     DelegatedSpec,
     PollingSpec,
+    ScheduledSlot,
+    ScheduleSpec,
     TdmaSpec,
 )
 from zacoustic.core.schedule.access.tdma import Tdma
@@ -41,11 +44,14 @@ __all__ = [
     "AlohaSpec",
     "CarrierSense",
     "CarrierSenseSpec",
+    "ClockedSpec",
     "Delegated",
     "DelegatedSpec",
     "Listening",
     "MediumAccess",
     "PollingSpec",
+    "ScheduleSpec",
+    "ScheduledSlot",
     "Tdma",
     "TdmaSpec",
     "Wanted",
@@ -80,7 +86,7 @@ def choose(
             if not capabilities.controls_access:
                 raise ConfigError(
                     'access.method: "delegated"; this link does not control access; allowed: '
-                    '"aloha", "tdma", "polling"'
+                    '"aloha", "tdma", "schedule", "polling"'
                     + (', "carrier_sense"' if capabilities.senses_carrier else "")
                 )
             return Delegated()
@@ -91,10 +97,10 @@ def choose(
             if not capabilities.senses_carrier:
                 raise ConfigError(
                     'access.method: "carrier_sense"; this link does not tell when somebody else is '
-                    'heard; allowed: "aloha", "tdma", "polling"'
+                    'heard; allowed: "aloha", "tdma", "schedule", "polling"'
                 )
             return CarrierSense(capabilities, rng)
-        case TdmaSpec():
+        case TdmaSpec() | ScheduleSpec():
             return Tdma(spec, capabilities, address)
         case PollingSpec():
             return polling(spec, capabilities, address)

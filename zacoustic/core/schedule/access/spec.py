@@ -5,6 +5,8 @@ checks what depends on the link's capabilities. Every error states the key, the 
 choice cannot work.
 """
 
+import math
+from collections.abc import Sized
 from typing import Final, TypeAlias
 
 import msgspec
@@ -19,6 +21,8 @@ _DRIFT_PPM: Final = 50.0
 _STATEMENTS_S: Final = 10.0
 """A host states its time at least this often, s (`Engine.handle_clock`)."""
 _MOST_SLOTS: Final = 1024
+MOST_RANGE_M: Final = 100_000.0
+"""Sound takes over a minute for more, m."""
 
 
 class DelegatedSpec(
@@ -56,23 +60,23 @@ class CarrierSenseSpec(
     """A frame waits while another node is heard, and then a random time."""
 
 
-class TdmaSpec(
-    msgspec.Struct,
-    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="tdma",
-):  # fmt: skip
-    """Each node transmits in its slots of a common clock."""
+class TimedSlot(msgspec.Struct, frozen=True):
+    """One slot of a cycle, as a policy plays it."""
 
-    slots: tuple[int, ...]
-    """Address of the owner of each slot, in order; an address may own several."""
-    slot_s: float
-    """Length of a slot, s, > 0; slots begin at multiples of the cycle since 1970 (UTC)."""
+    owners: tuple[int, ...]
+    """Addresses of the nodes that may transmit in it; empty: of every node that owns no slot."""
+    window_ns: int
+    """How long they may transmit, ns."""
+    guard_ns: int
+    """The silence after that, ns."""
+
+
+class ClockedSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """What every policy with slots says of the common clock."""
+
     clock_error_s: float
     """Largest error of a node's clock against the common one, s, ≥ 0; a node whose error may be
     larger keeps silent."""
-    max_range_m: float | None = None
-    """Largest distance between two nodes, m, > 0; alternative to `guard_s`."""
-    guard_s: float | None = None
-    """Silence at the end of each slot, s, > 0; None: computed from `max_range_m`."""
     clock: int | None = None
     """The node whose clock is the common one, sent in its frames; None: UTC from each host."""
     beacon_s: float | None = None
@@ -81,20 +85,65 @@ class TdmaSpec(
     drift_ppm: float = _DRIFT_PPM
     """Drift of a clock without statements, 1e-6, ≥ 0."""
 
+    @property
+    def error_limit_ns(self) -> int:
+        """Error beyond which a node keeps silent, ns.
+
+        It is the stated error plus the drift from one statement of the host to the next.
+        """
+        return seconds_to_ns(self.clock_error_s + _STATEMENTS_S * self.drift_ppm * 1e-6)
+
+    @property
+    def timed_slots(self) -> tuple[TimedSlot, ...]:
+        """The slots of a cycle."""
+        raise NotImplementedError
+
+    def has_slot(self, address: int) -> bool:
+        """Return whether a node may transmit in any slot."""
+        return any(address in slot.owners or not slot.owners for slot in self.timed_slots)
+
+    def _guard_ns(self, distance_m: float) -> int:
+        """Return the propagation delay, and twice the clock error, ns."""
+        return seconds_to_ns(distance_m / SLOWEST_SOUND_M_S) + 2 * self.error_limit_ns
+
+    def _check_clock(self) -> None:
+        _check_not_negative("clock_error_s", self.clock_error_s)
+        _check_not_negative("drift_ppm", self.drift_ppm)
+        if self.beacon_s is not None:
+            _check_positive("beacon_s", self.beacon_s)
+            if self.clock is None:
+                raise ConfigError(
+                    "beacon_s: without clock; allowed: where clock names the node that tells it"
+                )
+
+
+class TdmaSpec(
+    ClockedSpec,
+    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="tdma",
+):  # fmt: skip
+    """Each node transmits in its slots of a common clock, which are all equally long."""
+
+    slots: tuple[int, ...]
+    """Address of the owner of each slot, in order; an address may own several."""
+    slot_s: float
+    """Length of a slot, s, > 0; slots begin at multiples of the cycle since 1970 (UTC)."""
+    max_range_m: float | None = None
+    """Largest distance between two nodes, m, > 0; alternative to `guard_s`."""
+    guard_s: float | None = None
+    """Silence at the end of each slot, s, > 0; None: computed from `max_range_m`."""
+
     def __post_init__(self) -> None:
         """Check each value, and that the guard leaves a part of the slot.
 
         Raises:
             ConfigError: States key, value and what is allowed.
         """
-        if not 1 <= len(self.slots) <= _MOST_SLOTS:
-            raise ConfigError(f"slots: {len(self.slots)} slots; allowed: 1..{_MOST_SLOTS}")
+        _check_count(self.slots)
         for index, address in enumerate(self.slots):
             if not 1 <= address <= 254:
                 raise ConfigError(f"slots[{index}]: {address}; allowed: an address, 1..254")
         _check_positive("slot_s", self.slot_s)
-        _check_not_negative("clock_error_s", self.clock_error_s)
-        _check_not_negative("drift_ppm", self.drift_ppm)
+        self._check_clock()
         if self.max_range_m is not None:
             _check_positive("max_range_m", self.max_range_m)
         if self.guard_s is not None:
@@ -102,12 +151,6 @@ class TdmaSpec(
         if (self.guard_s is None) == (self.max_range_m is None):
             both = "beside max_range_m" if self.guard_s is not None else "is missing"
             raise ConfigError(f"guard_s: {both}; allowed: exactly one of guard_s and max_range_m")
-        if self.beacon_s is not None:
-            _check_positive("beacon_s", self.beacon_s)
-            if self.clock is None:
-                raise ConfigError(
-                    "beacon_s: without clock; allowed: where clock names the node that tells it"
-                )
         if self.guard_s is not None and self.guard_ns <= 2 * self.error_limit_ns:
             raise ConfigError(
                 f"guard_s: {self.guard_s:g} s leaves no time for sound to travel beside twice the "
@@ -121,20 +164,78 @@ class TdmaSpec(
             )
 
     @property
-    def error_limit_ns(self) -> int:
-        """Error beyond which a node keeps silent, ns.
-
-        It is the stated error plus the drift from one statement of the host to the next.
-        """
-        return seconds_to_ns(self.clock_error_s + _STATEMENTS_S * self.drift_ppm * 1e-6)
-
-    @property
     def guard_ns(self) -> int:
         """Silence at the end of each slot, ns: propagation delay, and twice the clock error."""
         if self.guard_s is not None:
             return seconds_to_ns(self.guard_s)
         assert self.max_range_m is not None
-        return seconds_to_ns(self.max_range_m / SLOWEST_SOUND_M_S) + 2 * self.error_limit_ns
+        return self._guard_ns(self.max_range_m)
+
+    @property
+    def timed_slots(self) -> tuple[TimedSlot, ...]:
+        """The slots of a cycle."""
+        window_ns = seconds_to_ns(self.slot_s) - self.guard_ns
+        return tuple(TimedSlot((owner,), window_ns, self.guard_ns) for owner in self.slots)
+
+
+class ScheduledSlot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One slot of a schedule."""
+
+    owners: tuple[int, ...]
+    """Addresses of the nodes that may transmit in it; several where no node hears two of them;
+    empty: nodes that own no slot, each in about every second cycle."""
+    for_s: float
+    """How long they may transmit, s, > 0."""
+    range_m: float
+    """Largest distance from one of them to one of the next slot, m, ≥ 0."""
+
+
+class ScheduleSpec(
+    ClockedSpec,
+    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="schedule",
+):  # fmt: skip
+    """Each node transmits in its slots of a common clock; each slot is as long as it needs.
+
+    A slot's guard covers only the distance to the nodes of the next slot. By the triangle
+    inequality its frames have then passed every node before those of the next slot arrive there.
+    """
+
+    slots: tuple[ScheduledSlot, ...]
+    """The slots of a cycle, in order; a node may own several."""
+
+    def __post_init__(self) -> None:
+        """Check each value.
+
+        Raises:
+            ConfigError: States key, value and what is allowed.
+        """
+        _check_count(self.slots)
+        for index, slot in enumerate(self.slots):
+            for address in slot.owners:
+                if not 1 <= address <= 254:
+                    raise ConfigError(
+                        f"slots[{index}].owners: {address}; allowed: addresses, 1..254"
+                    )
+            _check_positive(f"slots[{index}].for_s", slot.for_s)
+            if not (math.isfinite(slot.range_m) and 0 <= slot.range_m <= MOST_RANGE_M):
+                raise ConfigError(
+                    f"slots[{index}].range_m: {slot.range_m:g}; allowed: metres, 0 to "
+                    f"{MOST_RANGE_M:g}"
+                )
+        self._check_clock()
+
+    @property
+    def timed_slots(self) -> tuple[TimedSlot, ...]:
+        """The slots of a cycle."""
+        return tuple(
+            TimedSlot(slot.owners, seconds_to_ns(slot.for_s), self._guard_ns(slot.range_m))
+            for slot in self.slots
+        )
+
+    @property
+    def cycle_s(self) -> float:
+        """Length of a cycle, s."""
+        return sum(slot.window_ns + slot.guard_ns for slot in self.timed_slots) / NS_PER_S
 
 
 class PollingSpec(
@@ -177,16 +278,24 @@ class PollingSpec(
             _check_positive("max_range_m", self.max_range_m)
 
 
-AccessSpec: TypeAlias = DelegatedSpec | AlohaSpec | CarrierSenseSpec | TdmaSpec | PollingSpec
+AccessSpec: TypeAlias = (
+    DelegatedSpec | AlohaSpec | CarrierSenseSpec | TdmaSpec | ScheduleSpec | PollingSpec
+)
 
 METHODS: Final[dict[str, type[AccessSpec]]] = {
     "aloha": AlohaSpec,
     "carrier_sense": CarrierSenseSpec,
     "tdma": TdmaSpec,
+    "schedule": ScheduleSpec,
     "polling": PollingSpec,
     "delegated": DelegatedSpec,
 }
 """The policies by their names in the config."""
+
+
+def _check_count(slots: Sized) -> None:
+    if not 1 <= len(slots) <= _MOST_SLOTS:
+        raise ConfigError(f"slots: {len(slots)} slots; allowed: 1..{_MOST_SLOTS}")
 
 
 def _check_positive(key: str, value: float) -> None:

@@ -7,6 +7,14 @@ by the error ends that much later, and one whose clock is early starts that much
 frame of a slot has arrived everywhere before the next slot begins, whatever the geometry: nothing
 collides, and no node transmits while another's frame arrives.
 
+The guards of a *schedule* are shorter: each covers the distance to the owners of the next slot
+only. A frame of slot *k* then has passed any third node before one of slot *k + 1* arrives there,
+since no detour is shorter than the direct way.
+
+In a schedule an emergency goes at once, and may destroy one frame of another node: a cycle of forty
+nodes takes the better part of a minute. A slot without owners is for nodes that own none, such as
+one that has just joined; each uses it in about every second cycle, since two may want it.
+
 This holds as long as every clock is within the stated error. So a node that is not sure of its
 clock is *muted*: its error, which grows by drift since the last statement, exceeds the stated one;
 its clock has jumped; or it was never told the time (`zacoustic.core.schedule.access.networktime`).
@@ -18,13 +26,15 @@ of its own if the config says so. The others correct by the propagation delay th
 measured, or by half of the longest one, and count the uncertainty as error.
 """
 
+import hashlib
+from collections.abc import Iterator
 from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.schedule.access.base import MediumAccess, Wanted
 from zacoustic.core.schedule.access.networktime import NetworkTime
-from zacoustic.core.schedule.access.spec import TdmaSpec
+from zacoustic.core.schedule.access.spec import ScheduleSpec, TdmaSpec, TimedSlot
 from zacoustic.core.wire.access import CLOCK_BYTES, CLOCK_TICK_NS, AccessControl, ClockTime
 from zacoustic.errors import ConfigError
 
@@ -46,20 +56,18 @@ class Tdma(MediumAccess):
 
     is_scheduled = True
 
-    def __init__(self, spec: TdmaSpec, capabilities: LinkCapabilities, address: int) -> None:
+    def __init__(
+        self, spec: TdmaSpec | ScheduleSpec, capabilities: LinkCapabilities, address: int
+    ) -> None:
         self._largest_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
-        self._slot_ns = seconds_to_ns(spec.slot_s)
-        self._window_ns = self._slot_ns - spec.guard_ns
-        if self._largest_ns > self._window_ns:
-            least_s = (self._largest_ns + spec.guard_ns) / NS_PER_S
-            raise ConfigError(
-                f"access.slot_s: {spec.slot_s:g} s; the largest frame of this link takes "
-                f"{self._largest_ns / NS_PER_S:.3f} s and the guard {spec.guard_ns / NS_PER_S:.3f} "
-                f"s; allowed: at least {least_s:.3f}"
-            )
-        self._slots = spec.slots
-        self._own = tuple(index for index, owner in enumerate(spec.slots) if owner == address)
-        self._cycle_ns = len(spec.slots) * self._slot_ns
+        slots = spec.timed_slots
+        _check_room(spec, slots, self._largest_ns)
+        self._address = address
+        self._own = tuple(_windows_of(slots, (address,)))
+        self._open = () if self._own else tuple(_windows_of(slots, ()))
+        """Windows of slots without owners, if this node owns none."""
+        self._cycle_ns = sum(slot.window_ns + slot.guard_ns for slot in slots)
+        self._is_urgent_at_once = isinstance(spec, ScheduleSpec)
         self._error_limit_ns = spec.error_limit_ns
         self._stated_s = spec.clock_error_s
         self._reference = spec.clock
@@ -71,8 +79,10 @@ class Tdma(MediumAccess):
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the first instant in an own slot at which the largest frame fits, ns, or None."""
         earliest = wanted.earliest(now)
+        if wanted.is_urgent and self._is_urgent_at_once:
+            return wanted.due_at
         offset_ns = self._time.offset_ns
-        if offset_ns is None or not self._own:
+        if offset_ns is None or not (self._own or self._open):
             return None
         sure_at = self._time.sure_at
         if sure_at is not None:
@@ -112,7 +122,7 @@ class Tdma(MediumAccess):
 
     def clock_doubt(self, now: int) -> str:
         """Return why this node does not use its slots for want of the time; empty: it does."""
-        if not self._own:
+        if not (self._own or self._open):
             return ""
         if self._time.offset_ns is None:
             who = None if self._is_reference else self._reference
@@ -136,11 +146,49 @@ class Tdma(MediumAccess):
 
     def _opening(self, network_ns: int) -> int:
         """Return the first network time from `network_ns` on at which a frame may start, ns."""
-        cycle_at = network_ns // self._cycle_ns * self._cycle_ns
+        cycle = network_ns // self._cycle_ns
         while True:
-            for index in self._own:
-                begins_at = cycle_at + index * self._slot_ns
+            for begins_ns, window_ns in self._own or self._open:
+                begins_at = cycle * self._cycle_ns + begins_ns
                 start_at = max(begins_at, network_ns)
-                if start_at + self._largest_ns <= begins_at + self._window_ns:
+                fits = start_at + self._largest_ns <= begins_at + window_ns
+                if fits and (self._own or self._takes_open(cycle, begins_ns)):
                     return start_at
-            cycle_at += self._cycle_ns
+            cycle += 1
+
+    def _takes_open(self, cycle: int, begins_ns: int) -> bool:
+        """Return whether this node uses an open slot of a cycle: in about every second one."""
+        drawn = hashlib.sha256(b"%d/%d/%d" % (self._address, cycle, begins_ns)).digest()
+        return drawn[0] % 2 == 0
+
+
+def _windows_of(slots: tuple[TimedSlot, ...], owners: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+    """Yield where in the cycle each slot of an owner begins, and how long it may transmit, ns.
+
+    Args:
+        slots: All slots.
+        owners: The owner; empty: slots without owners.
+    """
+    begins_ns = 0
+    for slot in slots:
+        if set(owners) & set(slot.owners) if owners else not slot.owners:
+            yield begins_ns, slot.window_ns
+        begins_ns += slot.window_ns + slot.guard_ns
+
+
+def _check_room(
+    spec: TdmaSpec | ScheduleSpec, slots: tuple[TimedSlot, ...], largest_ns: int
+) -> None:
+    short = next((index for index, slot in enumerate(slots) if slot.window_ns < largest_ns), None)
+    if short is None:
+        return
+    largest_s, guard_s = largest_ns / NS_PER_S, slots[short].guard_ns / NS_PER_S
+    if isinstance(spec, ScheduleSpec):
+        raise ConfigError(
+            f"access.slots[{short}].for_s: {spec.slots[short].for_s:g} s; the largest frame of "
+            f"this link takes {largest_s:.3f} s; allowed: at least that"
+        )
+    raise ConfigError(
+        f"access.slot_s: {spec.slot_s:g} s; the largest frame of this link takes {largest_s:.3f} "
+        f"s and the guard {guard_s:.3f} s; allowed: at least {largest_s + guard_s:.3f}"
+    )

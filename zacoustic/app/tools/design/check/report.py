@@ -20,7 +20,7 @@ from zacoustic.channel.profiles import DEFAULT_PROFILE, ModemProfile, profile_na
 from zacoustic.config import Config
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Stamp
-from zacoustic.core.schedule.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
+from zacoustic.core.schedule.access import ClockedSpec, DelegatedSpec, PollingSpec, choose
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
@@ -380,12 +380,12 @@ def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
         choose(access, capabilities, config.address, random.Random(1))
     except ConfigError as error:
         yield f"with a modem like {profile.name}: {error}"
-    speakers = None
-    if isinstance(access, TdmaSpec):
-        speakers = set(access.slots)
+    has_turn = True
+    if isinstance(access, ClockedSpec):
+        has_turn = access.has_slot(config.address)
     elif isinstance(access, PollingSpec):
-        speakers = {access.poller, *access.nodes}
-    if speakers is not None and config.address not in speakers:
+        has_turn = config.address in {access.poller, *access.nodes}
+    if not has_turn:
         yield f"access: node {config.address} has no turn in it, so it never transmits"
 
 

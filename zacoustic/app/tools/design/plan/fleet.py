@@ -58,6 +58,8 @@ class Fleet(msgspec.Struct, kw_only=True):
     """Notes on it."""
     refused: dict[int, Refused] = {}
     """What a recording has that its types refuse, by stream id."""
+    apart_m: float | None = None
+    """Assumed distance of each two nodes, m; None: the scenario has their places."""
     members: dict[int, tuple[int, ...]] = {}
     """The nodes that each of them stands for, itself among them; empty: each for itself."""
 
@@ -151,6 +153,7 @@ def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
         rules=_rules(tables, configs),
         offers=spoken(offers, members),
         notes=notes,
+        apart_m=channel.range_m,
         members=members,
     )
 

@@ -10,6 +10,7 @@ from zacoustic.app.tools.design.plan.advice import Change, changes_that_fit
 from zacoustic.app.tools.design.plan.agreement import AgreementPlan, agreement_of
 from zacoustic.app.tools.design.plan.fleet import AssumedChannel, Fleet, fleet_of
 from zacoustic.app.tools.design.plan.sampling import note_on
+from zacoustic.app.tools.design.plan.slots import ScheduleOptions, SchedulePlan, schedule_of
 from zacoustic.app.tools.design.plan.verdict import (
     MOST_ARRIVALS,
     StreamFound,
@@ -107,6 +108,8 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     """What agreement on tables takes with each policy; None: there is one node."""
     notes: tuple[str, ...]
     """Notes on the plan."""
+    schedule: SchedulePlan | None = None
+    """The schedule that was asked for."""
 
 
 def plan(
@@ -117,6 +120,7 @@ def plan(
     hours: float | None = None,
     transmit_w: float | None = None,
     seed: int = 1,
+    schedule: ScheduleOptions | None = None,
 ) -> PlanReport:
     """Plan a file.
 
@@ -128,6 +132,7 @@ def plan(
             many nodes that this takes long.
         transmit_w: What the modem takes while it transmits, W; None: from its source level.
         seed: Of the model.
+        schedule: Make a schedule with these settings.
 
     Raises:
         ConfigError: A file is wrong, or no rates are known.
@@ -158,6 +163,9 @@ def plan(
         misfits=verdict.misfits,
         agreement=agreement_of(fleet, seed),
         changes=() if verdict.fits else changes_that_fit(fleet, streams, seed),
+        schedule=None
+        if schedule is None
+        else schedule_of(fleet, found.airtime_s, until_s, schedule),
         notes=(*note_on(fleet.members), *fleet.notes, *_left_out(fleet)),
     )
 

@@ -13,7 +13,7 @@ from typing import Final
 
 from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.access.spec import PollingSpec, TdmaSpec
+from zacoustic.core.schedule.access.spec import ClockedSpec, PollingSpec
 from zacoustic.core.streams.table import StreamTable
 
 MOST_WALKED: Final = 32
@@ -36,7 +36,9 @@ def members_of(
         For each node to walk the nodes it stands for, itself the first.
     """
     own: dict[int, tuple[int, ...]] = {address: (address,) for address in settings}
-    is_scheduled = any(isinstance(each.access, TdmaSpec | PollingSpec) for each in rules.of_links)
+    is_scheduled = any(
+        isinstance(each.access, ClockedSpec | PollingSpec) for each in rules.of_links
+    )
     if len(own) <= MOST_WALKED or is_scheduled:
         return own
     first = next(iter(settings))

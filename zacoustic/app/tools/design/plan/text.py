@@ -1,10 +1,12 @@
 """The report of `zacoustic.app.tools.design.plan` for people."""
 
+import json
 from collections.abc import Iterator, Sequence
 
 from zacoustic.app.tools.columns import align
 from zacoustic.app.tools.design.plan.agreement import AgreementPlan
 from zacoustic.app.tools.design.plan.report import NodePlan, PlanReport, StreamPlan
+from zacoustic.app.tools.design.plan.slots import SchedulePlan
 from zacoustic.text.safetext import one_line
 
 _STREAMS = (
@@ -44,6 +46,26 @@ def _lines(report: PlanReport) -> Iterator[str]:
     if report.agreement is not None:
         yield _agreement_line(report.agreement)
     yield from (one_line(f"note: {each}") for each in report.notes)
+    if report.schedule is not None:
+        yield ""
+        yield from _schedule_lines(report.schedule)
+
+
+def _schedule_lines(schedule: SchedulePlan) -> Iterator[str]:
+    yield (
+        f"schedule: a cycle of {schedule.cycle_s:.1f} s, {schedule.guards_s:.1f} s of it guards "
+        f"({schedule.uniform_s:.1f} s with the longest guard for all); for each node's config:"
+    )
+    settings = [(key, value) for key, value in schedule.access.items() if key != "slots"]
+    yield "access: {"
+    yield "  " + " ".join(f"{key}: {json.dumps(value)}," for key, value in settings)
+    yield "  slots: ["
+    for slot in schedule.access["slots"]:
+        yield (
+            "    { " + ", ".join(f"{key}: {json.dumps(each)}" for key, each in slot.items()) + " },"
+        )
+    yield "  ],"
+    yield "}"
 
 
 def _agreement_line(found: AgreementPlan) -> str:

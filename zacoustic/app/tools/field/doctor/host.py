@@ -9,7 +9,7 @@ from typing import Final
 
 from zacoustic.app.tools.field.doctor.ntp import Offset
 from zacoustic.config import Config
-from zacoustic.core.schedule.access.spec import TdmaSpec
+from zacoustic.core.schedule.access.spec import ClockedSpec
 from zacoustic.link.contract import Finding
 from zacoustic.run.hostclock import ask_kernel
 
@@ -63,7 +63,7 @@ def check_clock(
         synchronised: Tells whether something keeps it right.
     """
     access = config.rules.access
-    slots = access if isinstance(access, TdmaSpec) and access.clock is None else None
+    slots = access if isinstance(access, ClockedSpec) and access.clock is None else None
     if slots is None and not config.rules.quiet:
         return
     if offset is None:
@@ -76,10 +76,14 @@ def check_clock(
                 "the dive; --ntp HOST measures how wrong the clock is; TDMA can go by the clock of "
                 "a node instead: clock in access",
             )
-    elif slots is not None and abs(offset.offset_s) - offset.error_s > slots.clock_error_s:
+        return
+    if slots is None:
+        return
+    guard_s = min(each.guard_ns for each in slots.timed_slots) / 1e9
+    if abs(offset.offset_s) - offset.error_s > slots.clock_error_s:
         yield Finding(
             what=f"clock skew: the clock is {offset.offset_s:+.3f} s off {offset.server}; "
-            f"clock_error_s is {slots.clock_error_s:g}, the guard {slots.guard_ns / 1e9:.3f} s",
+            f"clock_error_s is {slots.clock_error_s:g}, the guard {guard_s:.3f} s",
             why="this node transmits in the slots of others: frames of both are lost, and nobody "
             "sees why",
             cure="have the clock set (chrony, GPS with PPS) before the dive; or let a node "
