@@ -319,4 +319,4 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
     is_about_all: bool = False
     """It concerns all goals, whatever `goal_id`: only a cancel of ROS can."""
     accepted_until_ns: int | None = None
-    """With `all`: only those accepted until then, ns since 1970."""
+    """With `is_about_all`: only those accepted until then, ns since 1970."""
