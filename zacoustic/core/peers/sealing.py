@@ -147,7 +147,7 @@ class Seal:
         if self.is_cloned:
             return "another computer has the key and the address of this node"
         if self._life > LAST_LIFE:
-            return "there is no life of this node that a frame may be sealed in"
+            return "this node has no life in which it may seal frames"
         return ""
 
     @property

@@ -31,8 +31,8 @@ examples:
   zacoustic silence resume --config router.json5              the end of it
   zacoustic silence --config router.json5                     what holds now
 
-A node beyond the water is silent when the order has arrived, and its answer is its last frame. If
-none comes in time (exit code 3), it may be silent all the same.
+A remote node is silent when the command has arrived, and its answer is its last frame. If none
+comes in time (exit code 3), it may be silent all the same.
 """
 _UNITS_S: Final = {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}
 _DURATION: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([smhd]?)")

@@ -37,10 +37,10 @@ class StreamCommand(Command):
             "--off", action="store_true", help="they wait, expire and are superseded"
         )
         switch.add_argument(
-            "--reset", action="store_true", help="everything as the node's configuration says"
+            "--reset", action="store_true", help="everything as the node's file configures it"
         )
         parser.add_argument(
-            "--rate", type=float, metavar="HZ", help="at most so many samples of a key a second"
+            "--rate", type=float, metavar="HZ", help="maximum rate of samples of a key"
         )
         parser.add_argument("--priority", metavar="NAME", help="Zenoh's, such as background")
         add_command_arguments(parser, is_node_required=True)

@@ -28,7 +28,7 @@ class TopicsCommand(Command):
     """Lists what crosses the channel, once."""
 
     name = "topics"
-    summary = "list what crosses the water: how often, how old, what waits"
+    summary = "list what crosses the channel: how often, how old, what waits"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
