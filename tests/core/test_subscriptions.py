@@ -249,7 +249,9 @@ def test_answer_waits_for_the_journal() -> None:
     assert sent is None or messages([sent.frame_bytes]) == []
     medium[2].commits = True
     medium[2].settle()
-    sent = medium[2].send(medium.now)
+    due_at = medium[2].engine.poll_timeout()
+    assert due_at is not None
+    sent = medium[2].send(due_at)
     assert sent is not None
     assert messages([sent.frame_bytes]) == [
         Subscribe(1, 1, 0b100, is_answer=True, heard=1, is_kept=True)

@@ -169,7 +169,7 @@ class Work:
     def _take(self, node: int, event: Event) -> None:
         self.tell(node, event)
         match event:
-            case SampleReceived():
+            case SampleReceived() if event.source in NODES:  # strangers may say something, too
                 self._got(node, event.source, event.stream_id, _ticket(event.value))
             case RequestReceived():
                 self._got(node, event.call.client, event.call.stream_id, _ticket(event.value))

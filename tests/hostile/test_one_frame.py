@@ -78,7 +78,7 @@ FRAMES = {
 
 @pytest.mark.parametrize("name", FRAMES)
 def test_a_forged_frame_is_over_after_ten_minutes(name: str, count: Callable[[int], int]) -> None:
-    busy_first = len(name) % 2 == 0
+    busy_first = len(name) % 2 == 0 and FRAMES[name][1] != STRANGER
     for busy in (busy_first, not busy_first)[: count(200) // 2]:
         check(Forged(*FRAMES[name]), busy=busy)
 
@@ -87,7 +87,7 @@ def check(forged: Forged, *, busy: bool) -> None:
     outcome = Work(busy=busy).run([(FORGED_S, forged)])
     assert same_service(outcome, busy=busy)
     assert outcome.spent <= MOST_BYTES
-    if forged.source == STRANGER:
+    if forged.source == STRANGER and not busy:  # else its own traffic varies by more
         most = untouched(busy=busy).answered + len(forged.frame_bytes)
         assert outcome.answered <= most
 

@@ -323,7 +323,13 @@ class Composer:
             needs_no_table: It has a HELLO, or no record of any stream.
         """
         closed = self._seal.close(
-            content, destination, closing, now, items=records, needs_no_table=needs_no_table
+            content,
+            destination,
+            closing,
+            now,
+            items=records,
+            needs_no_table=needs_no_table,
+            padded_to=port.broadcast_bytes if destination == BROADCAST else None,
         )
         frame_bytes = port.envelope.wrap(closed, destination)
         self._stats.attribute(NO_STREAM, Cause.SEAL, len(closed) - len(content))

@@ -135,6 +135,7 @@ class Unsealed:
         *,
         items: Sequence[Waiting] = (),
         needs_no_table: bool = False,
+        padded_to: int | None = None,
     ) -> bytes:
         """Close a frame.
 
@@ -145,6 +146,7 @@ class Unsealed:
             now: The instant.
             items: Its payloads.
             needs_no_table: It has a HELLO, or no record of any stream.
+            padded_to: Padding makes it at most so long, bytes; None: no such limit.
         """
         return content
 
@@ -220,11 +222,14 @@ class LinkSeal(Unsealed):
         *,
         items: Sequence[Waiting] = (),
         needs_no_table: bool = False,
+        padded_to: int | None = None,
     ) -> bytes:
         """Seal a frame; see `Unsealed.close`."""
         is_free = needs_no_table or (bool(items) and all(map(self._is_built_in, items)))
         size_bytes = len(content) + closing.overhead_bytes
         wanted_bytes = next((each for each in self._rules.pad_bytes if each >= size_bytes), 0)
+        if padded_to is not None:
+            wanted_bytes = min(wanted_bytes, padded_to)
         # Padding goes first: the last record of a frame may extend to its end.
         return self._seal.seal(
             PADDING * max(0, wanted_bytes - size_bytes) + content,

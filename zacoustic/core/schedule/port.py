@@ -211,9 +211,13 @@ class LinkPort:
             record_bytes: Content of the frame without envelope, bytes.
         """
         # All nodes hear the frames of a link without addresses, whatever their destination.
+        return self.capabilities.addressed and record_bytes <= self.broadcast_bytes
+
+    @property
+    def broadcast_bytes(self) -> int:
+        """The largest content of a broadcast frame without envelope, bytes."""
         limit_bytes = self.capabilities.broadcast_mtu_bytes or self.capabilities.mtu_bytes
-        size_bytes = record_bytes + self.capabilities.mtu_bytes - self.envelope.room_bytes
-        return self.capabilities.addressed and size_bytes <= limit_bytes
+        return limit_bytes - self.capabilities.mtu_bytes + self.envelope.room_bytes
 
     def end_run(self) -> None:
         """Record that the frame that is being composed announces a listen window."""

@@ -260,6 +260,7 @@ class Protocols(Profile):
         self._context.pacers.times = times
         self.topics.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
+        self.subscriptions.use_link(times)
         self.actions.use_link(times, settling_ns)
         for each in self.transports.values():
             each.use_link(capabilities, now)

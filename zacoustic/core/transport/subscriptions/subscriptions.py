@@ -11,6 +11,7 @@ from zacoustic.core.base.stats import NO_STREAM, Cause
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import LAST_STREAM_ID, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
@@ -62,9 +63,14 @@ class Subscriptions:
         self.changed.connect(self._tell)
         self.unsubscribed = Signal[int, Set[int], int]()
         """``(stream_id, sources, now)``: this node has unsubscribed from a topic of these nodes."""
+        self._linger_s = 0.0
         context.reception.on(Subscribe, self.receive)
         context.peers.restarted.connect(self.peer_restarted)
         context.peers.forgotten.connect(self.peer_forgotten)
+
+    def use_link(self, times: LinkTimes) -> None:
+        """Set the link's airtimes."""
+        self._linger_s = times.confirm_linger_s
 
     # Commands
 
@@ -212,4 +218,6 @@ class Subscriptions:
             cause=Cause.SUBSCRIBE,
             queued_at=now,
         )
-        self._queue.replace((NO_STREAM, ANSWER_LANE, source, message.page), record, SUBSCRIBE_QOS)
+        # Sent at once, it would meet again and again what is repeated together with the message.
+        qos = msgspec.structs.replace(SUBSCRIBE_QOS, linger_s=self._linger_s)
+        self._queue.replace((NO_STREAM, ANSWER_LANE, source, message.page), record, qos)
