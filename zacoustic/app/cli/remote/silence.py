@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from zacoustic.core.streams.commands import RemoteCommand
 
-_EXAMPLE: Final = """what waits goes on waiting; a frame that the modem has begun is not cut off
+_EXAMPLE: Final = """waiting data stays; a frame that the modem has begun is not cut off
 
 examples:
   zacoustic silence --for 30m --connect tcp/127.0.0.1:7447    half an hour, all gateways here
@@ -55,7 +55,10 @@ class SilenceCommand(Command):
             help="end the silence, or begin one without end",
         )  # fmt: skip
         parser.add_argument(
-            "--for", dest="duration", metavar="TIME", help="be silent so long: 90s, 30m, 2h, 1d"
+            "--for",
+            dest="duration",
+            metavar="TIME",
+            help="duration of the silence: 90s, 30m, 2h, 1d",
         )
         add_command_arguments(parser)
 

@@ -8,8 +8,8 @@ from zacoustic.app.cli.support.arguments import check_positive
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import Command
 
-_EXAMPLE: Final = """for a topic that the node publishes; it holds at once, without a restart,
-and outlives one where the node has a journal
+_EXAMPLE: Final = """for a topic that the node publishes; it applies at once, without a restart,
+and survives one if the node has a journal
 
 examples:
   zacoustic stream --node 2 --id 11 --config shore.json5                   how it is sent
