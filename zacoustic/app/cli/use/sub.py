@@ -42,7 +42,7 @@ class SubCommand(Command):
         parser.add_argument("--count", type=int, metavar="N", help="end after N samples")
         parser.add_argument(
             "--timeout", type=float, metavar="S",
-            help="end after this time, s; exit code 3 with fewer samples than --count, or with none",
+            help="end after this time, s; exit code 3 with fewer samples than --count or none",
         )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
