@@ -3,7 +3,7 @@
 A `Node` here runs the asyncio `zacoustic.Node` on a loop in a thread of its own, which it starts
 and ends; it has no other logic. Callbacks and handlers run in that thread, one at a time. They must
 not block, because the modem waits meanwhile. They may call `Publisher.publish`; every call that
-waits raises `LocalError` there. Other threads may call everything.
+waits raises `LocalError` there. Other threads may make any call.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -151,7 +151,7 @@ class Node:
         *,
         timeout_s: float = asynchronous.COMMAND_TIMEOUT_S,
     ) -> CommandState:
-        """Give a command to a node and wait for the answer; see `zacoustic.Node.command`."""
+        """Send a command to a node and wait for the answer; see `zacoustic.Node.command`."""
         return self._running().wait(self._node.command(peer, command, timeout_s=timeout_s))
 
     def refuse(self, progress: ObjectProgress) -> bool:
@@ -333,7 +333,7 @@ class Node:
         *,
         stream_id: int | None = None,
     ) -> Service[Any, Any]:
-        """Serve a service; the handler runs in the loop's thread."""
+        """Create a service; the handler runs in the loop's thread."""
         thread = self._running()
         made: service.Service[Any, Any] = thread.wait(
             _made(
@@ -375,7 +375,7 @@ class Node:
         cancel_callback: Callable[[Any], bool] | None = None,
         stream_id: int | None = None,
     ) -> ActionServer[Goal, Feedback, Result]:
-        """Serve an action; `execute_callback` runs in a separate thread for each goal.
+        """Create an action server; `execute_callback` runs in a separate thread for each goal.
 
         The other callbacks run in the loop's thread. See `zacoustic.Node.create_action_server`.
         """
@@ -421,5 +421,5 @@ class Node:
 
 
 async def _made(make: Callable[[], T]) -> T:
-    """Create an endpoint on the loop; as a call that waits, callbacks cannot use it."""
+    """Create an endpoint on the loop; it counts as a waiting call, so callbacks cannot make it."""
     return make()

@@ -1,14 +1,14 @@
-"""What lies between the nodes of the stand-in: who hears a packet, when, and whether at all.
+"""The channel between the nodes of the stand-in: who receives a packet, and when.
 
 Two kinds of channel, for one driver (`zacoustic.channel.driver`):
 
-- `SampleChannel`, as measured with DESERT's sample script: every node 500 m from every other,
-  modems of 48 kbit/s, packets lost at a node that transmits when they begin to arrive, and a share
-  at random. What begins while a packet arrives does no harm: that is how the measured losses come
-  out, 0.01 for 64 bytes and 0.15 for 512 with two packets a second each way.
+- `SampleChannel`, as measured with DESERT's sample script: all nodes 500 m apart, modems of
+  48 kbit/s. A packet is lost at a node that transmits when it begins to arrive; a share is lost at
+  random. Sound that begins while a packet arrives does no harm: this reproduces the measured losses
+  of 0.01 for 64 bytes and 0.15 for 512, with two packets a second in each direction.
 - the `Medium` of a scenario file (`medium_of`): places, modem profiles, noise, collisions, faults.
 
-Pure and seeded: instants come in, and never decrease.
+Pure and seeded: instants are arguments and never decrease.
 """
 
 import random
@@ -21,9 +21,9 @@ from zacoustic.errors import ConfigError
 from zacoustic_desert.config import HEADER_BYTES, READ_LIMIT_BYTES
 
 SAMPLE_PROPAGATION_S: Final = 500.0 / 1500.0
-"""Between the nodes of the sample, s."""
+"""Propagation delay between the nodes of the sample, s."""
 SAMPLE_BIT_RATE_BPS: Final = 48_000.0
-"""Of the modems of the sample, bit/s."""
+"""Bit rate of the sample's modems, bit/s."""
 
 
 class SampleChannel:
@@ -32,10 +32,10 @@ class SampleChannel:
     Args:
         nodes: Number of nodes.
         rng: Decides which packets are lost.
-        loss: Share of the packets that is lost at random, 0…1.
-        propagation_s: Between any two nodes, s.
-        bit_rate_bps: Of the modems, bit/s.
-        half_duplex: Packets are lost at a node that transmits; the loss that was measured.
+        loss: Share of the packets lost at random, 0…1.
+        propagation_s: Propagation delay between any two nodes, s.
+        bit_rate_bps: Bit rate of the modems, bit/s.
+        half_duplex: A transmitting node loses packets, as measured.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class SampleChannel:
         self._longest_ns = self._airtime_ns(READ_LIMIT_BYTES)
         self._half_duplex = half_duplex
         self._sequence = 0
-        # For each node, its transmissions that something may still arrive in.
+        # For each node, its transmissions during which something may still arrive.
         self._transmits: list[list[tuple[int, int]]] = [[] for _ in range(nodes)]
 
     @property
@@ -92,7 +92,7 @@ class SampleChannel:
                     starts_at=starts_at,
                     ends_at=starts_at + airtime_ns,
                     propagation_s=self._propagation_s,
-                    # This channel knows no levels.
+                    # This channel has no levels.
                     distance_m=0.0, received_level_db=0.0, snr_db=0.0, effective_snr_db=0.0,
                     chance=0.0,
                 )
@@ -102,8 +102,8 @@ class SampleChannel:
         )  # fmt: skip
 
     def finish(self, arrival: Arrival) -> Reception:
-        """Return what became of an arrival."""
-        # Drawn always, so that the fate of later packets does not depend on this one's.
+        """Return the outcome of an arrival."""
+        # Always drawn, so that the outcome of later packets does not depend on this one's.
         outcome = Outcome.NOISE if self._rng.random() < self._loss else Outcome.RECEIVED
         if self._half_duplex and any(
             began <= arrival.starts_at < ended for began, ended in self._transmits[arrival.node]
@@ -116,16 +116,16 @@ class SampleChannel:
 
 
 def medium_of(scenario: Scenario, max_read_length: int) -> Medium:
-    """Return the channel of a scenario; its nodes in their order are those of the stand-in.
+    """Return the channel of a scenario; its nodes, in order, are those of the stand-in.
 
-    The headers of DESERT count as part of the preamble of the modems.
+    The headers of DESERT count as part of the modems' preamble.
 
     Args:
-        scenario: Who is where, with which modem, and what goes wrong.
+        scenario: Positions, modems and faults of the nodes.
         max_read_length: Largest packet, bytes: DESERT's modems do not split one.
 
     Raises:
-        ConfigError: A modem of the scenario does not take such a packet.
+        ConfigError: A modem of the scenario cannot take such a packet.
     """
     medium = Medium(scenario)
     for address in medium.addresses:

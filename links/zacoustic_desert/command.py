@@ -107,7 +107,7 @@ def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":
 
 
 def _channel(arguments: argparse.Namespace) -> "tuple[int, Channel]":
-    """The seed, and the channel: a scenario's, or that of DESERT's sample."""
+    """Return the seed, and the channel: a scenario's, or that of DESERT's sample."""
     from zacoustic_desert.channel import SampleChannel, medium_of
 
     if arguments.scenario is None:
@@ -134,7 +134,7 @@ def _channel(arguments: argparse.Namespace) -> "tuple[int, Channel]":
 
 
 class _Reporter:
-    """Says what happens, as text or as JSON."""
+    """Reports events, as text or as JSON."""
 
     def __init__(self, stop: asyncio.Event, *, as_json: bool) -> None:
         self._stop = stop
@@ -166,7 +166,7 @@ class _Reporter:
             print(json_line(record) if self._as_json else one_line(text), flush=True)
         except BrokenPipeError:
             self._stop.set()
-            # The interpreter flushes once more at its end.
+            # The interpreter flushes again at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -1,12 +1,12 @@
-"""Settings of the link to DESERT, and what follows from them about the link.
+"""Settings of the link to DESERT, and the capabilities that follow from them.
 
-DESERT does not describe itself on its socket. The settings repeat those of its Tcl script; where
-they differ from it frames are split (`max_read_length` too large) or pile up in DESERT (`period_s`
-or `listen_s` too small), and nothing reports it.
+DESERT does not describe itself on its socket, so the settings repeat those of its Tcl script. If
+they differ, DESERT splits frames (`max_read_length` too large) or queues them without limit
+(`period_s` or `listen_s` too small), and nothing reports it.
 
-How long a packet takes is the longer of two things, since both work on different packets at the
-same time: the application module hands out one packet in each `period_`, and the medium access
-listens before each packet. Then comes the packet itself, with four bytes of headers. Measured at
+The time of a packet is the longer of two, since both steps work on different packets at the same
+time: the application module passes one packet on in each `period_`, and the medium access listens
+before each packet. Then the packet itself follows, with four bytes of headers. Measured at
 saturation with the sample script: 2.77 packets of 64 bytes in a second, 2.21 of 512 bytes.
 """
 
@@ -20,9 +20,9 @@ from zacoustic.link import LinkConfig
 READ_LIMIT_BYTES: Final = 4096
 """Largest `max_read_length` of DESERT, bytes: above it one of its buffers overflows."""
 HEADER_BYTES: Final = 4
-"""What DESERT adds to a packet on the air, bytes: two of its UDP and two of its IP module."""
+"""Bytes that DESERT adds to a packet on the air: two of its UDP and two of its IP module."""
 
-# HELLO, addresses, check and delimiters: what `LinkCapabilities` demands of any link.
+# HELLO, addresses, check and delimiters: the minimum of `LinkCapabilities`.
 _LEAST_NATIVE_BYTES: Final = 8 + 2 + 4 + 3
 _LEAST_PAYLOAD_BYTES: Final = 8 + 2 + 4
 _LONGEST_S: Final = 3600.0
@@ -41,11 +41,11 @@ class DesertConfig(LinkConfig, frozen=True, kw_only=True):
     bit_rate_bps: float = 48_000.0
     """Bit rate of the modems in the script, bit/s, > 0."""
     latency_s: float = 1.0
-    """From one socket to the other through an idle DESERT, s, ≥ 0; what time-outs start from.
+    """From one socket to the other through an idle DESERT, s, ≥ 0; the basis of time-outs.
     Measured: 0.7 over one hop, 1.1 over two."""
     framing: Literal["native", "rmw_desert"] = "native"
-    """`native`: a byte stream, which the core delimits. `rmw_desert`: that middleware's packet
-    around each frame; it has no check of its own."""
+    """`native`: a byte stream, in which the core delimits frames. `rmw_desert`: that middleware's
+    packet around each frame; it has no check of its own."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -69,7 +69,7 @@ class DesertConfig(LinkConfig, frozen=True, kw_only=True):
             raise ValueError(f"bit_rate_bps is {self.bit_rate_bps:g}; allowed: above 0")
 
     def capabilities(self) -> LinkCapabilities:
-        """What the link can do."""
+        """The capabilities of the link."""
         is_native = self.framing == "native"
         around_bytes = HEADER_BYTES + (0 if is_native else OVERHEAD_BYTES)
         mtu_bytes = self.max_read_length
@@ -80,7 +80,7 @@ class DesertConfig(LinkConfig, frozen=True, kw_only=True):
             bit_rate_bps=self.bit_rate_bps,
             preamble_s=max(self.period_s, self.listen_s) + around_bytes * 8 / self.bit_rate_bps,
             propagation_s=self.latency_s,
-            half_duplex=False,  # the socket is not; what the modems are is DESERT's affair
+            half_duplex=False,  # the socket is not; DESERT handles its modems
             addressed=False,
             checked=False,
             framed=not is_native,

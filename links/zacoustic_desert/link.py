@@ -1,18 +1,19 @@
 """The link to DESERT Underwater: a TCP client of the socket of its application module.
 
-DESERT listens, some seconds after its start, and serves one client on each port. What it reads at
-once becomes a packet of its own network, what arrives is written to the client; there are no
-addresses, no boundaries, no reports. `pacing` sees to it that a frame becomes a packet of its own.
+DESERT listens, some seconds after its start, and serves one client on each port. The bytes of one
+read become a packet of its network; it writes arriving packets to the client. There are no
+addresses, no boundaries, no reports. `pacing` ensures that each frame becomes one packet.
 
-What can be known about the other side:
+What the link can know about the other side:
 
-- Nothing listens: DESERT is not there, or not yet. The link waits and says so.
-- The connection ends: DESERT has ended, or was ended (its socket threads can crash it under load in
-  both directions). The link connects again, for ever.
-- An attempt to connect times out: more clients than DESERT's backlog holds.
+- Nothing listens: DESERT has not started. The link waits and reports that.
+- The connection ends: DESERT has ended or crashed (load in both directions can crash its socket
+  threads). The link reconnects, for ever.
+- An attempt to connect times out: DESERT's backlog is full of clients.
 - A connection may be *deaf*: the kernel accepts it while DESERT serves another client. Then nothing
-  arrives, and what is written is sent when the other client leaves. That looks like a silent sea.
-  After `SUSPECT_FRAMES` frames without hearing anything on a connection the detail of the state
+  arrives, and written bytes are sent when the other client leaves. That looks like a silent sea.
+  After `SUSPECT_FRAMES` frames without a reception on a connection, the detail of the state names
+  the suspicion; when DESERT has not read until the buffers are full, the link reconnects.
   says so; when DESERT has not read until the buffers are full, the connection is given up.
 """
 
@@ -39,19 +40,19 @@ from zacoustic_desert.pacing import Pacer
 LAST_DELAY_S: Final = 2.0
 """Longest pause between two attempts to connect, s: DESERT needs five to start."""
 LEAST_CUT_PIECES: Final = 4
-"""So many packets that hold less than a frame are more than an accident."""
+"""More packets shorter than a frame than this are no accident …"""
 LEAST_CUT_SHARE: Final = 0.1
-"""And that share of all."""
+"""… if they are also this share of all."""
 ANSWER_FRAMES: Final = 2
-"""In so many frames' time a sample is usually answered, besides the latency both ways: its receiver
-waits for a further one, and then the answer takes its own."""
+"""Frame times within which a sample is usually answered, besides the latency both ways: its
+receiver waits for another sample, and then transmits its answer."""
 DELIMITER: Final = b"\0"
-"""What the core puts before and behind each frame."""
+"""The core puts this before and after each frame."""
 SUSPECT_FRAMES: Final = 20
-"""Frames sent on a connection without hearing anything, after which it may be a deaf one."""
+"""Frames sent without a reception, after which a connection is suspected to be deaf."""
 
-# Silence after which a packet of rmw_desert is not completed any more, in frames of full size: one
-# of 512 bytes comes in up to nine packets.
+# Silence after which a packet of rmw_desert is given up, in frames of full size: one of 512 bytes
+# comes in up to nine packets.
 _PATIENCE_FRAMES: Final = 4
 
 
@@ -61,10 +62,10 @@ class DesertLink(Link):
     Args:
         address: `HOST:PORT` of the application module.
         config: The settings of its script.
-        clock: Where instants come from.
+        clock: Source of instants.
 
     Raises:
-        ConfigError: The address is none.
+        ConfigError: The address is not valid.
     """
 
     config_type = DesertConfig
@@ -97,11 +98,11 @@ class DesertLink(Link):
         self._alarm = Alarm(clock, lambda _: self._service())
         self._stream_reason = "no answer"
         self._frames_sent = 0
-        # Frames written on this connection before anything was heard on it.
+        # Frames written on this connection before the first reception.
         self._unheard = 0
         self._is_heard = False
         self._discarded_before = 0
-        # A piece is what arrives at once: a packet of DESERT's, on a local network.
+        # A piece is the bytes of one read: on a local network, one packet of DESERT's.
         self._pieces = 0
         self._cut_pieces = 0
         self._cut_after_bytes = 0
@@ -111,7 +112,7 @@ class DesertLink(Link):
         """Build the link to the application module at `HOST:PORT`.
 
         Raises:
-            ConfigError: The address is none, or the node address is outside 1…254.
+            ConfigError: The address is not valid, or the node address is outside 1…254.
         """
         assert isinstance(config, DesertConfig)
         if not 1 <= node_address <= 254:
@@ -119,10 +120,10 @@ class DesertLink(Link):
         return cls(address, config)
 
     async def open(self, receiver: LinkReceiver) -> None:
-        """Start to connect, and return; DESERT may come later.
+        """Start to connect and return; DESERT may start later.
 
         Raises:
-            LinkOpenError: It is open already.
+            LinkOpenError: The link is already open.
         """
         if self._receiver is not None:
             raise LinkOpenError(f"the link to DESERT at {self._address} is open already")
@@ -132,8 +133,8 @@ class DesertLink(Link):
         self._stream.open(self)
 
     async def close(self) -> None:
-        """Leave DESERT; report a frame without a report as ABORTED before."""
-        # Without a receiver first: a report may make it transmit again, which must fail.
+        """Disconnect; before that report an outstanding frame as ABORTED."""
+        # First without a receiver: a report may cause another `transmit`, which must fail.
         receiver, self._receiver = self._receiver, None
         self._alarm.stop()
         now = self._clock()
@@ -145,7 +146,7 @@ class DesertLink(Link):
         await self._stream.close()
 
     def transmit(self, transmission: Transmission) -> None:
-        """Write a frame as soon as the pace allows.
+        """Write a frame as soon as the pacing allows.
 
         Raises:
             LinkClosedError: Not open.
@@ -163,7 +164,7 @@ class DesertLink(Link):
         self._arm()
 
     def diagnostics(self) -> dict[str, int | float | str]:
-        """Counts, the state, and what it waits for."""
+        """Return counters, the state, and what the link waits for."""
         readings: dict[str, int | float | str] = {
             "frames_sent": self._frames_sent,
             "pieces": self._pieces,
@@ -181,7 +182,7 @@ class DesertLink(Link):
         return readings
 
     async def examine(self, patience_s: float) -> list[Finding]:
-        """See whether DESERT listens, and for whom; write nothing. DESERT reports no more."""
+        """Check whether DESERT listens, and for whom; write nothing. DESERT reports no more."""
         others = holders(self._stream.address)
         if others:
             return [
@@ -207,7 +208,7 @@ class DesertLink(Link):
         ]
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
-        """See whether whole frames come, and answers not much later than the settings allow."""
+        """Check whether whole frames arrive, and answers about as soon as the settings say."""
         unheard = health.get("link", {}).get("diagnostics", {}).get("frames_unheard", 0)
         if unheard >= SUSPECT_FRAMES:
             return [self._deaf(unheard)]
@@ -223,7 +224,7 @@ class DesertLink(Link):
             return []
         frame_s = ns_to_seconds(self.capabilities.airtime_ns(self.capabilities.mtu_bytes))
         expected_s = 2 * self._config.latency_s + ANSWER_FRAMES * frame_s
-        # All are behind this end of DESERT: the promptest of them shows how it is.
+        # All peers are behind this end of DESERT: the fastest of them shows its latency.
         address, least_s = min(measured_s.items(), key=lambda each: each[1])
         if least_s <= expected_s:
             return []
@@ -257,7 +258,7 @@ class DesertLink(Link):
         ]
 
     def _deaf(self, frames: int) -> Finding:
-        """Say what may be wrong when nothing is heard on this connection."""
+        """Return the finding for a connection without a reception."""
         return Finding(
             what=f"DESERT at {self._address} has taken {frames} frames on this connection, and has "
             "handed over nothing",
@@ -268,7 +269,7 @@ class DesertLink(Link):
         )
 
     def stream_opened(self) -> None:
-        """DESERT, or its kernel, has accepted; called by the stream."""
+        """Note a connection, accepted by DESERT or only by its kernel; called by the stream."""
         self._unheard = 0
         self._is_heard = False
         if self._decoder is not None:
@@ -278,12 +279,12 @@ class DesertLink(Link):
         self._change_state(LinkState.UP, self._connected())
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
-        """Pass on arrived bytes; called by the stream."""
+        """Pass on received bytes; called by the stream."""
         self._is_heard = True
         if self._state is LinkState.UP:
             self._change_state(LinkState.UP, self._connected())
         if self._decoder is None:
-            # The core's delimiters show where a frame begins and ends.
+            # The core's delimiters show the beginning and end of a frame.
             self._count_piece(data, data[:1] == DELIMITER, data[-1:] == DELIMITER)
             self._hear(data, received_at)
             return
@@ -291,21 +292,21 @@ class DesertLink(Link):
         for payload in self._decoder.feed(data):
             self._hear(payload, received_at)
         self._count_piece(data, not is_begun, not self._decoder.is_waiting)
-        # Each piece grants the packet in the decoder new patience.
+        # Each piece gives the packet in the decoder new time.
         self._flush_at = received_at + self._patience_ns if self._decoder.is_waiting else None
         self._arm()
 
     def _count_piece(self, data: bytes, begins: bool, ends: bool) -> None:
-        """Count what came at once, and whether it was less than a frame."""
+        """Count a piece, and whether it was shorter than a frame."""
         self._pieces += 1
         if begins != ends:
             self._cut_pieces += 1
             if begins:
-                # Pieces may come together: the shortest beginning is one read.
+                # Pieces may merge: the shortest beginning is one read.
                 self._cut_after_bytes = min(self._cut_after_bytes or len(data), len(data))
 
     def stream_lost(self, reason: str) -> None:
-        """DESERT is gone, or was not reached; called by the stream."""
+        """Note that DESERT was lost or not reached; called by the stream."""
         reason = self._stream_reason = reason.removeprefix(f"{self._stream.address}: ")
         if self._state is LinkState.UP:
             self._go_down(reason)
@@ -338,7 +339,7 @@ class DesertLink(Link):
     def _write(self, frame_bytes: bytes, now: int) -> None:
         written = frame_bytes if self._decoder is None else encode_packet(frame_bytes)
         if not self._stream.write(written):
-            # Paced as they are, frames fill no buffer that anybody reads.
+            # At this pace frames fill no buffer whose owner reads.
             reason = "it takes no more bytes; it is gone, or serves another program on this port"
             self._go_down(reason)
             self._stream.reset(reason)
@@ -358,7 +359,7 @@ class DesertLink(Link):
             self._receiver.frame_received(ReceivedFrame(frame_bytes=frame_bytes, received_at=at))
 
     def _objection(self, transmission: Transmission) -> str:
-        """Why this transmission cannot be one packet; empty if it can."""
+        """Return why this transmission cannot be one packet; empty if it can."""
         size, limit = len(transmission.frame_bytes), self.capabilities.mtu_bytes
         if not 1 <= size <= limit:
             return f"frame of {size} bytes; allowed: 1..{limit}"

@@ -1,19 +1,19 @@
 """One frame, one write, one packet: when the next frame may be written to DESERT's socket.
 
-DESERT makes a packet of the bytes that one of its reads finds. Two frames written within about a
-millisecond may share a packet, or lie across two; then a lost packet costs them both. It also takes
-everything at once and queues it without limit. So the pace is the sender's business::
+DESERT makes a packet of the bytes of one read. Two frames written within about a millisecond may
+share a packet, or lie across two; then one lost packet costs both. DESERT also accepts everything
+at once and queues it without limit. So the sender must pace its writes::
 
     submit ──► waits ──ready_at──► poll_write ──airtime──► poll_report: SENT
                  │                     │
                  └──────── abort ──────┴──► poll_report: ABORTED
 
-- One transmission is outstanding at most; another one is REJECTED.
-- The next write comes no sooner than the airtime of the last frame after its write, also when the
-  connection was lost in between: DESERT may have kept what it had read.
+- At most one transmission is outstanding; another one is REJECTED.
+- The next write comes no sooner than the airtime of the last frame after its write, even if the
+  connection was lost in between: DESERT may still hold what it has read.
 - Every transmission that was submitted or refused has exactly one report.
 
-SENT means that DESERT had the time to send the frame. What became of it is never known.
+SENT means that DESERT had the time to send the frame. Its outcome is never known.
 """
 
 from collections import deque
@@ -40,7 +40,7 @@ class Pacer:
         self._ready_at = 0
 
     def submit(self, transmission: Transmission, now: int) -> None:
-        """Take a transmission; one that comes while another is outstanding is rejected."""
+        """Take a transmission; reject it if another one is outstanding."""
         if self._outstanding is not None:
             other = self._outstanding.transmission.transmission_id
             self.refuse(
@@ -52,7 +52,7 @@ class Pacer:
     def refuse(
         self, transmission: Transmission, outcome: TransmitOutcome, reason: str, now: int
     ) -> None:
-        """Report a transmission that is not taken."""
+        """Report a transmission as not accepted."""
         self._reports.append(
             TransmitReport(
                 transmission_id=transmission.transmission_id,
@@ -89,7 +89,7 @@ class Pacer:
         return self._reports.popleft() if self._reports else None
 
     def poll_timeout(self) -> int | None:
-        """Return the instant at which a write or a report is due, ns; None: nothing is."""
+        """Return the instant at which a write or a report is due, ns; None: none is."""
         if self._reports:
             return 0
         outstanding = self._outstanding
@@ -119,5 +119,5 @@ class _Outstanding:
         self.transmission = transmission
         # The call of `transmit`, then the write.
         self.started_at = now
-        # When DESERT has had its time for it; None: not written yet.
+        # When DESERT has had the time to send it; None: not written yet.
         self.ends_at: int | None = None

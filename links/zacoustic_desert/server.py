@@ -1,11 +1,11 @@
 """The sockets of the stand-in: one port for each node, one client at a time on each.
 
-A port is bound from `open` on, so that it has its number, and refuses until `listen`: that is how
-DESERT starts. While a client is served, others are accepted by the kernel only, as many as the
-backlog holds, and are deaf; the next of them is served when the first has left. `crash` ends all
+`open` binds a port, so that it has its number, and the port refuses connections until `listen`, as
+DESERT does at its start. While one client is served, only the kernel accepts others, as many as the
+backlog holds, and they are deaf; the next is served when the first has left. `crash` ends all
 connections and refuses again.
 
-Everything runs on the loop. `time_scale` makes the whole of DESERT that many times faster.
+Everything runs on the loop. `time_scale` makes the whole of DESERT run faster.
 """
 
 import asyncio
@@ -23,9 +23,9 @@ from zacoustic.link.serving import ScaledClock, cannot_listen, place_name
 from zacoustic_desert.standin import StandIn
 
 BACKLOG: Final = 1
-"""That of the original; the kernel adds one."""
+"""DESERT's own; the kernel adds one."""
 UNREAD_LIMIT_BYTES: Final = 1_048_576
-"""What a client may leave unread before it is dropped, bytes: hours of sound."""
+"""Bytes that a client may leave unread before it is dropped: hours of sound."""
 
 _logger = logging.getLogger(__name__)
 
@@ -35,10 +35,10 @@ class StandInServer:
 
     Args:
         standin: The stand-in behind the sockets; no other caller may step it from now on.
-        host: Address to listen at; the original listens at all of them.
-        ports: One for each node, 0 for any that is free; None: any for all.
-        time_scale: How many times faster than real, > 0.
-        clock: Where instants come from.
+        host: Address to listen at; DESERT listens at all of them.
+        ports: One for each node, 0 for any free one; None: any for all.
+        time_scale: How many times faster than real time, > 0.
+        clock: Source of instants.
 
     Raises:
         ConfigError: Not one port for each node, or the time scale is not above 0.
@@ -72,10 +72,10 @@ class StandInServer:
         """Bind the ports, and listen after a delay.
 
         Args:
-            start_delay_s: In the time of the stand-in, s; None: the caller calls `listen`.
+            start_delay_s: Delay in the stand-in's time, s; None: the caller calls `listen`.
 
         Raises:
-            LinkOpenError: A port cannot be bound, such as one in use.
+            LinkOpenError: A port cannot be bound, for example because it is in use.
         """
         try:
             for port in self._ports:
@@ -95,7 +95,7 @@ class StandInServer:
             port.listen()
 
     async def crash(self) -> None:
-        """End as the original does under load: connections end, ports refuse, nothing is kept."""
+        """Crash as DESERT does under load: end connections, refuse new ones, forget everything."""
         await self._end()
         self.standin.handle_crash(self.now())
         self._serve()
@@ -115,17 +115,17 @@ class StandInServer:
         return self._clock.now()
 
     def client_came(self, node: int) -> None:
-        """Tell the stand-in; called by a connection."""
+        """Pass the event to the stand-in; called by a connection."""
         self.standin.handle_client(node, self.now())
         self._serve()
 
     def client_wrote(self, node: int, data: bytes) -> None:
-        """Tell the stand-in; called by a connection."""
+        """Pass the bytes to the stand-in; called by a connection."""
         self.standin.handle_write(node, data, self.now())
         self._serve()
 
     def client_left(self, node: int) -> None:
-        """Tell the stand-in; called by a connection."""
+        """Pass the event to the stand-in; called by a connection."""
         self.standin.handle_client_left(node, self.now())
         self._serve()
 
@@ -156,12 +156,12 @@ class _Port:
         self._client: _Client | None = None
 
     def bind(self, host: str) -> None:
-        """Take the port; connections are refused until `listen`."""
+        """Bind the port; it refuses connections until `listen`."""
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         listener = socket.socket(family, socket.SOCK_STREAM)
         try:
             listener.setblocking(False)
-            if os.name == "posix":  # elsewhere it would take a port that another program has
+            if os.name == "posix":  # on Windows this would take a port of another program
                 listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind((host, self.number))
         except OSError as error:
@@ -183,7 +183,7 @@ class _Port:
             self._client.write(payload)
 
     async def close(self) -> None:
-        """End the connection and give the port up."""
+        """End the connection and release the port."""
         task, self._task = self._task, None
         if task is not None:
             task.cancel()
@@ -212,7 +212,7 @@ class _Port:
 
 
 class _Client(asyncio.Protocol):
-    """The client that is served on a port."""
+    """The client being served on a port."""
 
     def __init__(self, server: StandInServer, node: int) -> None:
         self.gone = asyncio.Event()
@@ -221,7 +221,7 @@ class _Client(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
 
     def itself(self) -> "_Client":
-        """Be the factory of one connection."""
+        """Return itself: the factory of one connection."""
         return self
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

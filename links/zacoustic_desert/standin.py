@@ -1,4 +1,4 @@
-"""A stand-in for DESERT behind its application sockets, as it was measured; no clock, no socket.
+"""A stand-in for DESERT behind its application sockets, by measurements; no clock, no socket.
 
 Each node has an application module (a socket, here `handle_write` and `poll_delivery`), a queue, a
 medium access, a modem::
@@ -7,21 +7,21 @@ medium access, a modem::
                                                                                       │
     poll_delivery ◄────────────── is a client there? ◄────────────────────────────────┘
 
-What it does as the original does:
+It behaves like DESERT in these points:
 
-- One read takes what is there, `max_read_length` bytes at most, and becomes one packet. The thread
-  that reads wakes a fraction of a millisecond after a write: writes closer together merge, in some
-  runs and not in others, and longer ones are split. The period has no influence on that.
-- The application module hands out one packet in each period, if it has one. The medium access then
-  listens for a constant time and a random one before each packet. It senses no carrier: a third of
-  a second of propagation makes that worth little.
-- A packet goes to every other node, or to the partner where nodes are paired. It is one delivery,
-  or nothing: no client, no delivery. Bytes that a client has written before it left are sent.
-- Queues are unbounded there; here a node drops packets beyond `QUEUE_LIMIT_PACKETS`.
+- One read takes the present bytes, at most `max_read_length`, and makes one packet of them. The
+  reading thread wakes a fraction of a millisecond after a write: closer writes merge, in some runs
+  and not in others, and longer ones are split. The period has no influence on that.
+- The application module passes on one packet in each period, if it has one. The medium access then
+  listens for a constant plus a random time before each packet. It senses no carrier: a third of a
+  second of propagation makes that almost useless.
+- A packet goes to every other node, or to the partner if nodes are paired. It is one delivery or
+  none: without a client nothing is delivered. Bytes that a client wrote before it left are sent.
+- DESERT's queues are unbounded; here a node drops packets beyond `QUEUE_LIMIT_PACKETS`.
 
 Instants are ns and never decrease. After any input poll until dry, then wait until `poll_timeout`;
-events due before an instant happen at their own instants. Same seed, same calls,
-same result.
+events that are due earlier happen at their own instants. The same seed and calls give the same
+result.
 """
 
 import random
@@ -39,25 +39,25 @@ from zacoustic.errors import ConfigError
 from zacoustic_desert.config import READ_LIMIT_BYTES
 
 QUEUE_LIMIT_PACKETS: Final = 100_000
-"""Packets that wait at one node; the original has no limit. Hours of sound."""
+"""Most packets that wait at one node, hours of sound; DESERT has no limit."""
 
 
 class StandInConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """The settings of a DESERT script; the defaults are its sample's."""
+    """The settings of a DESERT script; the defaults are those of its sample."""
 
     max_read_length: int = 64
-    """Largest read, bytes, 1…4096; one value for all nodes, as there."""
+    """Largest read, bytes, 1…4096; one value for all nodes, as in DESERT."""
     period_s: float = 0.2
     """`period_` of the application modules, s, > 0."""
     wait_s: float = 0.1
-    """Constant part of the listening before a packet (`wait_costant_`), s, ≥ 0."""
+    """Constant part of the listening time before a packet (`wait_costant_`), s, ≥ 0."""
     listen_s: float = 0.5
     """Longest random part of it (`listen_time_`), s, ≥ 0."""
     wake_s: float = 0.000_5
-    """Longest time until the reading thread has woken, s, ≥ 0; writes closer than that may merge.
-    Measured: they do without a pause, and do not with 1 ms."""
+    """Longest time until the reading thread wakes, s, ≥ 0; closer writes may merge. Measured: they
+    merge without a pause, and do not with 1 ms."""
     paired: bool = False
-    """Nodes 0 and 1 hear each other only, 2 and 3, and so on, as the flows of the sample."""
+    """Nodes 0 and 1 hear only each other, 2 and 3 as well, and so on: the flows of the sample."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -82,47 +82,47 @@ class Delivery(msgspec.Struct, frozen=True):
     node: int
     """Index of the node."""
     payload: bytes
-    """What to write."""
+    """Bytes to write."""
 
 
 EventName: TypeAlias = Literal[
     "client", "left", "read", "dropped", "sent", "delivered", "lost", "discarded", "crashed"
 ]
-"""What happened: a client came or left; a packet was read from the socket, dropped from a full
-queue, sent, delivered to a client, lost on the channel, discarded since no client was there; all of
-it was forgotten."""
+"""Kinds of events: a client came or left; a packet was read from the socket, dropped from a full
+queue, sent, delivered to a client, lost on the channel, or discarded without a client; a crash
+discarded everything."""
 
 
 class Observation(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that happened to a packet or a client."""
+    """An event of a packet or a client."""
 
     at: int
     """Instant, ns."""
     event: EventName
-    """What happened."""
+    """Kind of the event."""
     node: int
-    """Index of the node where it happened."""
+    """Index of the node."""
     size_bytes: int = 0
-    """Of the packet."""
+    """Length of the packet."""
     detail: str = ""
-    """Why it was lost."""
+    """Why the packet was lost."""
 
 
 Observer: TypeAlias = Callable[[Observation], None]
-"""Told of all that happens."""
+"""Takes all events."""
 
 
 class StandIn(Driver[bytes]):
     """DESERT from its application modules down.
 
     Args:
-        channel: Between the nodes, which are numbered from 0 here, in its order.
-        config: What the script sets.
+        channel: Channel between the nodes, which are numbered from 0 here, in its order.
+        config: Settings of the script.
         rng: Source of all randomness here; the channel has its own.
-        observer: Told of all that happens.
+        observer: Takes all events.
 
     Raises:
-        ConfigError: Paired nodes in odd number.
+        ConfigError: Nodes are paired, and their number is odd.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class StandIn(Driver[bytes]):
             )
         super().__init__(channel, Agenda())
         self.counts: Counter[str] = Counter()
-        """How often each event of `Observation` has happened."""
+        """Number of observations by event."""
         self._rng = rng
         self._observer = observer
         self._period_ns = seconds_to_ns(self.config.period_s)
@@ -158,19 +158,19 @@ class StandIn(Driver[bytes]):
         return len(self._nodes[node].queue) + len(self._nodes[node].access)
 
     def handle_client(self, node: int, now: int) -> None:
-        """A client was accepted."""
+        """Note that a client was accepted."""
         self.handle_timeout(now)
         self._nodes[node].has_client = True
         self._note("client", node)
 
     def handle_client_left(self, node: int, now: int) -> None:
-        """The client has left; what it has written is still read."""
+        """Note that the client has left; what it has written is still read."""
         self.handle_timeout(now)
         self._nodes[node].has_client = False
         self._note("left", node)
 
     def handle_write(self, node: int, data: bytes, now: int) -> None:
-        """The client has written."""
+        """Take bytes that the client has written."""
         self.handle_timeout(now)
         place = self._nodes[node]
         place.unread += data
@@ -178,7 +178,7 @@ class StandIn(Driver[bytes]):
             self._wake(node)
 
     def handle_crash(self, now: int) -> None:
-        """The process has ended: nothing of what it had is left."""
+        """End the process: discard all its state."""
         self.handle_timeout(now)
         self.agenda.clear()
         self._deliveries.clear()
@@ -187,7 +187,7 @@ class StandIn(Driver[bytes]):
             self._note("crashed", node)
 
     def handle_timeout(self, now: int) -> None:
-        """Let due events happen, in order of time."""
+        """Run due events in order of time."""
         self.agenda.run(now)
 
     def poll_delivery(self) -> Delivery | None:
@@ -195,17 +195,17 @@ class StandIn(Driver[bytes]):
         return self._deliveries.popleft() if self._deliveries else None
 
     def poll_timeout(self) -> int | None:
-        """Return the instant at which something happens next, ns; None: it depends on an input."""
+        """Return the next due instant, ns; None: none before an input."""
         return self.agenda.next_at()
 
     def _wake(self, node: int) -> None:
-        """The reading thread wakes soon."""
+        """Schedule the reading thread's wake-up."""
         self._nodes[node].is_waking = True
         delay_ns = seconds_to_ns(self._rng.random() * self.config.wake_s)
         self.agenda.push(self.agenda.now + delay_ns, self._read, node)
 
     def _read(self, node: int) -> None:
-        """One read, one packet."""
+        """Read once and make one packet."""
         place = self._nodes[node]
         place.is_waking = False
         payload = bytes(place.unread[: self.config.max_read_length])
@@ -221,12 +221,12 @@ class StandIn(Driver[bytes]):
             self._wake(node)
 
     def _next_period(self, place: "_Node") -> int:
-        """First period of a node that begins after now."""
+        """Return when the next period of a node begins, after now."""
         periods = (self.agenda.now - place.phase_ns) // self._period_ns + 1
         return place.phase_ns + periods * self._period_ns
 
     def _hand_out(self, node: int) -> None:
-        """A period begins: the application module hands a packet to the medium access."""
+        """Begin a period: the application module passes a packet to the medium access."""
         place = self._nodes[node]
         place.access.append(place.queue.popleft())
         if place.queue:
@@ -235,7 +235,7 @@ class StandIn(Driver[bytes]):
             self._listen(node)
 
     def _listen(self, node: int) -> None:
-        """The medium access listens before a packet, if there is one."""
+        """Let the medium access listen before a packet, if there is one."""
         place = self._nodes[node]
         place.is_sending = bool(place.access)
         if place.is_sending:
@@ -250,7 +250,7 @@ class StandIn(Driver[bytes]):
         self.agenda.push(emission.ready_at, self._listen, node)
 
     def end(self, reception: Reception, sent: bytes, is_noticed: bool) -> None:
-        """A packet has arrived at a node, or is lost."""
+        """Handle a packet that has arrived at a node, or is lost."""
         node = self._addresses.index(reception.arrival.node)
         if self.config.paired and reception.arrival.source != self._addresses[node ^ 1]:
             return

@@ -3,10 +3,10 @@
 From the bottom up:
 
 - `at`: the grammar. Records of the messages of host and modem, decoders and encoders of both.
-- `driver`: one modem's dialogue without a port and without a clock: start-up, one command in
-  flight, one frame, the modem's state and measurements.
+- `driver`: the dialogue with one modem, without a port and without a clock: start-up, one command
+  in flight, one frame, the modem's state and measurements.
 - `config` and `link` (`EvologicsLink`): the settings of a locator; the port and the timer.
-- `emulator`: modems of our own on a simulated channel.
+- `emulator`: emulated modems on a simulated channel.
 """
 
 from zacoustic_evologics.at.answers import ReplyCollector, decode_reply, reply_text

@@ -1,4 +1,4 @@
-"""Settings of the driver: what stands behind `#` in its locator."""
+"""Settings of the driver: the part of its locator after `#`."""
 
 from typing import Final, Literal
 
@@ -8,65 +8,65 @@ from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
 from zacoustic_evologics.at.settings import SETTINGS
 
 IN_AIR_SOURCE_LEVEL: Final = 3
-"""The quietest one, 20 dB below the loudest; the only one that a transducer in air bears."""
+"""The quietest level, 20 dB below the loudest; the only one that a transducer in air survives."""
 
 _RETRIES_MAX: Final = 10
 
 
 class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
-    """Settings of the driver. What is None here is left as it is in the modem.
+    """Settings of the driver. It leaves a setting that is None here as it is in the modem.
 
-    Nothing is stored in the modem (`AT&W`): what the driver sets lasts until the power goes.
+    It stores nothing in the modem (`AT&W`): its settings last until the modem is switched off.
     """
 
     baudrate: int = 19_200
     """Of a serial port, baud."""
     service: Literal["auto", "im", "ims", "pbm", "burst"] = "auto"
     """What carries frames. `im`: instant messages. `ims`: synchronous instant messages, which carry
-    the instant of their start and are never acknowledged. `pbm`: piggyback messages where there is
-    one receiver, never acknowledged; they wait up to `busy_s` until the modem answers something to
-    it, and are rejected if it does not. `burst`: burst data, where there is one receiver. `auto`:
-    instant messages up to 64 bytes, burst data above, and a piggyback message where that is sooner:
-    to a modem that is owed an acknowledgement."""
+    the instant of their start and are never acknowledged. `pbm`: piggyback messages to one
+    receiver, never acknowledged; they wait up to `busy_s` until the modem answers that receiver,
+    and are rejected if it does not. `burst`: burst data to one receiver. `auto`: instant messages
+    up to 64 bytes, burst data above, and a piggyback message if that is sooner: to a modem that
+    awaits an acknowledgement."""
     mtu: int = IM_LIMIT_BYTES
-    """Largest frame, bytes, 16…64, with burst data up to 1024. Above 64 only frames for one
-    receiver can be sent: burst data knows no broadcast."""
+    """Largest frame, bytes, 16…64, with burst data up to 1024. Frames above 64 need one receiver:
+    burst data has no broadcast."""
     check: bool = False
     """The core adds a check to each frame, a CRC-32 of 4 bytes; equal in all nodes of a fleet.
 
-    The modem protects the acoustic channel, the network protects TCP. A
-    serial cable protects nothing, and the modem's grammar has no check: a received message with a
-    wrong bit, or one that ends early and borrows the rest from the next, is a message like any
-    other. So: off by TCP and on a short cable indoors, where what is lost or added *between*
-    messages is found out anyway; on where a serial line is long, runs beside thrusters or through a
-    slip ring, has no handshake at a high baud rate, or `unrecognised` grows in `diagnostics`."""
+    The modem protects the acoustic channel, the network protects TCP. A serial cable protects
+    nothing, and the modem's grammar has no check: a received message with a wrong bit, or one that
+    is cut short and takes its rest from the next, looks like any other. Leave it off on TCP and on
+    a short cable indoors, where bytes lost or added *between* messages are detected anyway. Set it
+    if a serial line is long, runs beside thrusters or through a slip ring, or has a high baud rate
+    without handshake, or if `unrecognised` grows in `diagnostics`."""
     set_address: bool = False
-    """Give the modem the address of this node; else another address is an error."""
+    """Set the modem's address to that of this node; otherwise another address is an error."""
     highest_address: int | None = None
     """Highest address of the network, `AT!AM`, equal in all modems: 2, 6, 14, 30, 62, 126, 254."""
     source_level: int | None = None
     """0 the loudest, then 1: -6 dB, 2: -12 dB, 3: -20 dB."""
     deck: bool = False
-    """The transducer is in air: source level 3 whatever the modem was set to, set again before each
+    """The transducer is in air: source level 3 whatever the modem's setting, set again before each
     frame; no link if it cannot be set."""
     gain: int | None = None
-    """Of the receiver: 0 normal, 1 low, for short ranges."""
+    """Gain of the receiver: 0 normal, 1 low, for short ranges."""
     retries: int = 0
-    """How often the modem repeats an instant message that is not acknowledged, 0…10. Repetitions
-    can arrive twice; the core retransmits by itself."""
+    """Repetitions of an unacknowledged instant message by the modem, 0…10. Repetitions can arrive
+    twice; the core retransmits by itself."""
     extended_notifications: bool = True
-    """Have the modem say when sounds begin and end, `AT@ZX1`. Without it, it is asked by `AT?DI`
-    whether a message has left, and `senses_carrier` is not there."""
+    """The modem reports when sounds begin and end, `AT@ZX1`. Without it, the driver asks by `AT?DI`
+    whether a message has left, and the link lacks `senses_carrier`."""
     usbl: bool = True
-    """Let a modem with an ultra-short baseline head report positions of others, `AT@ZU1`."""
+    """A modem with an ultra-short baseline head reports positions of others, `AT@ZU1`."""
     propagation_s: float = 1.0
     """Longest propagation delay, one way, s, above 0: 1 s is 1500 m."""
     busy_s: float = 10.0
     """How long a frame may wait while the modem answers BUSY, or for an opportunity, s, ≥ 0."""
     reply_s: float = 1.0
-    """How long an answer may take, s, above 0, besides the time on a serial port."""
+    """Time limit of an answer, s, above 0, besides the time on a serial port."""
     wait_s: float = 15.0
-    """How long `open` waits for the modem, s, above 0; it boots in about 5 s."""
+    """Time for which `open` waits for the modem, s, above 0; it boots in about 5 s."""
 
     def __post_init__(self) -> None:
         """Check the ranges.

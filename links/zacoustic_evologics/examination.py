@@ -1,8 +1,8 @@
-"""What `zacoustic doctor` asks a modem: reading only, nothing is set and nothing is sent.
+"""The queries of `zacoustic doctor` to a modem: it changes no setting and transmits nothing.
 
-The questions are those of the start-up (`driver.startup`), less whatever it changes; the filler,
-which in data mode would be data for the channel, is never used. A port that gives no sign is tried
-at other baud rates. Each answer is judged by what it means at sea.
+They are those of the start-up (`driver.startup`), without its changes and without the filler, which
+in data mode would be data for the channel. If a port does not answer, other baud rates are tried.
+Findings name the effect of each answer at sea.
 """
 
 import asyncio
@@ -30,9 +30,9 @@ from zacoustic_evologics.driver.channel import FENCE, CommandChannel
 from zacoustic_evologics.driver.startup.probe import Probe
 
 BAUDRATES: Final = (19_200, 115_200, 9_600, 38_400, 57_600, 4_800, 2_400)
-"""What a serial port is tried at, the usual one first."""
+"""Baud rates to try on a serial port, the usual one first."""
 SERVED_FIRMWARES: Final = ("1.6", "1.7", "1.8", "1.9")
-"""Those whose peculiarities the driver knows."""
+"""Firmwares whose peculiarities the driver knows."""
 LEVELS_DB: Final = {0: "the loudest", 1: "-6 dB", 2: "-12 dB", 3: "-20 dB"}
 
 _DEAF_WORDS: Final = ("NOISE", "DEAF", "PHY")
@@ -41,12 +41,12 @@ _BITS_PER_BYTE: Final = 10
 
 
 class Examination:
-    """One connection to a modem, for questions.
+    """One connection to a modem, for queries.
 
     Args:
         address: `tcp:HOST:PORT` or `serial:PORT`.
-        baudrate: Of a serial port.
-        reply_s: How long an answer may take, s.
+        baudrate: Baud rate of a serial port.
+        reply_s: Time limit of an answer, s.
     """
 
     def __init__(self, address: str, baudrate: int, reply_s: float) -> None:
@@ -60,10 +60,10 @@ class Examination:
         self.reason = ""
         """Why there is no connection."""
         self.bytes_heard = 0
-        """Whatever came, understood or not."""
+        """Number of bytes received, understood or not."""
 
     async def open(self, patience_s: float) -> bool:
-        """Connect, and find out whether a modem is there; False: it gives no sign."""
+        """Connect and look for a modem; False: nothing answers."""
         self._stream.open(self)
         try:
             async with asyncio.timeout(patience_s):
@@ -79,7 +79,7 @@ class Examination:
         await self._stream.close()
 
     async def ask(self, command: Command) -> CommandReply | None:
-        """Return the answer, or None when none came in time; asked twice."""
+        """Return the answer, or None if none came in time; asks twice."""
         for _ in range(2):
             ticket = self._channel.ask(command, time.monotonic_ns())
             while (due_at := self._channel.due_at) is not None:
@@ -117,7 +117,7 @@ class Examination:
         return False
 
     async def _confirm(self) -> bool:
-        """Find out who reads, and with which line end."""
+        """Find out interpreter and line end."""
         reply = await self.ask(FENCE)
         if reply is None:
             serial_end = self._channel.line_end == SERIAL_LINE_END
@@ -128,7 +128,7 @@ class Examination:
         return isinstance(reply, ModeReply)
 
     async def _next(self, due_at: int) -> Message | None:
-        """Return the modem's next message; None: the time is over, or the connection is."""
+        """Return the modem's next message; None: the time or the connection has ended."""
         left_s = max(0.0, (due_at - time.monotonic_ns()) / NS_PER_S)
         try:
             async with asyncio.timeout(left_s):
@@ -140,21 +140,21 @@ class Examination:
         while (output := self._channel.poll_output()) is not None:
             self._stream.write(output)
 
-    # What the stream calls
+    # Called by the stream
 
     def stream_opened(self) -> None:
-        """The connection is there."""
+        """Note a connection."""
         self.reason = ""
         self._heard.put_nowait(None)
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
-        """Bytes of the modem."""
+        """Take bytes of the modem."""
         self.bytes_heard += len(data)
         for message in self._decoder.feed(data):
             self._heard.put_nowait(message)
 
     def stream_lost(self, reason: str) -> None:
-        """The connection is gone, or could not be made."""
+        """Note that the connection was lost, or could not be made."""
         if not self.reason:
             self.reason = reason
             self._heard.put_nowait(None)
@@ -169,7 +169,7 @@ async def examine(
         address: `tcp:HOST:PORT` or `serial:PORT`.
         config: Settings of the driver.
         node_address: Acoustic address of the node.
-        patience_s: How long to wait for a connection, s.
+        patience_s: Time limit of a connection, s.
     """
     if address.startswith("serial:") and (others := holders(address)):
         return [_unreachable(address, f"in use by another program: {', '.join(others)}")]
@@ -189,7 +189,7 @@ async def examine(
 
 
 def assess(health: Mapping[str, Any], config: EvologicsConfig) -> list[Finding]:
-    """Judge the modem's values in a running gateway's health report.
+    """Find faults in the modem's values in a running gateway's health report.
 
     Args:
         health: Documents of the gateway, by name.

@@ -34,7 +34,7 @@ class EvologicsLink(Link):
         stream: The port, not open yet.
         config: Settings of the driver.
         node_address: Acoustic address of this node, 1…254.
-        clock: Where instants come from; the same as the stream's.
+        clock: Source of instants, the same as the stream's.
     """
 
     config_type = EvologicsConfig
@@ -75,7 +75,7 @@ class EvologicsLink(Link):
         return cls(stream, config, node_address=node_address)
 
     async def open(self, receiver: LinkReceiver) -> None:
-        """Connect, and bring the modem to where it is ready; waits up to `wait_s` for it.
+        """Connect and make the modem ready; waits up to `wait_s` for it.
 
         Raises:
             LinkOpenError: The port cannot be opened or the modem does not answer in time, or it
@@ -103,8 +103,8 @@ class EvologicsLink(Link):
             self._opened = None
 
     async def close(self) -> None:
-        """Release the port; a frame that is outstanding is reported as ABORTED before."""
-        # Without a receiver first: a report may make it transmit again, which must fail.
+        """Release the port; before that report an outstanding frame as ABORTED."""
+        # First without a receiver: a report may cause another `transmit`, which must fail.
         receiver, self._receiver = self._receiver, None
         if receiver is not None:
             self._dialogue.close(self._instant())
@@ -129,7 +129,7 @@ class EvologicsLink(Link):
             self._service_later()
 
     def diagnostics(self) -> dict[str, int | float | str]:
-        """State of the dialogue, readings of the modem, counters of the port."""
+        """Return the state of the dialogue, readings of the modem, counters of the port."""
         stream = self._stream
         return {
             **self._dialogue.diagnostics(),
@@ -139,37 +139,37 @@ class EvologicsLink(Link):
         }
 
     async def examine(self, patience_s: float) -> list[Finding]:
-        """Ask the modem, without a change to it; a serial port at other baud rates, too."""
+        """Query the modem without changing it; on a serial port also at other baud rates."""
         return await examine(self._stream.address, self._config, self._node_address, patience_s)
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
-        """Judge the modem's values in a running gateway's health report."""
+        """Find faults in the modem's values in a running gateway's health report."""
         return assess(health, self._config)
 
     @classmethod
     def read_log(cls, log: bytes) -> Iterator[LoggedFrame]:
-        """Find the frames in a log of the port; those sent and those received."""
+        """Find the frames in a log of the port, both sent and received."""
         return read_port_log(log)
 
-    # What the stream calls
+    # Called by the stream
 
     def stream_opened(self) -> None:
-        """A connection is there."""
+        """Note a connection."""
         self._dialogue.handle_opened(self._instant())
         self._service()
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
-        """Bytes of the modem."""
+        """Take bytes of the modem."""
         self._now = max(self._now, received_at)
         self._dialogue.handle_bytes(data, self._now)
         self._service()
 
     def stream_lost(self, reason: str) -> None:
-        """The connection is gone, or could not be made."""
+        """Note that the connection was lost, or could not be made."""
         self._dialogue.handle_lost(reason, self._instant())
         self._service()
 
-    # The contract of the dialogue
+    # Driving the dialogue
 
     def _service(self) -> None:
         """Write, report, arm the timer."""
@@ -187,7 +187,7 @@ class EvologicsLink(Link):
         self._arm()
 
     def _service_later(self) -> None:
-        """Tell what there is when `transmit` has returned."""
+        """Report pending events after `transmit` has returned."""
         if not self._service_pending:
             self._service_pending = True
             asyncio.get_running_loop().call_soon(self._service)
@@ -226,7 +226,7 @@ class EvologicsLink(Link):
                 assert_never(event)
 
     def _settle(self, error: LinkOpenError | None) -> None:
-        """Let `open` return."""
+        """End the wait of `open`."""
         if self._opened is None or self._opened.done():
             return
         if error is None:
@@ -235,7 +235,7 @@ class EvologicsLink(Link):
             self._opened.set_exception(error)
 
     def _arm(self) -> None:
-        """Set the one timer to what the dialogue waits for."""
+        """Set the one timer to the dialogue's next due instant."""
         self._alarm.set(None if self._receiver is None else self._dialogue.poll_timeout())
 
     def _expire(self, due_at: int) -> None:

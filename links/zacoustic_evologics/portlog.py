@@ -1,9 +1,9 @@
 """The frames in a log of a modem's port, both ways, from any logger.
 
-A terminal program that logs, `socat -r -R`, or TCP's stream saved by a network analyser: bytes as
-they were on the port, perhaps with times and prompts in between. So the log is not read from its
-beginning to its end as the driver would: a record is found by its word, its length says how far its
-payload goes, and all else is passed over. What a payload may hold is not searched again.
+Such a log comes from a terminal program, from `socat -r -R`, or from a network analyser that saves
+TCP's stream: the bytes on the port, perhaps with times and prompts in between. So this reader does
+not parse the log from beginning to end as the driver would. It finds a record by its first word,
+takes the payload by its length, and skips all else. It does not search payloads again.
 """
 
 import re
@@ -25,10 +25,10 @@ def read_port_log(log: bytes) -> Iterator[LoggedFrame]:
     """Find the frames.
 
     Args:
-        log: The whole of it.
+        log: The whole log.
     """
     found = list(_records(log))
-    # A log does not name its own node; the destination of others' messages does.
+    # A log does not name its own node; the destination of messages from others does.
     own = next((to for is_sent, _, to, _ in found if not is_sent and to != BROADCAST), 0)
     for is_sent, source, destination, payload in found:
         yield LoggedFrame(
@@ -40,7 +40,7 @@ def read_port_log(log: bytes) -> Iterator[LoggedFrame]:
 
 
 def _records(log: bytes) -> Iterator[tuple[bool, int, int, bytes]]:
-    """Give of each record direction, source, destination and payload."""
+    """Yield direction, source, destination and payload of each record."""
     at = 0
     while (word := _WORD.search(log, at)) is not None:
         at = word.end()

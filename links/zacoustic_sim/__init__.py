@@ -1,4 +1,4 @@
-"""The simulator as a link: a channel in this process or in another, with its modems."""
+"""The simulator as a link: modems on a channel in this process or in another."""
 
 from zacoustic_sim.link import SimConfig, SimLink
 

@@ -68,7 +68,7 @@ class MediumCommand(Command):
 
 
 class _Reporter:
-    """Says what happens, as text or as JSON."""
+    """Prints events, as text or as JSON."""
 
     def __init__(self, writer: LineWriter, *, as_json: bool) -> None:
         self._writer = writer

@@ -1,4 +1,4 @@
-"""How a simulated modem reaches the medium: over TCP here, in the same process in `medium`."""
+"""A simulated modem's connection to the medium: over TCP here, in one process in `medium`."""
 
 import time
 from typing import Final, Protocol
@@ -16,31 +16,31 @@ from zacoustic_sim.messages import (
 )
 
 START_HINT: Final = "start it: zacoustic medium SCENARIO --listen {address}"
-"""What to do when nothing listens at `address`."""
+"""Hint when nothing listens at `address`."""
 
 
 class ConnectionReceiver(Protocol):
-    """Who hears from a connection; called on the loop only, never from within a call to it."""
+    """Takes the events of a connection; called only on the loop, never from within a call to it."""
 
     def message_received(self, message: ServerMessage, received_at: int) -> None:
-        """A message of the medium; `received_at` is when it was read, ns."""
+        """Take a message of the medium, read at `received_at`, ns."""
         ...
 
     def connection_lost(self, reason: str) -> None:
-        """The medium is gone or was not reached; the connection keeps trying."""
+        """Note that the medium was lost or not reached; the connection keeps trying."""
         ...
 
 
 class Connection(Protocol):
-    """A connection to the medium that sends `Hello` by itself, and again after each loss."""
+    """A connection to the medium; it sends `Hello` by itself, again after each loss."""
 
     address: str
-    """Where the medium is, for messages to people."""
+    """Place of the medium, for messages to people."""
     hint: str
-    """What to do when it is not there."""
+    """What to do if it is not there."""
 
     def open(self, receiver: ConnectionReceiver) -> None:
-        """Start; returns at once."""
+        """Start connecting; returns at once."""
         ...
 
     def send(self, message: Transmit) -> bool:
@@ -48,20 +48,20 @@ class Connection(Protocol):
         ...
 
     async def close(self) -> None:
-        """Stop; no callback comes after it. May be called again."""
+        """Stop; no callback follows. May be called again."""
         ...
 
 
 class StreamConnection:
-    """The way to a medium in another process.
+    """A connection to a medium in another process.
 
     Args:
         address: `HOST:PORT`.
         node_address: Acoustic address to ask for.
-        clock: Where instants come from.
+        clock: Source of instants.
 
     Raises:
-        ConfigError: The address is none.
+        ConfigError: The address is not valid.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class StreamConnection:
         await self._stream.close()
 
     def stream_opened(self) -> None:
-        """Ask for a place; called by the stream."""
+        """Ask for the node's place; called by the stream."""
         self._decoder = MessageDecoder[ServerMessage](ServerMessage)
         self._stream.write(encode_message(Hello(VERSION, self._node_address)))
 
@@ -105,6 +105,6 @@ class StreamConnection:
                 self._receiver.message_received(message, received_at)
 
     def stream_lost(self, reason: str) -> None:
-        """Pass it on; called by the stream."""
+        """Pass the loss on; called by the stream."""
         if self._receiver is not None:
             self._receiver.connection_lost(reason.removeprefix(f"tcp:{self.address}: "))

@@ -1,9 +1,9 @@
 """The simulated modem: the link contract over a medium in this process or, by TCP, in another.
 
-The modem is as good as its profile. Settings remove features from it, so that what the
-core does for poorer modems can be tried: addresses, check, frame boundaries, carrier sense. They
-are taken away truthfully: an unaddressed modem hears what is meant for others, an unchecked one
-delivers damaged frames, an unframed one delivers pieces.
+The modem has the features of its profile. Settings remove some of them, to test what the core does
+for poorer modems: addresses, check, frame boundaries, carrier sense. The effects are real: an
+unaddressed modem receives frames for others, an unchecked one delivers damaged frames, an unframed
+one delivers pieces.
 """
 
 import asyncio
@@ -38,7 +38,7 @@ from zacoustic_sim.messages import (
 )
 
 WAIT_S: Final = 10.0
-"""How long `open` waits for the medium, s: gateways and the medium are often started together."""
+"""Time for which `open` waits for the medium, s: gateways and medium often start together."""
 
 
 class SimConfig(LinkConfig, frozen=True, kw_only=True):
@@ -51,11 +51,11 @@ class SimConfig(LinkConfig, frozen=True, kw_only=True):
     framed: bool = True
     """Frames arrive as frames, not as pieces of a byte stream."""
     senses_carrier: bool = True
-    """Reports when another node is audible."""
+    """The modem reports when another node is audible."""
     acknowledges: bool = False
-    """Acknowledges frames that ask for it, and measures the range by the answer."""
+    """The modem acknowledges frames on request, and measures the range by the answer."""
     wait_s: float = WAIT_S
-    """How long `open` waits for the medium, s, > 0."""
+    """Time for which `open` waits for the medium, s, > 0."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -71,10 +71,10 @@ class SimLink(Link):
     """A modem on a simulated channel; the locator is sim/HOST:PORT of a medium server.
 
     Args:
-        connection: The way to the medium.
-        config: Qualities to take away.
+        connection: Connection to the medium.
+        config: Features to remove.
         node_address: Acoustic address, one of the scenario's nodes.
-        clock: Where instants come from.
+        clock: Source of instants.
     """
 
     config_type = SimConfig
@@ -95,7 +95,7 @@ class SimLink(Link):
         self._state = LinkState.OPENING
         self._detail = ""
         self._welcomed: asyncio.Future[None] | None = None
-        # Not yet reported: transmission id → instant of the call.
+        # Transmissions without a report: transmission id → instant of the call.
         self._pending: dict[int, int] = {}
         self._on_air: int | None = None
         self._carrier = False
@@ -108,7 +108,7 @@ class SimLink(Link):
         """Build the modem `node_address` of the medium server at `HOST:PORT`.
 
         Raises:
-            ConfigError: The address is none, or the node address is outside 1…254.
+            ConfigError: The address is not valid, or the node address is outside 1…254.
         """
         assert isinstance(config, SimConfig)
         if not 1 <= node_address <= 254:
@@ -117,7 +117,7 @@ class SimLink(Link):
         return cls(connection, config, node_address=node_address)
 
     async def open(self, receiver: LinkReceiver) -> None:
-        """Take the place on the channel; wait up to `wait_s` for the medium.
+        """Take the node's place on the channel; wait up to `wait_s` for the medium.
 
         Raises:
             LinkOpenError: The medium does not answer in time, or refuses the address.
@@ -150,8 +150,8 @@ class SimLink(Link):
             self._welcomed = None
 
     async def close(self) -> None:
-        """Leave the channel; report a frame still on the air as ABORTED before."""
-        # Without a receiver first: a report may make it transmit again, which must fail.
+        """Leave the channel; before that report an outstanding frame as ABORTED."""
+        # First without a receiver: a report may cause another `transmit`, which must fail.
         receiver, self._receiver = self._receiver, None
         for transmission_id in tuple(self._pending):
             aborted = self._settle(transmission_id, TransmitOutcome.ABORTED, detail="link closed")
@@ -183,7 +183,7 @@ class SimLink(Link):
                 self._refuse(transmission_id, TransmitOutcome.ABORTED, "no connection")
 
     def diagnostics(self) -> dict[str, int | float | str]:
-        """What became of frames, the state, and what it waits for."""
+        """Return outcomes of frames, the state, and what the link waits for."""
         return {**self._counts, "state": self._state.value, "detail": self._detail}
 
     def message_received(self, message: ServerMessage, received_at: int) -> None:
@@ -203,14 +203,14 @@ class SimLink(Link):
                 self._be_refused(message.reason)
 
     def connection_lost(self, reason: str) -> None:
-        """The medium is gone, or was not reached; called by the connection."""
+        """Note that the medium was lost or not reached; called by the connection."""
         if self._state is LinkState.UP:
             self._sense(False)
             self._change_state(LinkState.DOWN, reason)
             if self._on_air is not None:
                 aborted = TransmitOutcome.ABORTED
                 self._pass_on(self._settle(self._on_air, aborted, detail=reason))
-        elif not self._detail.startswith("refused"):  # the refusal says more than the hanging up
+        elif not self._detail.startswith("refused"):  # the refusal tells more than the loss
             self._change_state(self._state, reason)
 
     def _welcome(self, message: Welcome) -> None:
@@ -303,7 +303,7 @@ class SimLink(Link):
             self._receiver.carrier_changed(busy)
 
     def _objection(self, transmission: Transmission) -> str:
-        """Why a working modem would refuse this transmission; empty if it would not."""
+        """Return why a working modem would refuse this transmission; empty: it would not."""
         size, limit = len(transmission.frame_bytes), self.capabilities.mtu_bytes
         if not 1 <= size <= limit:
             return f"frame of {size} bytes; allowed: 1..{limit}"
@@ -314,7 +314,7 @@ class SimLink(Link):
         return ""
 
     def _refuse(self, transmission_id: int, outcome: TransmitOutcome, reason: str) -> None:
-        """Report later: never from within `transmit`."""
+        """Report soon, but not from within `transmit`."""
         self._counts["refused"] += 1
         loop = asyncio.get_running_loop()
         loop.call_soon(lambda: self._pass_on(self._settle(transmission_id, outcome, detail=reason)))
@@ -332,7 +332,7 @@ class SimLink(Link):
         lasted_ns: int = 0,
         detail: str = "",
     ) -> TransmitReport | None:
-        """Strike a transmission off; returns its report, or None if it has had one."""
+        """Remove a transmission; return its report, or None if it was reported already."""
         called_at = self._pending.pop(transmission_id, None)
         if called_at is None:
             return None

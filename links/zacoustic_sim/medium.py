@@ -1,11 +1,11 @@
 """The medium on the asyncio loop: one clock, one agenda, one timer.
 
-`zacoustic.channel.modems` has what modems do, on an agenda that has no clock. `SimMedium` gives it
-one: its instants are those of the loop, counted from the moment at which the medium was made, times
-the time scale. An event that the loop handles late is computed for the instant at which it was due,
-so that a busy machine delays messages and changes no outcome.
+`zacoustic.channel.modems` has the behaviour of modems, on an agenda without a clock. `SimMedium`
+gives it one: its instants are those of the loop since the medium was made, times the time scale. An
+event that the loop handles late is computed for its due instant, so a busy machine delays messages
+and changes no outcome.
 
-A modem that attaches is a function that takes messages. In this process that is a `SimLink`
+An attached modem is a function that takes messages. In this process that is a `SimLink`
 (`SimMedium.link`), in another one a connection of `server`.
 """
 
@@ -48,21 +48,21 @@ METRICS: Final = frozenset(
 
 
 class Attached(msgspec.Struct, frozen=True):
-    """A modem has taken its place on the channel."""
+    """A modem has attached to the channel."""
 
     address: int
-    """Of the node."""
+    """Address of the node."""
 
 
 class Detached(msgspec.Struct, frozen=True):
-    """A modem has left."""
+    """A modem has detached."""
 
     address: int
-    """Of the node."""
+    """Address of the node."""
 
 
 Observation: TypeAlias = Attached | Detached | Emission | Reception
-"""What an observer of the medium sees."""
+"""Events for an observer of the medium."""
 
 
 class SimMedium(Modems[Place, Transmit]):
@@ -70,9 +70,9 @@ class SimMedium(Modems[Place, Transmit]):
 
     Args:
         scenario: The channel and its nodes.
-        time_scale: How many times faster than real, > 0.
-        clock: Where instants come from.
-        observer: Told, with the instant of the channel in ns, of all that happens.
+        time_scale: How many times faster than real time, > 0.
+        clock: Source of instants.
+        observer: Takes all events, with the instant of the channel, ns.
 
     Raises:
         ConfigError: The time scale is not above 0.
@@ -99,23 +99,23 @@ class SimMedium(Modems[Place, Transmit]):
 
     @property
     def is_quiet(self) -> bool:
-        """Nothing more will happen: no sound on the channel, no timer armed."""
+        """Whether nothing is pending: no sound on the channel, no timer set."""
         return not len(self.agenda)
 
     def link(self, address: int, config: SimConfig | None = None) -> SimLink:
-        """Return the modem of a node, for this process; it attaches when it is opened."""
+        """Return the modem of a node, for this process; it attaches when it opens."""
         connection = LocalConnection(self, address)
         return SimLink(connection, config, node_address=address, clock=self.clock)
 
     def attach(self, address: int, tell: Tell) -> Welcome:
-        """Give a modem its place.
+        """Attach a modem.
 
         Args:
-            address: Of the node.
+            address: Address of the node.
             tell: Takes the medium's messages from now on, on the loop.
 
         Raises:
-            LinkOpenError: The scenario has no such node, or another modem has the place.
+            LinkOpenError: The scenario has no such node, or another modem is attached there.
         """
         place = self.stations.get(address)
         if place is None:
@@ -129,23 +129,23 @@ class SimMedium(Modems[Place, Transmit]):
         return Welcome(self._capabilities(place), place.profile.name, self.time_scale)
 
     def detach(self, address: int) -> None:
-        """Remove a modem from the channel; its sound goes on. May be repeated."""
+        """Detach a modem; its sound goes on. May be repeated."""
         place = self.stations[address]
         if place.tell is not None:
             place.unplug()
             self._observe(Detached(address))
 
     def move(self, address: int, position: Position) -> None:
-        """Tell where a node is from now on: x east, y north, z down, m.
+        """Set the position of a node from now on: x east, y north, z down, m.
 
         Raises:
-            ValueError: No such node, or a coordinate that is no number of reach.
+            ValueError: No such node, or a coordinate that is not a number or too large.
         """
         self.agenda.run(self._now())
         self.medium.move(address, position, self.agenda.now)
 
     def transmit(self, address: int, request: Transmit) -> None:
-        """Send a frame from a node; `Finished` follows, also for a frame that cannot be sent."""
+        """Transmit a frame of a node; `Finished` follows, even if it cannot be transmitted."""
         self.agenda.run(self._now())
         place = self.stations[address]
         limit = place.profile.mtu_bytes
@@ -158,20 +158,20 @@ class SimMedium(Modems[Place, Transmit]):
         self._alarm.set(self.agenda.next_at())
 
     def close(self) -> None:
-        """Stop the clock and let all modems go; nothing is called after it. May be repeated."""
+        """Stop the clock and detach all modems; nothing is called afterwards. May be repeated."""
         for place in self.stations.values():
             place.unplug()
         self.agenda.clear()
         self._alarm.stop()
 
-    # What a driver says
+    # Called by the base class
 
     def asks(self, frame: Transmit) -> bool:
-        """Tell whether a frame wants to be acknowledged."""
+        """Tell whether a frame asks for an acknowledgement."""
         return frame.acknowledge
 
     def emitted(self, station: Place, emission: Emission) -> None:
-        """Within the gap a modem takes a frame and waits."""
+        """Report an emission; a frame that the modem takes before `ready_at` waits."""
         station.ready_at = emission.ready_at
         self._observe(emission)
 
@@ -183,7 +183,7 @@ class SimMedium(Modems[Place, Transmit]):
         started_at: int,
         answer: Arrival | None,
     ) -> None:
-        """Tell the end of a frame, and what its acknowledgement says."""
+        """Report the end of a frame, with the measurements of its acknowledgement."""
         lasted_ns = self._node_ns(self.agenda.now - started_at)
         outcome, ago_ns = TransmitOutcome(ending.value), self._ago_ns()
         station.say(Finished(frame.transmission_id, outcome, lasted_ns=lasted_ns, ago_ns=ago_ns))
@@ -191,12 +191,12 @@ class SimMedium(Modems[Place, Transmit]):
             station.say(Answered(answer.source, self._metrics(answer), ago_ns))
 
     def end(self, reception: Reception, sent: Sound[Place, Transmit], is_noticed: bool) -> None:
-        """Sound has ended."""
+        """Handle the end of a sound."""
         self._observe(reception)
         super().end(reception, sent, is_noticed)
 
     def delays_s(self, reception: Reception) -> Sequence[float]:
-        """A modem without a check also delivers what it has noticed, and noise has destroyed."""
+        """Return delays; an unchecked modem also delivers noticed frames that noise destroyed."""
         arrival = reception.arrival
         is_garbled = (
             reception.outcome is Outcome.NOISE and not arrival.dropped and self.notices(arrival)
@@ -204,7 +204,7 @@ class SimMedium(Modems[Place, Transmit]):
         return reception.delays_s if is_garbled else super().delays_s(reception)
 
     def hand_over(self, station: Place, reception: Reception, frame: Transmit) -> None:
-        """Give a modem what it has heard."""
+        """Deliver a received frame to a modem."""
         arrival, frame_bytes = reception.arrival, reception.damage(frame.frame_bytes)
         if not reception.is_received:
             frame_bytes = corrupt(frame_bytes, random.Random(arrival.sequence))
@@ -220,7 +220,7 @@ class SimMedium(Modems[Place, Transmit]):
         )
 
     def settle(self, station: Place) -> None:
-        """Tell whether others are heard, behind the frame whose end that may be."""
+        """Report whether others are audible, after the frame that may have ended."""
         station.tell_carrier()
 
     # Below the methods above
@@ -235,7 +235,7 @@ class SimMedium(Modems[Place, Transmit]):
         )
 
     def _capabilities(self, place: Place) -> LinkCapabilities:
-        """What the modem of a node can do, in the clock of the node."""
+        """Return the capabilities of a node's modem, in the clock of the node."""
         profile, scale = place.profile, self.time_scale
         return LinkCapabilities(
             mtu_bytes=profile.mtu_bytes,
@@ -244,7 +244,7 @@ class SimMedium(Modems[Place, Transmit]):
             gap_s=profile.gap_s / scale,
             propagation_s=self.farthest_s / scale,
             half_duplex=profile.half_duplex,
-            # The fault is that modems do not notice the damage: then they do not check.
+            # With this fault modems do not notice damage: they do not check.
             checked=self.scenario.faults.corrupt == 0.0,
             senses_carrier=not profile.separates_senders,
             acknowledges=True,
@@ -266,11 +266,11 @@ class SimMedium(Modems[Place, Transmit]):
         return round(channel_ns / self.time_scale)
 
     def _ago_ns(self) -> int:
-        """How long ago, in the clock of the nodes, what happens now was due."""
+        """Return how late the present event is, in the clock of the nodes, ns."""
         return self._node_ns(max(0, self._now() - self.agenda.now))
 
     def _expire(self, due_at: int) -> None:
-        # The loop may be early by its resolution: then it is the due instant that counts.
+        # The loop may be early by its resolution; the due instant counts.
         try:
             self.agenda.run(max(self._now(), due_at))
         finally:
@@ -278,7 +278,7 @@ class SimMedium(Modems[Place, Transmit]):
 
 
 class LocalConnection:
-    """The way from a modem to a medium in the same process.
+    """A modem's connection to a medium in the same process.
 
     Calls go through the loop, so that the medium never calls back from within a call of the modem.
     """

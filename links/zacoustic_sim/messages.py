@@ -1,14 +1,14 @@
 """Messages between a simulated modem and the medium, in one process or over TCP.
 
-A conversation: the modem sends `Hello`; the medium answers `Welcome`, or `Refused` and hangs up.
-Then the modem sends `Transmit`, and the medium `Finished` for each of those, `Heard` for what
-arrives, `Carrier` when another node becomes audible or falls silent, and `Answered` for each
-acknowledgement, behind its `Finished`.
+A conversation: the modem sends `Hello`; the medium answers `Welcome`, or `Refused` and closes the
+connection. Then the modem sends `Transmit`. The medium sends `Finished` for each of those, `Heard`
+for each arrival, `Carrier` when another node becomes audible or silent, and `Answered` for each
+acknowledgement, after its `Finished`.
 
-Over TCP each message is a mark of two bytes, two bytes of length, big-endian, and a tagged msgpack
-map. The mark is there so that nonsense is noticed at once, and not when as many bytes have come as
-its first ones seem to announce. No clock crosses the line: a message carries how long ago
-something was, and the reader subtracts that from the instant at which it reads.
+Over TCP each message is a mark of two bytes, a length of two bytes, big-endian, and a tagged
+msgpack map. The mark reveals nonsense at once, instead of after as many bytes as its first ones
+announce. No clock crosses the line: a message says how long ago something was, and the reader
+subtracts that from the instant of reading.
 
 All durations are those of the node's clock. At a time scale of 100 this is a modem a hundred times
 as fast, on a channel with sound a hundred times as fast.
@@ -21,9 +21,9 @@ import msgspec
 from zacoustic.core.linktypes import LinkCapabilities, LinkMetrics, TransmitOutcome
 
 VERSION: Final = 2
-"""Of this conversation; the medium refuses another one."""
+"""Version of this conversation; the medium refuses another one."""
 MESSAGE_LIMIT_BYTES: Final = 65_535
-"""Longest message: a hundred times the largest frame of the modems known."""
+"""Longest message: a hundred times the largest frame of known modems."""
 
 _MARK: Final = b"\x5a\x5e"
 _HEAD_BYTES: Final = len(_MARK) + 2
@@ -33,7 +33,7 @@ class Hello(msgspec.Struct, frozen=True, tag="hello"):
     """A modem asks for its place on the channel."""
 
     version: int
-    """Of the conversation."""
+    """Version of the conversation."""
     address: int
     """Acoustic address, one of the scenario's nodes."""
 
@@ -48,34 +48,34 @@ class Transmit(msgspec.Struct, frozen=True, tag="transmit"):
     frame_bytes: bytes
     """The frame."""
     acknowledge: bool = False
-    """The modem at the destination is to acknowledge it."""
+    """Ask the modem at the destination for an acknowledgement."""
 
 
 class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
-    """The modem has its place."""
+    """The modem is attached."""
 
     capabilities: LinkCapabilities
-    """What it can do, in the node's clock."""
+    """Its capabilities, in the node's clock."""
     profile: str
     """Name of the modem's profile."""
     time_scale: float
-    """How many times faster than real the channel is."""
+    """How many times faster than real time the channel is."""
 
 
 class Refused(msgspec.Struct, frozen=True, tag="refused"):
-    """The modem gets no place; the medium hangs up."""
+    """The modem is not attached; the medium closes the connection."""
 
     reason: str
-    """One line."""
+    """Reason, one line."""
 
 
 class Finished(msgspec.Struct, frozen=True, tag="finished"):
     """A transmission has ended."""
 
     transmission_id: int
-    """Which one."""
+    """Id of the transmission."""
     outcome: TransmitOutcome
-    """How."""
+    """Its outcome."""
     lasted_ns: int = 0
     """Its airtime, ns; 0 if it was never on the air."""
     ago_ns: int = 0
@@ -90,11 +90,11 @@ class Heard(msgspec.Struct, frozen=True, tag="heard"):
     source: int
     """Address of the sender."""
     destination: int
-    """Address it was sent to, or `BROADCAST`."""
+    """Address of the receiver, or `BROADCAST`."""
     frame_bytes: bytes
     """The frame, damaged if `damaged`."""
     metrics: LinkMetrics = LinkMetrics()
-    """What the modem measured."""
+    """Measurements of the modem."""
     damaged: bool = False
     """A modem that checks its frames drops it."""
     ago_ns: int = 0
@@ -102,19 +102,19 @@ class Heard(msgspec.Struct, frozen=True, tag="heard"):
 
 
 class Carrier(msgspec.Struct, frozen=True, tag="carrier"):
-    """Somebody else became audible, or the last one fell silent."""
+    """Another node became audible, or the last one fell silent."""
 
     busy: bool
     """Whether another node is audible."""
 
 
 class Answered(msgspec.Struct, frozen=True, tag="answered"):
-    """An acknowledgement has come, and what the modem measured on it."""
+    """An acknowledgement has arrived, with the modem's measurements."""
 
     source: int
     """Address of the node whose modem has acknowledged."""
     metrics: LinkMetrics
-    """With the propagation delay."""
+    """Measurements, including the propagation delay."""
     ago_ns: int = 0
     """How long before this message it had arrived, ns."""
 
@@ -128,11 +128,11 @@ MessageT = TypeVar("MessageT")
 
 
 class MalformedMessageError(Exception):
-    """Not a message of this conversation; the reader hangs up."""
+    """Not a message of this conversation; the reader closes the connection."""
 
 
 class MessageDecoder(Generic[MessageT]):
-    """Cuts a byte stream into messages; keeps less than one message.
+    """Splits a byte stream into messages; stores less than one message.
 
     Args:
         kind: `ClientMessage` or `ServerMessage`.
@@ -146,7 +146,7 @@ class MessageDecoder(Generic[MessageT]):
         """Take bytes, return the messages that they complete.
 
         Raises:
-            MalformedMessageError: The stream is of no use any more.
+            MalformedMessageError: The stream is useless from here on.
         """
         self._buffer += data
         messages: list[MessageT] = []

@@ -1,4 +1,4 @@
-"""One place on the channel, and the modem that has it; `medium` moves it."""
+"""One node's place on the channel, and the modem attached to it; `medium` drives it."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -9,15 +9,15 @@ from zacoustic.core.linktypes import TransmitOutcome
 from zacoustic_sim.messages import Carrier, Finished, ServerMessage, Transmit
 
 Tell: TypeAlias = Callable[[ServerMessage], None]
-"""How the medium talks to one modem."""
+"""Takes the medium's messages to one modem."""
 
 
 class Place(Station[Transmit]):
     """One place on the channel.
 
     Args:
-        address: Of its node.
-        profile: Of its modem.
+        address: Address of the node.
+        profile: Profile of its modem.
     """
 
     __slots__ = ("_is_carrier_told", "tell")
@@ -28,27 +28,27 @@ class Place(Station[Transmit]):
         self.unplug()
 
     def plug(self, tell: Tell) -> None:
-        """Let a modem have it."""
+        """Attach a modem."""
         self.tell, self.is_up = tell, True
 
     def unplug(self) -> None:
-        """Let its modem go."""
+        """Detach the modem."""
         self.tell, self.is_up = None, False
         self.pending = []
         self._is_carrier_told = False
 
     def say(self, message: ServerMessage) -> None:
-        """Tell the modem, if there is one."""
+        """Send a message to the modem, if one is attached."""
         if self.tell is not None:
             self.tell(message)
 
     def reject(self, request: Transmit, reason: str) -> None:
-        """Tell it that a frame will not be sent."""
+        """Report that a frame will not be transmitted."""
         outcome = TransmitOutcome.REJECTED
         self.say(Finished(request.transmission_id, outcome, detail=reason))
 
     def tell_carrier(self) -> None:
-        """Tell it whether it hears others, unless it knows that."""
+        """Report whether others are audible, unless the modem knows it."""
         if self.tell is not None and self._is_carrier_told != bool(self.carriers):
             self._is_carrier_told = bool(self.carriers)
             self.say(Carrier(self._is_carrier_told))

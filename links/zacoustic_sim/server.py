@@ -1,9 +1,8 @@
 """A medium for modems in other processes: TCP, one connection for each modem.
 
-Clients are not trusted: a message that cannot be read, or another one than `Hello` at
-first, ends its connection and nothing else. A client that does not read is dropped when it has
-`BACKLOG_LIMIT_BYTES` to read. Connections without a place there are limited in number and in
-time.
+Clients are not trusted: an unreadable message, or a first one other than `Hello`, ends its
+connection and nothing else. A client that does not read is dropped at `BACKLOG_LIMIT_BYTES`.
+Connections before `Hello` are limited in number and in time.
 """
 
 import asyncio
@@ -27,11 +26,11 @@ from zacoustic_sim.messages import (
 )
 
 BACKLOG_LIMIT_BYTES: Final = 1_048_576
-"""What may wait for a client, bytes: hours of sound of any modem."""
+"""Bytes that may wait for a client: hours of sound of any modem."""
 STRANGERS_LIMIT: Final = 32
-"""Connections that have not sent `Hello`."""
+"""Most connections that have not sent `Hello`."""
 HELLO_LIMIT_S: Final = 5.0
-"""How long a connection may take to send it, s."""
+"""Time for a connection to send it, s."""
 
 _logger = logging.getLogger(__name__)
 
@@ -42,7 +41,7 @@ class MediumServer:
     Args:
         medium: The medium; closed with the server.
         host: Address to listen at.
-        port: Port, 0 for any that is free.
+        port: Port; 0 for any free one.
     """
 
     def __init__(self, medium: SimMedium, host: str = "127.0.0.1", port: int = 0) -> None:
@@ -54,14 +53,14 @@ class MediumServer:
 
     @property
     def address(self) -> str:
-        """`HOST:PORT` as modems write it."""
+        """`HOST:PORT` as in the locator of modems."""
         return place_name(self.host, self.port)
 
     async def open(self) -> None:
-        """Listen; `port` is the real one afterwards.
+        """Listen; `port` is the actual one afterwards.
 
         Raises:
-            LinkOpenError: The address cannot be used, such as a port in use.
+            LinkOpenError: The address cannot be used, for example a port in use.
         """
         loop = asyncio.get_running_loop()
         try:
@@ -74,7 +73,7 @@ class MediumServer:
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def close(self) -> None:
-        """Hang up on all modems and stop the medium; may be repeated."""
+        """Close all connections and stop the medium; may be repeated."""
         server, self._server = self._server, None
         if server is not None:
             server.close()
@@ -130,9 +129,9 @@ class _Client(asyncio.Protocol):
         self.gone.set()
 
     def hang_up(self) -> None:
-        """End the connection; what it has not read yet is lost."""
+        """End the connection; unread bytes are lost."""
         if self.address:
-            # At once, so that it can come back before the operating system has done its part.
+            # Detach at once, so that the modem can return before the operating system reports.
             self._medium.detach(self.address)
             self.address = 0
         if self._transport is not None:

@@ -1,6 +1,6 @@
 """UDP as a link: each frame is one datagram, to a multicast group or to the listed peers.
 
-A datagram names no node and may come from anybody, so the core adds addresses and a check.
+A datagram names no node and may come from anyone, so the core adds addresses and a check.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 
 MTU_BYTES: Final = 1200
-"""Largest frame: with the heads of IP and of a tunnel it fits one packet of any network."""
+"""Largest frame: with the headers of IP and of a tunnel it fits one packet of any network."""
 Place = tuple[str, int]
 """Host and port."""
 
@@ -31,13 +31,13 @@ class UdpConfig(LinkConfig, frozen=True, kw_only=True):
     """Settings of the link."""
 
     peers: str = ""
-    """Where frames go: HOST:PORT, parted by commas; empty for a multicast group."""
+    """Destinations of frames: HOST:PORT, separated by commas; empty for a multicast group."""
     interface: str = ""
     """IPv4 address of the interface for a multicast group; empty: the system chooses."""
     bit_rate_bps: float = 1_000_000.0
-    """How fast frames are sent, bit/s, > 0."""
+    """Rate at which frames are sent, bit/s, > 0."""
     latency_s: float = 0.25
-    """How long a datagram takes at most, s, ≥ 0: time-outs are derived from it."""
+    """Longest delay of a datagram, s, ≥ 0; the basis of time-outs."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -77,7 +77,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
         """Build the link of a multicast group, or of a port here with its peers.
 
         Raises:
-            ConfigError: An address is not HOST:PORT, or it is unclear where frames go.
+            ConfigError: An address is not HOST:PORT, or frames have no destination.
         """
         assert isinstance(config, UdpConfig)
         here, peers = _place(address), [_place(each) for each in config.peers.split(",") if each]
@@ -91,7 +91,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
         return cls(here, peers or [here], config)
 
     async def open(self, receiver: LinkReceiver) -> None:
-        """Open the port; raises LinkOpenError where it is taken or no address of this machine."""
+        """Open the port; raises LinkOpenError if it is in use or not of this machine."""
         if self._receiver is not None:
             raise LinkOpenError(f"udp/{self._here[0]}:{self._here[1]} is open already")
         receiver.state_changed(LinkState.OPENING, f"opens {self._here[0]}:{self._here[1]}")
@@ -114,18 +114,18 @@ class UdpLink(Link, asyncio.DatagramProtocol):
         receiver.state_changed(LinkState.UP)
 
     async def close(self) -> None:
-        """Close the port; the frame that is being sent is reported as ABORTED."""
+        """Close the port; report a frame being sent as ABORTED."""
         if self._receiver is not None and self._transport is not None:
             if self._on_air is not None:
                 self._finish(TransmitOutcome.ABORTED, "the link was closed")
-            await asyncio.sleep(0)  # reports that wait for the next turn of the loop go first
+            await asyncio.sleep(0)  # waiting reports go first, in the next turn of the loop
             self._receiver = None
             self._transport.close()
             self._mouth.close()
-            await asyncio.sleep(0)  # and in the one after it the port is free
+            await asyncio.sleep(0)  # and one turn later the port is free
 
     def transmit(self, transmission: Transmission) -> None:
-        """Send a frame; raises LinkClosedError where the link is not open."""
+        """Send a frame; raises LinkClosedError if the link is not open."""
         if self._receiver is None:
             raise LinkClosedError(f"udp/{self._here[0]}:{self._here[1]} is not open")
         loop, now, frame = asyncio.get_running_loop(), time.monotonic_ns(), transmission.frame_bytes
@@ -151,7 +151,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
         return {**self._counts, "error": self._error}
 
     def datagram_received(self, data: bytes, addr: Place) -> None:
-        """Take a datagram; what a multicast group brings back of its own is none."""
+        """Take a datagram; ignore our own, returned by a multicast group."""
         is_own = addr[:2] == self._mouth.getsockname()[:2]
         if self._receiver is not None and not is_own and 1 <= len(data) <= MTU_BYTES:
             self._counts["received"] += 1
@@ -207,7 +207,7 @@ def _join(ear: socket.socket, group: Place, interface: str) -> socket.socket:
             mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(interface))
         mouth.setblocking(False)
         mouth.connect(group)
-    except OSError:  # such as a network that is not there yet
+    except OSError:  # for example because the network is not up yet
         mouth.close()
         raise
     return mouth

@@ -1,7 +1,7 @@
-"""The acknowledgement that a modem sends by itself: a short sound, a fixed time behind the frame.
+"""The acknowledgement that a modem sends by itself: a short sound, a fixed time after the frame.
 
-Since that time is fixed, the node that gets the answer knows the sound's delay: half of what is
-left of the time between. It is a frame of the medium like any other, so it is lost like any other.
+Since that time is fixed, the sender knows the propagation delay: half of the measured time less the
+fixed one. The medium treats the acknowledgement like any frame, so it can be lost like any frame.
 """
 
 from typing import Final
@@ -9,7 +9,7 @@ from typing import Final
 from zacoustic.channel.profiles import ModemProfile
 
 ACKNOWLEDGEMENT_BYTES: Final = 1
-"""How long the sound is, bytes of a frame: 0.16 s with an S2C, whose own lasted 0.14 s."""
+"""Length of the sound, bytes of a frame: 0.16 s with an S2C, whose real one lasted 0.14 s."""
 _MARGIN_NS: Final = 50_000_000
 
 

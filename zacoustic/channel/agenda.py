@@ -1,8 +1,8 @@
-"""`Agenda`: what is to come, in order of time, and in order of requests at equal instants.
+"""`Agenda`: pending actions, in order of time, and in order of requests at equal instants.
 
 Its time is virtual, or follows a clock. In virtual time, `run` jumps from one action to the next.
-With a clock, the caller waits until `next_at` and runs the agenda up to the present instant: what
-was due before happens at its own instant then, so a busy machine delays results and changes none.
+With a clock, the caller waits until `next_at` and then runs the agenda up to the present instant.
+Each action still sees its own due instant, so a busy machine delays results and changes none.
 """
 
 from collections.abc import Callable
@@ -10,11 +10,11 @@ from heapq import heapify, heappop, heappush
 from typing import Any, Final, TypeAlias
 
 MOST_AT_ONCE: Final = 1_000_000
-"""Actions at one instant that are taken for a timer that is armed for now again and again. If 254
-nodes begin to transmit at once, each heard by all, it is a tenth of that."""
+"""Actions at one instant that indicate a timer re-armed for now for ever. 254 nodes that transmit
+at once, each heard by all, cause a tenth of that."""
 
 Entry: TypeAlias = list[Any]
-"""Something on an agenda, for `Agenda.cancel`: instant, number, action or None, arguments."""
+"""An entry of an agenda, for `Agenda.cancel`: instant, number, action or None, arguments."""
 
 _TIDY_ABOVE: Final = 64
 _NS_PER_S: Final = 1_000_000_000
@@ -23,13 +23,13 @@ _NS_PER_S: Final = 1_000_000_000
 class Agenda:
     """A heap of actions.
 
-    It is the hot path of every simulation, so an entry is a function and its arguments, not a
+    It is the hot path of every simulation, so an entry is a function with its arguments, not a
     closure.
     """
 
     def __init__(self) -> None:
         self.now = 0
-        """The instant, ns since the beginning: that of the action which happens, if one does."""
+        """The instant, ns since the beginning; during an action, its due instant."""
         self._heap: list[Entry] = []
         self._order = 0
         self._cancelled = 0
@@ -38,14 +38,14 @@ class Agenda:
         return len(self._heap) - self._cancelled
 
     def push(self, at: int, action: Callable[..., object], *arguments: object) -> Entry:
-        """Do something at an instant, ns, not before now; its result is thrown away."""
+        """Schedule an action at an instant, ns, not before now; its result is ignored."""
         self._order += 1
         entry = [at, self._order, action, arguments]
         heappush(self._heap, entry)
         return entry
 
     def cancel(self, entry: Entry) -> None:
-        """Do it not; no effect on what has happened or is cancelled already."""
+        """Cancel an entry; no effect if it has run or is cancelled already."""
         if entry[2] is None:
             return
         entry[2] = None
@@ -56,14 +56,14 @@ class Agenda:
             self._cancelled = 0
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Cancel all entries."""
         for entry in self._heap:
             entry[2] = None
         self._heap.clear()
         self._cancelled = 0
 
     def at(self, instant_s: float, action: Callable[[], object]) -> None:
-        """Do something at an instant, s since the beginning; at once if that is over."""
+        """Schedule an action at an instant, s since the beginning; at once if it is past."""
         self.push(max(self.now, round(instant_s * _NS_PER_S)), action)
 
     def every(self, period_s: float, action: Callable[[], object], *, first_s: float = 0.0) -> None:
@@ -83,7 +83,7 @@ class Agenda:
         self.push(max(self.now, round(first_s * _NS_PER_S)), act)
 
     def next_at(self) -> int | None:
-        """Return the instant of the first action, ns, or None: nothing is to come."""
+        """Return the instant of the first action, ns; None: none is pending."""
         heap = self._heap
         while heap and heap[0][2] is None:
             heappop(heap)
@@ -91,10 +91,10 @@ class Agenda:
         return heap[0][0] if heap else None
 
     def run(self, until: int | None = None) -> None:
-        """Run the actions up to an instant, ns, which is `now` then; None: until none is left.
+        """Run the actions up to an instant, ns, and set `now` to it; None: until none is left.
 
         Raises:
-            RuntimeError: Time does not go on.
+            RuntimeError: Time makes no progress.
         """
         heap = self._heap
         since = self._order

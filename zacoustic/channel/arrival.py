@@ -1,9 +1,9 @@
-"""What the medium hands to its driver: emissions, the arrivals they cause, and what became of each.
+"""Records of the medium for its driver: emissions, the arrivals they cause, and their outcomes.
 
 An emission is one frame leaving a node. It arrives at every node whose modem understands it, later
-by the propagation delay; each arrival has a beginning and an end. Only at its end is it known what
-became of it, since anything may overlap it until then: that is a reception. All instants are ns
-since the start of the scenario.
+by the propagation delay; each arrival has a beginning and an end. Until its end other sound may
+overlap it, so only then its outcome is known: that is a reception. All instants are ns since the
+start of the scenario.
 """
 
 import enum
@@ -15,12 +15,12 @@ from zacoustic.channel.faults.faults import corrupt
 
 
 class Outcome(enum.Enum):
-    """What became of an arrival."""
+    """Outcome of an arrival."""
 
     RECEIVED = "received"
     """The receiver has the frame."""
     NOISE = "noise"
-    """Lost by noise, fading, a named loss of the scenario, or too weak to be noticed."""
+    """Lost by noise, fading or a named loss of the scenario, or too weak to be noticed."""
     COLLISION = "collision"
     """Other arrivals that overlapped it were too strong."""
     HALF_DUPLEX = "half_duplex"
@@ -30,7 +30,7 @@ class Outcome(enum.Enum):
 
 
 class Arrival(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """A frame on its way to one node; carries all random draws that will decide about it."""
+    """A frame on its way to one node, with all random draws that decide its outcome."""
 
     node: int
     """Address of the node that it arrives at."""
@@ -55,9 +55,9 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     range_rate_m_s: float = 0.0
     """Relative velocity, m/s, positive when the distance grows; 0 between fixed nodes."""
     effective_snr_db: float
-    """What is left of the SNR after the losses of the channel model and of the receiver, dB."""
+    """SNR after the losses of the channel model and of the receiver, dB."""
     chance: float
-    """Uniform draw, 0…1: noise destroys the frame when it is below the error rate."""
+    """Uniform draw, 0…1: noise destroys the frame if it is below the error rate."""
     dropped: bool = False
     """The scenario's `loss` drops this frame, at any level."""
     corrupt_seed: int | None = None
@@ -86,22 +86,22 @@ class Emission(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     arrivals: tuple[Arrival, ...]
     """One for each node that could receive it, in the order of the scenario."""
     unheard: tuple[int, ...] = ()
-    """Nodes that would receive it, were there not a blackout."""
+    """Nodes that only a blackout keeps from receiving it."""
 
 
 class Reception(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """What became of an arrival."""
+    """An arrival with its outcome."""
 
     arrival: Arrival
-    """The arrival that it is about."""
+    """The arrival."""
     outcome: Outcome
-    """What became of it."""
+    """Its outcome."""
     sinr_db: float
     """Level over ambient noise and everything that overlapped, averaged over the frame, dB."""
     corrupt_seed: int | None = None
     """If set, the frame is damaged, see `damage`."""
     delay_s: float = 0.0
-    """Deliver the frame so much later, s, see `delays_s`."""
+    """Delay of the delivery, s; see `delays_s`."""
     duplicates_after_s: tuple[float, ...] = ()
     """Deliver the frame again after each of these times, s, counted from the first delivery."""
 
@@ -117,13 +117,13 @@ class Reception(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     @property
     def delays_s(self) -> tuple[float, ...]:
-        """How late the modem delivers the frame, each time that it does, s."""
-        if not self.duplicates_after_s:  # nearly always
+        """Return the delay of each delivery, s."""
+        if not self.duplicates_after_s:  # the usual case
             return (self.delay_s,)
         return (self.delay_s, *(self.delay_s + after_s for after_s in self.duplicates_after_s))
 
     def damage(self, frame_bytes: bytes) -> bytes:
-        """Return what the receiver has of these bytes; the same each time."""
+        """Return the bytes that the receiver gets; the same at each call."""
         if self.corrupt_seed is None:
             return frame_bytes
         return corrupt(frame_bytes, random.Random(self.corrupt_seed))

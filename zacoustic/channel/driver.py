@@ -1,7 +1,7 @@
-"""`Driver`: puts what a medium does on an agenda, from an emission to its receptions.
+"""`Driver`: puts a medium's arrivals on an agenda, from an emission to its receptions.
 
-Whoever has modems on a medium derives from it: `modems` for modems that take one frame and report
-it, and links whose modems do more. What they transmit travels beside the sound, since the medium
+Drivers of modems derive from it: `modems`, for modems that take one frame and report it, and links
+whose modems do more. The driver carries the transmitted object beside the sound, since the medium
 sees no bytes.
 """
 
@@ -12,7 +12,7 @@ from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.arrival import Arrival, Emission, Reception
 
 SentT = TypeVar("SentT")
-"""What the drivers of one kind transmit."""
+"""What drivers of one kind transmit."""
 
 
 class Channel(Protocol):
@@ -36,8 +36,8 @@ class Driver(ABC, Generic[SentT]):
     """Begins and ends arrivals.
 
     Args:
-        channel: Where the emissions come from.
-        agenda: What is to come.
+        channel: Source of the emissions.
+        agenda: Pending actions.
     """
 
     def __init__(self, channel: Channel, agenda: Agenda) -> None:
@@ -45,7 +45,7 @@ class Driver(ABC, Generic[SentT]):
         self.agenda = agenda
 
     def spread(self, emission: Emission, sent: SentT) -> None:
-        """Let sound arrive; `sent` comes back with each end of it."""
+        """Schedule the arrivals of an emission; `sent` comes back with each of them."""
         push = self.agenda.push
         for arrival in emission.arrivals:
             is_noticed = self.notices(arrival)
@@ -54,15 +54,15 @@ class Driver(ABC, Generic[SentT]):
             push(arrival.ends_at, self._finish, arrival, sent, is_noticed)
 
     def notices(self, arrival: Arrival) -> bool:
-        """Tell whether a modem notices that sound begins: then `begin` is called."""
+        """Tell whether a modem notices the beginning of a sound; if so, `begin` is called."""
         return False
 
     def begin(self, arrival: Arrival, sent: SentT) -> None:
-        """Sound begins to arrive."""
+        """Handle the beginning of an arrival."""
 
     @abstractmethod
     def end(self, reception: Reception, sent: SentT, is_noticed: bool) -> None:
-        """Sound has ended; `begin` was called before if it was noticed."""
+        """Handle the end of an arrival; `begin` was called before if it was noticed."""
 
     def _finish(self, arrival: Arrival, sent: SentT, is_noticed: bool) -> None:
         self.end(self.channel.finish(arrival), sent, is_noticed)

@@ -1,4 +1,4 @@
-"""The medium that all nodes of a scenario share: who hears what and when, and with which outcome.
+"""The medium that all nodes of a scenario share: who hears what, when, and with which outcome.
 
 Pure and seeded: no clock, no queue, no callback. A driver calls two methods in order of time::
 
@@ -6,13 +6,13 @@ Pure and seeded: no clock, no queue, no callback. A driver calls two methods in 
     for arrival in emission.arrivals:                       … put on the driver's agenda …
         reception = medium.finish(arrival)                  at arrival.ends_at, in order of time
 
-The same calls drive a heap of virtual time and a loop on the wall clock, and give the same
+The same calls drive an event heap in virtual time and a loop on the wall clock, and give the same
 receptions: every random draw belongs to (seed, source, node, number of the frame), none to the
-order in which a driver happens to call. Arrivals that end at the same instant may be finished in
-any order. An arrival whose node is gone need not be finished; it is forgotten ten minutes later.
+order of a driver's calls. Arrivals that end at the same instant may be finished in any order. An
+arrival at a node that has gone need not be finished; the medium forgets it ten minutes later.
 
 All instants are ns since the start of the scenario. `hop` turns an emission into one arrival,
-`receiver` judges it.
+`receiver` decides its outcome.
 """
 
 from zacoustic.channel.arrival import Arrival, Emission, Outcome, Reception
@@ -33,7 +33,7 @@ class Medium:
     """The shared medium of one scenario.
 
     Args:
-        scenario: Who is where, with which modem, and what goes wrong.
+        scenario: Positions, modems and faults of the nodes.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -58,7 +58,7 @@ class Medium:
 
     @property
     def remembered(self) -> int:
-        """Number of arrivals and emissions kept because something may still overlap them."""
+        """Number of arrivals and emissions stored because something may still overlap them."""
         return sum(site.receiver.remembered for site in self._sites.values())
 
     def profile(self, address: int) -> ModemProfile:
@@ -70,7 +70,7 @@ class Medium:
         return self._site(address).profile
 
     def position(self, address: int, now: int) -> Position:
-        """Return where a node is at an instant: x east, y north, z down, m.
+        """Return the position of a node at an instant: x east, y north, z down, m.
 
         Raises:
             ValueError: No such node.
@@ -78,10 +78,10 @@ class Medium:
         return self._site(address).motion.position(now / _NS_PER_S)
 
     def move(self, address: int, position: Position, now: int) -> None:
-        """Tell where a node is from now on: x east, y north, z down, m.
+        """Set the position of a node from now on: x east, y north, z down, m.
 
         Raises:
-            ValueError: No such node, or a coordinate that is no number of reach.
+            ValueError: No such node, or a coordinate that is not a number or too large.
         """
         check_position("position", position)
         self._site(address).motion.move(position, now / _NS_PER_S)
@@ -90,7 +90,7 @@ class Medium:
         """Return distance, delay and range rate of sound from `source` to `node` at an instant.
 
         Raises:
-            ValueError: No such nodes, twice the same, or modems that hear nothing of each other.
+            ValueError: Unknown nodes, the same node twice, or modems that cannot hear each other.
         """
         for hop in self._hops_of(self._site(source)):
             if hop.node == node:
@@ -112,16 +112,16 @@ class Medium:
             source: Address of the sender.
             frame_bytes: Length of the frame, bytes, 1…MTU of its modem.
             now: Instant of the first sound, ns, not before that of any earlier call.
-            airtime_ns: How long it leaves, ns, if the modem has signals of several kinds; then any
-                `frame_bytes` will do, and decide how vulnerable it is. None: as the profile says.
-            level_db: Source level over that of the profile, dB.
+            airtime_ns: Its duration, ns, for modems with several signals; `frame_bytes` may
+                then have any value and decides how vulnerable it is. None: as the profile says.
+            level_db: Source level relative to that of the profile, dB.
 
         Returns:
-            The emission, with one arrival for each node with a modem of the same kind that no
-            blackout keeps from hearing it; give each to `finish`.
+            The emission, with one arrival for each node that has a modem of the same kind and is
+            not cut off by a blackout; give each to `finish`.
 
         Raises:
-            ValueError: Unknown node, a frame that the modem does not take, or the node is still
+            ValueError: Unknown node, a frame that the modem cannot take, or the node is still
                 transmitting.
         """
         site = self._site(source)
@@ -169,7 +169,7 @@ class Medium:
         """Return the outcome of an arrival; call it once, when the arrival ends.
 
         Raises:
-            ValueError: Unknown node, or an arrival that was finished before.
+            ValueError: Unknown node, or an arrival that is finished already.
         """
         site = self._sites.get(arrival.node) or self._site(arrival.node)
         return site.receiver.judge(arrival)
@@ -181,8 +181,8 @@ class Medium:
             raise ValueError(f"node is {address}; nodes: {list(self._sites)}") from None
 
     def _hops_of(self, site: "_Site") -> "tuple[Hop, ...]":
-        """Hops to all nodes that hear this one."""
-        # Made when first needed: a generator takes 2.5 kB, and most of 254 nodes never transmit.
+        """Return the hops to all nodes that hear this one."""
+        # Made on first use: a generator takes 2.5 kB, and most of 254 nodes never transmit.
         if site.hops is None:
             site.hops = tuple(
                 self._hop(site, other)
@@ -209,7 +209,7 @@ class Medium:
 
 
 class _Site:
-    """What the medium keeps of one node."""
+    """The state of one node in the medium."""
 
     def __init__(self, spec: NodeSpec, channel: ChannelModel, collisions: str) -> None:
         self.address = spec.address

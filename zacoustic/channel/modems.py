@@ -1,12 +1,12 @@
-"""`Modems`: what simple modems do on a medium, whatever drives it.
+"""`Modems`: the behaviour of simple modems on a medium, whatever drives it.
 
-A modem takes one frame at a time, which sounds as soon as the modem is ready, and it tells the end
-of it. It tells whether others are heard. It hands over the frames that it has received: damaged,
-late or twice, as the scenario wants. A frame that asks for it is acknowledged by the modem at its
-destination, unless that transmits at that moment; the acknowledgement is a frame like any other,
-and tells the range.
+A modem takes one frame at a time, transmits it as soon as it is ready, and reports its end. It
+reports whether other nodes are audible. It delivers received frames: damaged, late or twice, as the
+scenario asks. If a frame asks for an acknowledgement, the modem at its destination sends one,
+unless it is transmitting at that moment. The acknowledgement is a frame like any other, and yields
+the range.
 
-Whoever derives from it says how the node of a modem is told (`carrier`, `hand_over`, `finished`).
+A subclass defines how the node of a modem is informed (`carrier`, `hand_over`, `finished`).
 """
 
 import enum
@@ -23,20 +23,20 @@ from zacoustic.channel.profiles import ModemProfile
 
 
 class Ending(enum.Enum):
-    """How a frame has ended for the modem that took it; the words are those of links."""
+    """How a frame ended for its modem, in the terms of links."""
 
     SENT = "sent"
-    """It has sounded, and asked for no acknowledgement."""
+    """It was transmitted and asked for no acknowledgement."""
     DELIVERED = "delivered"
     """It was acknowledged."""
     NOT_DELIVERED = "not_delivered"
-    """It was not."""
+    """It was not acknowledged."""
     ABORTED = "aborted"
-    """The modem is unplugged: it did not sound."""
+    """The modem is unplugged: it was not transmitted."""
 
 
 class Frame(Protocol):
-    """What a modem takes."""
+    """What a modem transmits."""
 
     @property
     def frame_bytes(self) -> bytes:
@@ -45,7 +45,7 @@ class Frame(Protocol):
 
     @property
     def destination(self) -> int:
-        """Address of a node, or of everybody."""
+        """Address of a node, or broadcast."""
         ...
 
 
@@ -57,8 +57,8 @@ class Station(Generic[FrameT]):
     """The modem of one node.
 
     Args:
-        address: Of the node.
-        profile: Of the modem.
+        address: Address of the node.
+        profile: Profile of the modem.
     """
 
     __slots__ = ("address", "carriers", "is_up", "pending", "profile", "ready_at", "silent_at")
@@ -69,17 +69,17 @@ class Station(Generic[FrameT]):
         self.is_up = True
         """It is plugged in."""
         self.pending: list[FrameT] = []
-        """Frames whose end is not told yet. Whoever empties it will not be told: what has not
-        sounded yet never will."""
+        """Frames whose end is not reported yet. If a caller empties it, they are not reported, and
+        those not yet begun are never transmitted."""
         self.ready_at = 0
         """Instant from which it takes the next frame, ns."""
         self.silent_at = 0
-        """End of the last sound of its own, ns."""
+        """End of its own last sound, ns."""
         self.carriers = 0
-        """How many others are heard now."""
+        """Number of other nodes that are audible now."""
 
     def holds(self, frame: FrameT) -> bool:
-        """Tell whether the end of a frame is not told yet."""
+        """Tell whether the end of a frame is not reported yet."""
         return any(each is frame for each in self.pending)
 
 
@@ -101,33 +101,33 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
     """The modems of a medium.
 
     Args:
-        medium: What sound does.
-        agenda: What is to come.
+        medium: Carries the sound.
+        agenda: Pending actions.
     """
 
     def __init__(self, medium: Medium, agenda: Agenda) -> None:
         super().__init__(medium, agenda)
         self.medium = medium
         self.stations: dict[int, StationT] = {}
-        """By address; nodes of the scenario without one hear nothing."""
+        """Modems by address; nodes of the scenario without one hear nothing."""
         self.losses: dict[str, int] = {}
-        """What became of the frames that did not arrive, by outcome."""
+        """Number of lost frames by outcome."""
         self.farthest_s = medium.scenario.farthest_s
         """Longest propagation delay, one way, s."""
         self.senses_carrier = True
-        """Modems notice that sound begins."""
+        """Modems notice the beginning of a sound."""
 
     def send(self, address: int, frame: FrameT) -> None:
-        """Take a frame from a node; `finished` follows."""
+        """Transmit a frame of a node; `finished` follows."""
         station = self.stations[address]
         station.pending.append(frame)
         self._start(station, frame)
 
-    # What a driver says
+    # Defined by a subclass
 
     @abstractmethod
     def asks(self, frame: FrameT) -> bool:
-        """Tell whether a frame wants to be acknowledged."""
+        """Tell whether a frame asks for an acknowledgement."""
 
     @abstractmethod
     def finished(
@@ -138,27 +138,27 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
         started_at: int,
         answer: Arrival | None,
     ) -> None:
-        """Tell a node the end of its frame; with the acknowledgement, if there is one."""
+        """Report the end of a frame to its node, with the acknowledgement if there is one."""
 
     def carrier(self, station: StationT, is_heard: bool) -> None:
-        """Tell a node that others become audible, or that all are silent; or `settle` does."""
+        """Report to a node that others are audible, or that all are silent; or `settle` does it."""
 
     @abstractmethod
     def hand_over(self, station: StationT, reception: Reception, frame: FrameT) -> None:
-        """Give a node a frame that its modem has received."""
+        """Deliver a received frame to a node."""
 
     @abstractmethod
     def settle(self, station: StationT) -> None:
-        """Let a node act on what it was told: an end of a carrier comes before the frame."""
+        """Let a node act on reports: the end of a carrier comes before the frame."""
 
     def delays_s(self, reception: Reception) -> Sequence[float]:
-        """Return how late a modem hands a frame over, each time that it does, s."""
+        """Return the delay of each delivery of a frame, s."""
         return reception.delays_s if reception.is_received else ()
 
     def emitted(self, station: StationT, emission: Emission) -> None:
-        """Take note of a sound."""
+        """Note an emission."""
 
-    # What all modems do
+    # Common to all modems
 
     def _start(self, station: StationT, frame: FrameT) -> None:
         now = self.agenda.now
@@ -202,18 +202,18 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
                 return
 
     def lose(self, outcome: str, number: int = 1) -> None:
-        """Count frames that did not arrive."""
+        """Count lost frames."""
         self.losses[outcome] = self.losses.get(outcome, 0) + number
 
     def notices(self, arrival: Arrival) -> bool:
-        """Tell whether a modem notices that sound begins."""
+        """Tell whether a modem notices the beginning of a sound."""
         station = self.stations.get(arrival.node)
         if station is None or not self.senses_carrier:
             return False
         return station.profile.notices(arrival.snr_db)
 
     def begin(self, arrival: Arrival, sent: Sound[StationT, FrameT]) -> None:
-        """Sound begins at a node."""
+        """Handle the beginning of a sound at a node."""
         station = self.stations[arrival.node]
         station.carriers += 1
         if station.carriers == 1:
@@ -221,12 +221,12 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
             self.settle(station)
 
     def end(self, reception: Reception, sent: Sound[StationT, FrameT], is_noticed: bool) -> None:
-        """Sound has ended at a node: hand a frame over, or take an acknowledgement."""
+        """Handle the end of a sound at a node: deliver a frame, or take an acknowledgement."""
         if reception.outcome is not Outcome.RECEIVED:
             self.lose(reception.outcome.value)
         station = self.stations.get(reception.arrival.node)
         if station is None:
-            self.delays_s(reception)  # whoever disturbs frames sees those for nobody, too
+            self.delays_s(reception)  # a subclass that disturbs frames sees those for nobody, too
             return
         if is_noticed:
             station.carriers -= 1
@@ -236,7 +236,7 @@ class Modems(Driver[Sound[StationT, FrameT]], Generic[StationT, FrameT]):
             self._take_answer(station, reception, sent)
         else:
             self._take(station, reception, sent)
-        # No node acts between the two inputs, so none transmits before it knows the frame.
+        # No node acts between the two inputs, so none transmits before it gets the frame.
         self.settle(station)
 
     def _take(

@@ -1,8 +1,8 @@
-"""Messages of the mapping converter, put into the words that users of a file need.
+"""Messages of the mapping converter, reworded for users of a file.
 
-The converter says what it expected and at which place; a user wants the key path, the value that is
-there, and the allowed values, in one line. Messages of our own records, which begin with the key
-("frame is 2.0; allowed: 0..1"), only get their path.
+The converter names what it expected and where. A user needs the key path, the present value and the
+allowed values, in one line. Messages of our own records begin with the key ("frame is 2.0; allowed:
+0..1"); they only get their path.
 """
 
 import re
@@ -33,10 +33,10 @@ def explain(
 
     Args:
         message: Text of the converter's error.
-        mapping: What was converted, to look the value up in.
-        records: Path without indices ("nodes[].track[]") → the record that is expected there.
-        choices: Path without indices → the words that are allowed there.
-        whole: What the whole mapping is called.
+        mapping: The converted mapping, to look the value up in.
+        records: Path without indices ("nodes[].track[]") → the record expected there.
+        choices: Path without indices → the words allowed there.
+        whole: Name of the whole mapping.
 
     Returns:
         One line without the name of the file.
@@ -64,7 +64,7 @@ def explain(
 
 
 def _joined(path: str, key: str) -> str:
-    # A key out of the file may hold anything, line ends too.
+    # A key of the file may contain anything, even line ends.
     printable = key if key.isprintable() else repr(key)
     return f"{path}.{printable}" if path else printable
 

@@ -1,17 +1,17 @@
-"""Modem profiles: how long a frame lasts, how loud it is, and what a receiver makes of it.
+"""Modem profiles: duration, level and error rate of frames.
 
-There is one definition of frame time, `ModemProfile.airtime_s`, and everything uses it: the medium,
-the emulators, and the capabilities that the simulated links report::
+There is one definition of frame time, `ModemProfile.airtime_s`, for the medium, the emulators, and
+the capabilities that the simulated links report::
 
     airtime = preamble_s + frame_bytes · per_byte_s        the sound
     airtime + gap_s                                        until the sender takes the next frame
 
-Figures come from data sheets, from published simulations (marked "sim") or from measurements; what
-had to be assumed says so in `origin`. The band, the level and the range are those under which `sea`
-reproduces the published range; they are not a statement about a particular device.
+Figures come from data sheets, from published simulations (marked "sim") or from measurements;
+`origin` names assumptions. With the given band, level and range, `sea` reproduces the published
+range; they say nothing about a particular device.
 
-`ideal` is no modem: 1 Gbit/s, no preamble, hears everything at once and loses nothing, for tests in
-which only the geometry delays.
+`ideal` is not a real modem: 1 Gbit/s, no preamble, receives everything at once and loses nothing,
+for tests in which only geometry causes delays.
 """
 
 from collections.abc import Mapping
@@ -41,14 +41,14 @@ class ModemProfile(msgspec.Struct, frozen=True, kw_only=True):
     mtu_bytes: int
     """Largest frame, bytes, ≥ 1."""
     preamble_s: float
-    """Airtime of a frame without any byte, s, ≥ 0."""
+    """Airtime of an empty frame, s, ≥ 0."""
     per_byte_s: float
     """Airtime of each byte, coding included, s, > 0."""
     gap_s: float = 0.0
     """Pause of the sender after each frame, s, ≥ 0."""
     turnaround_s: float = 0.11
-    """From the end of a frame to the acknowledgement of it, s, ≥ 0. Measured on an S2C, assumed for
-    the others."""
+    """From the end of a frame to its acknowledgement, s, ≥ 0. Measured on an S2C, assumed for the
+    others."""
     frequency_hz: float
     """Centre of the band, Hz, > 0."""
     bandwidth_hz: float
@@ -60,23 +60,23 @@ class ModemProfile(msgspec.Struct, frozen=True, kw_only=True):
     reception: Modulation | FrameErrorCurve
     """How SNR becomes frame errors: a modulation, or a measured curve."""
     half_duplex: bool = True
-    """Does not hear while it transmits."""
+    """It cannot receive while it transmits."""
     detection_snr_db: float = -10.0
-    """Below this SNR over the band a receiver does not notice a frame, dB."""
+    """A receiver does not notice a frame below this SNR over the band, dB."""
     capture_db: float = 6.0
-    """A frame survives what overlaps it when this much stronger, dB. Measured (ahoi): 2.6 dB."""
+    """A frame this much stronger than its overlaps survives, dB. Measured (ahoi): 2.6 dB."""
     separates_senders: bool = False
     """Receives any number of frames at the same time; only `ideal`."""
     origin: str
-    """Where the figures come from, and which are assumed."""
+    """Source of the figures, and which of them are assumed."""
 
     @property
     def bit_rate_bps(self) -> float:
-        """Marginal bit rate: eight bits more take 8 / bit_rate_bps seconds longer."""
+        """Marginal bit rate: eight more bits take 8 / bit_rate_bps seconds longer."""
         return 8.0 / self.per_byte_s
 
     def airtime_s(self, frame_bytes: int) -> float:
-        """Return how long a frame of that many bytes sounds, s, without the gap."""
+        """Return the airtime of a frame of some bytes, s, without the gap."""
         return self.preamble_s + frame_bytes * self.per_byte_s
 
     def airtime_ns(self, frame_bytes: int) -> int:
@@ -89,7 +89,7 @@ class ModemProfile(msgspec.Struct, frozen=True, kw_only=True):
         return round(self.gap_s * _NS_PER_S)
 
     def frame_error_rate(self, snr_db: float, frame_bytes: int) -> float:
-        """Return the probability that noise destroys a frame whose SNR stays the same throughout.
+        """Return the probability that noise destroys a frame of constant SNR.
 
         Args:
             snr_db: SNR over the band, dB, implementation losses already subtracted.
@@ -106,18 +106,18 @@ class ModemProfile(msgspec.Struct, frozen=True, kw_only=True):
         return packet_error_rate(bit_error_rate(self.reception, ratio(per_bit_db)), 8 * frame_bytes)
 
     def notices(self, snr_db: float) -> bool:
-        """Tell whether a receiver notices that a frame begins; `ideal` reports no carrier."""
+        """Tell whether a receiver notices the beginning of a frame; `ideal` reports no carrier."""
         return not self.separates_senders and snr_db >= self.detection_snr_db
 
     def overlaps_band_of(self, other: "ModemProfile") -> bool:
-        """Whether this modem hears the other one's sound, as noise at least."""
+        """Whether this modem hears the other one's sound, at least as noise."""
         return abs(self.frequency_hz - other.frequency_hz) < (
             (self.bandwidth_hz + other.bandwidth_hz) / 2.0
         )
 
 
 def profile_named(name: str) -> ModemProfile:
-    """Return the profile of that name.
+    """Return a profile by name.
 
     Raises:
         ConfigError: No such profile; the message lists the names.
@@ -190,8 +190,8 @@ _ALL = (
     ModemProfile(
         name="waterlinked_m64",
         mtu_bytes=8,
-        # 8 bytes take 0.5 s, then it is the other one's turn: one packet a second, 64 bit/s each
-        # way.
+        # 8 bytes take 0.5 s, then it is the other modem's turn: one packet a second, 64 bit/s in
+        # each direction.
         preamble_s=0.0,
         per_byte_s=0.0625,
         gap_s=0.5,
@@ -269,4 +269,4 @@ PROFILES: Final[Mapping[str, ModemProfile]] = MappingProxyType(
 """Name → profile."""
 
 DEFAULT_PROFILE: Final = "evologics_s2c_18_34"
-"""Profile of a scenario that names none."""
+"""Profile of scenarios that name none."""

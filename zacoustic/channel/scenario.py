@@ -14,12 +14,12 @@ A scenario is parsed elsewhere (JSON5) into a plain mapping, and becomes a `Scen
                 blackouts: [ { pair: [1, 2], from_s: 600, to_s: 900, every_s: 3600 } ],
                 crashes: [ { node: 2, at_s: [700, 2000], restart_after_s: 20 } ] } }
 
-`channel` is the channel model (`sea`), `loss` drops frames on top of that, independently: with
-``channel: "none"`` only `loss` does. A direction in `links` has its own loss or level.
-`faults` is everything else that goes wrong.
+`channel` is the channel model (`sea`). `loss` drops frames in addition and independently: with
+``channel: "none"`` only `loss` does. A direction in `links` has its own loss or level. `faults`
+contains all other faults.
 
 A typo is an error that names the key. Each record checks itself when it is made, also from Python;
-every message begins with the key and has the value and the allowed values.
+every message begins with the key and names the value and the allowed values.
 """
 
 import itertools
@@ -51,7 +51,7 @@ ChannelName = Literal["sea", "awgn", "none", "desert"]
 """The channel models: see `zacoustic.channel.propagation.sea`."""
 
 CollisionRule = Literal["capture", "protocol", "sinr"]
-"""What an overlap does: see `zacoustic.channel.propagation.receiver`."""
+"""Effect of an overlap: see `zacoustic.channel.propagation.receiver`."""
 
 _MAX_WIND_M_S: Final = 60.0  # a hurricane; Wenz's curves end near 20
 _MIN_SOUND_SPEED_M_S: Final = 1000.0
@@ -79,7 +79,7 @@ class LinkSpec(
     loss: LossSpec | None = None
     """Loss in this direction; None: the scenario's."""
     gain_db: float = 0.0
-    """Gain of this direction over the channel model, dB, −100…100; mostly negative."""
+    """Gain of this direction over the channel model, dB, −100…100; usually negative."""
 
     def __post_init__(self) -> None:
         """Check the range.
@@ -91,12 +91,12 @@ class LinkSpec(
 
 
 class NodeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One node: its address, its modem, and where it is."""
+    """One node: its address, its modem, and its position."""
 
     address: int
     """1…254."""
     name: str = ""
-    """For people; may be empty."""
+    """Name for people; may be empty."""
     position: Position | None = None
     """x east, y north, z down, m; or a track."""
     track: tuple[Waypoint, ...] | None = None
@@ -126,7 +126,7 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             profile_named(self.profile)
 
     def motion(self) -> Motion:
-        """Return where the node is over time."""
+        """Return the position of the node over time."""
         if self.position is not None:
             return Motion.fixed(self.position)
         assert self.track is not None
@@ -139,39 +139,39 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     nodes: tuple[NodeSpec, ...]
     """At least one; addresses are unique."""
     seed: int = 1
-    """Every random draw follows from it."""
+    """Determines every random draw."""
     sound_speed_m_s: float = 1500.0
     """Speed of sound, m/s, 1000…2000."""
     wind_m_s: float = 5.0
-    """Wind speed, m/s, 0…60: the noise of waves."""
+    """Wind speed, m/s, 0…60; causes the noise of waves."""
     shipping: float = 0.5
     """Activity of distant ships, 0…1."""
     delay_s: float | None = None
-    """The same propagation delay between all nodes, s, 0…60, instead of that of the geometry: the
-    assumption behind the throughput formulae of carrier sense. None: distance / sound speed."""
+    """One propagation delay between all nodes, s, 0…60, instead of the geometric one: the
+    assumption of the throughput formulae of carrier sense. None: distance / sound speed."""
     profile: str = DEFAULT_PROFILE
     """Modem of the nodes that name none."""
     channel: ChannelName = "sea"
     """The channel model."""
     collisions: CollisionRule = "capture"
-    """What an overlap does to a frame."""
+    """Effect of an overlap on a frame."""
     loss: LossSpec = LossSpec()
-    """Frames lost on top of what the channel loses."""
+    """Frames lost in addition to those that the channel loses."""
     links: tuple[LinkSpec, ...] = ()
     """Directions with a loss or a level of their own."""
     faults: FaultSpec = FaultSpec()
-    """What else goes wrong; a medium knows of frames and blackouts, `zacoustic sim` of all."""
+    """All other faults; a medium applies those of frames and blackouts, `zacoustic sim` all."""
     config: str = ""
     """Config of the fleet for `zacoustic sim`, relative to the scenario; empty: opaque topics."""
     traffic: tuple[TrafficSpec, ...] = ()
     """Traffic for `zacoustic sim`; a medium ignores it."""
 
     def __post_init__(self) -> None:
-        """Check the ranges and that addresses fit together.
+        """Check the ranges, and that addresses match.
 
         Raises:
-            ValueError: A value outside its range, no node, an address twice, or a link or a fault
-                of unknown nodes.
+            ValueError: A value outside its range, no node, a repeated address, or a link or fault
+                of an unknown node.
         """
         check_range(
             "sound_speed_m_s", self.sound_speed_m_s, _MIN_SOUND_SPEED_M_S, _MAX_SOUND_SPEED_M_S
@@ -206,7 +206,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     def farthest_s(self) -> float:
         """Longest propagation delay, one way, between any two nodes, wherever they go, s.
 
-        Of a long track, which would take minutes, it is that of the box around it: no less.
+        For a long track, which would take minutes, it is an upper bound from the enclosing box.
         """
         if self.delay_s is not None:
             return self.delay_s
@@ -258,12 +258,12 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 def scenario_from_mapping(mapping: object, *, source: str, folder: Path | None = None) -> Scenario:
-    """Convert what a parser made of a scenario file.
+    """Convert a parsed scenario file.
 
     Args:
-        mapping: Nested mappings, arrays, strings and numbers; anything else is an error too.
-        source: What messages call the file.
-        folder: What names of track files are relative to; None: it may name none.
+        mapping: Nested mappings, arrays, strings and numbers; anything else is an error.
+        source: Name of the file for messages.
+        folder: Folder of track files; None: the scenario may name none.
 
     Returns:
         The scenario, checked.
@@ -309,10 +309,10 @@ _CHOICES: Final[dict[str, tuple[str, ...]]] = {
 
 
 def check_position(key: str, position: Position) -> None:
-    """Refuse a place that is none.
+    """Check a position.
 
     Raises:
-        ValueError: A coordinate is no number, or too far away.
+        ValueError: A coordinate is not a number, or too large.
     """
     for index, coordinate in enumerate(position):
         check_range(f"{key}[{index}]", coordinate, -_MAX_COORDINATE_M, _MAX_COORDINATE_M)

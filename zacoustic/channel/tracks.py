@@ -1,8 +1,8 @@
-"""Tracks in files: where a node was, or is to be, as another program has written it.
+"""Tracks in files: past or planned positions of a node, written by another program.
 
-A track file is CSV with a header; its columns ``t``, ``x``, ``y``, ``z`` are s since the beginning,
-and m east, north and down. Other columns are passed over. A scenario names it in place of the
-way-points: ``track: "auv1.csv"``, relative to its own file.
+A track file is CSV with a header. Its columns ``t``, ``x``, ``y``, ``z`` are s since the beginning,
+and m east, north and down; other columns are ignored. A scenario names it instead of way-points:
+``track: "auv1.csv"``, relative to its own file.
 """
 
 import csv
@@ -18,14 +18,14 @@ MOST_WAYPOINTS: Final = 1_000_000
 
 
 def with_tracks(mapping: object, folder: Path) -> object:
-    """Return a scenario with the way-points of the files that it names.
+    """Return a scenario with the way-points of its track files.
 
     Args:
-        mapping: As it was read; it stays as it is.
-        folder: What names of files are relative to.
+        mapping: The parsed scenario; not changed.
+        folder: Folder of the track files.
 
     Raises:
-        ConfigError: A file is not there, or is no track: says file, line, column and value.
+        ConfigError: A file is missing or invalid; names file, line, column and value.
     """
     nodes = mapping.get("nodes") if isinstance(mapping, dict) else None
     if not (isinstance(mapping, dict) and isinstance(nodes, list)):
@@ -37,7 +37,7 @@ def read_track(path: Path) -> list[dict[str, Any]]:
     """Return the way-points of a track file.
 
     Raises:
-        ConfigError: It is not there, or is no track.
+        ConfigError: It is missing or invalid.
     """
     try:
         if path.exists() and not path.is_file():

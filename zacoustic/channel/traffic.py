@@ -1,4 +1,4 @@
-"""Traffic of a scenario: who sends what, how often; for `zacoustic sim`, not for a medium.
+"""Traffic of a scenario: who sends what, and how often; for `zacoustic sim`, not for a medium.
 
 ::
 
@@ -9,8 +9,8 @@
                { node: 1, service: "auv1/arm", every_s: 60, value: { on: true },
                  answer: { ok: true }, first_s: 600, until_s: 1200 } ]
 
-A topic or service is a name of the scenario's `config`. Without a config each topic is a stream of
-opaque bytes of its own.
+A topic or service is a name in the scenario's `config`. Without a config each topic is a separate
+stream of opaque bytes.
 """
 
 from typing import Any, Literal
@@ -20,7 +20,7 @@ import msgspec
 from zacoustic.channel.faults.limits import check_range
 
 Pattern = Literal["periodic", "random"]
-"""``periodic``: one period after the other. ``random``: the period is the mean of an exponential
+"""``periodic``: at equal periods. ``random``: the period is the mean of an exponential
 distribution, so that the instants are independent of each other."""
 
 _MAX_PERIOD_S = 1e8
@@ -33,34 +33,34 @@ class TrafficSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     node: int
     """Address of the node."""
     topic: str | None = None
-    """Key that it publishes under; or a service."""
+    """Key of the published topic; or a service."""
     service: str | None = None
-    """Service that it calls; or a topic."""
+    """Called service; or a topic."""
     every_s: float
     """Period, s, > 0."""
     pattern: Pattern = "periodic"
-    """What the instants are."""
+    """Distribution of the instants."""
     burst: int = 1
-    """How many at each instant, ≥ 1."""
+    """Number at each instant, ≥ 1."""
     first_s: float = 0.0
     """First instant, s, ≥ 0."""
     until_s: float | None = None
-    """No instant from here on, s; None: it goes on."""
+    """No instant at or after this, s; None: no end."""
     jitter_s: float = 0.0
-    """Each instant is later by up to this, s, ≥ 0."""
+    """Largest random delay of each instant, s, ≥ 0."""
     size_bytes: int | tuple[int, int] | None = None
-    """Opaque payloads of this size, or of one between two, random; or a value."""
+    """Size of opaque payloads, fixed or drawn between two limits; or a value."""
     value: Any = None
     """A sample or request; or a size."""
     vary: dict[str, tuple[float, float]] = {}
-    """Fields of the value that are drawn between two numbers each time."""
+    """Fields of the value that are drawn between two limits each time."""
     late_after_s: float | None = None
-    """When a sample counts as late, s; None: after the lifespan of its stream."""
+    """Age at which a sample counts as late, s; None: the lifespan of its stream."""
     answer: Any = None
-    """What the server of a service answers; None: empty bytes."""
+    """Answer of a service's server; None: empty bytes."""
 
     def __post_init__(self) -> None:
-        """Check the ranges and that the keys fit together.
+        """Check the ranges, and that the keys match.
 
         Raises:
             ValueError: A value outside its range, or not exactly one of two keys.

@@ -64,7 +64,7 @@ class CommandGroup(Command):
     """
 
     def __init__(self, name: str, members: Mapping[str, Command], known: tuple[str, ...]) -> None:
-        # Of this instance, not of the class: each one is another verb.
+        # Set on the instance, not on the class: each group is another verb.
         self.name = name  # type: ignore[misc]
         self.summary = f"{', '.join(known)}: see zacoustic {name} --help"  # type: ignore[misc]
         self._members = members

@@ -1,16 +1,15 @@
-"""Positions from outside: another program says where nodes are while a channel is simulated.
+"""Positions from another program, which moves nodes while a channel is simulated.
 
-It writes an object for each node that has moved, x east, y north, z down, in m::
+The program writes an object for each node that has moved, x east, y north, z down, in m::
 
     { "address": 2, "position": [1420.5, -3.0, 18.2] }
 
 as lines of standard input (``--positions -``), or as samples on a key of Zenoh (``--positions
-zenoh:KEY``; any key that the expression KEY matches). What is no such object is reported on
-standard error, once until a good one follows, and passed over. Without news nodes stay where they
-are.
+zenoh:KEY``; any key that the expression KEY matches). An invalid object is skipped and reported on
+standard error, once until a valid one follows. Without new objects nodes stay where they are.
 
-Threads read, so that nothing waits and any operating system will do; the loop moves. Standard input
-is read without a buffer: an interpreter that ends would wait for the lock of one.
+Threads read, so nothing waits and any operating system will do; the loop moves the nodes. Standard
+input is read unbuffered: at its end the interpreter would wait for the lock of a buffered file.
 """
 
 import argparse
@@ -36,36 +35,36 @@ _ZENOH: Final = "zenoh:"
 
 
 class Source(Protocol):
-    """Where lines come from: a file without a buffer."""
+    """Source of lines: a file without a buffer."""
 
     def read(self, size: int, /) -> bytes | None:
-        """Return some bytes; none at the end."""
+        """Return some bytes; none at the end of the file."""
         ...
 
 
 class Move(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a node is from now on."""
+    """The new position of a node."""
 
     address: int
-    """Its place in the scenario."""
+    """Its address in the scenario."""
     position: Position
     """x east, y north, z down, m."""
 
 
 class Movable(Protocol):
-    """What has nodes that can be moved: a medium, or a fleet of emulated modems."""
+    """A medium or a fleet of emulated modems, whose nodes can be moved."""
 
     def move(self, address: int, position: Position) -> None:
-        """Tell where one is from now on.
+        """Set the position of a node from now on.
 
         Raises:
-            ValueError: There is no such node, or no such place.
+            ValueError: The node or the position is not valid.
         """
         ...
 
 
 def add_positions(parser: argparse.ArgumentParser) -> None:
-    """Declare where positions come from."""
+    """Declare the argument that names the source of positions."""
     parser.add_argument(
         "--positions", metavar="SOURCE",
         help="where nodes are, said by another program: - for lines of standard input, or "
@@ -79,11 +78,11 @@ def add_positions(parser: argparse.ArgumentParser) -> None:
 
 @contextlib.contextmanager
 def positions_from(arguments: argparse.Namespace, moved: Movable) -> Iterator[None]:
-    """Move nodes as another program says, on the running loop; by the arguments declared above.
+    """Move nodes on the running loop as another program says, by the arguments declared above.
 
     Raises:
         ConfigError: An argument is wrong.
-        SessionError: Zenoh is not there.
+        SessionError: Zenoh cannot be reached.
     """
     source: str | None = arguments.positions
     if arguments.connect and not (source or "").startswith(_ZENOH):
@@ -101,10 +100,10 @@ def positions_from(arguments: argparse.Namespace, moved: Movable) -> Iterator[No
 
 
 def taker_of(moved: Movable) -> Callable[[bytes], None]:
-    """Return what takes one object from any thread, and moves a node on the running loop.
+    """Return a function that takes one object on any thread and moves a node on the running loop.
 
     Raises:
-        RuntimeError: From what is returned: the loop has ended.
+        RuntimeError: Raised by the returned function: the loop has ended.
     """
     loop = asyncio.get_running_loop()
     is_told = False
@@ -157,8 +156,8 @@ def _subscribed(key: str, endpoints: list[str], take: Callable[[bytes], None]) -
     """Take the samples of a key.
 
     Raises:
-        ConfigError: The key or an endpoint is none.
-        SessionError: Zenoh is not there.
+        ConfigError: The key or an endpoint is not valid.
+        SessionError: Zenoh cannot be reached.
     """
     import zenoh
 

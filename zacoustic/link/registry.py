@@ -159,7 +159,7 @@ class UnavailableCommand(Command):
     """An installed verb that cannot be imported; with it, all others still work."""
 
     def __init__(self, name: str, error: ZacousticError) -> None:
-        # Of this instance, not of the class: each one is another verb.
+        # Set on the instance, not on the class: each one is another verb.
         self.name = name  # type: ignore[misc]
         self.summary = f"not available: {error}"  # type: ignore[misc]
         self.error = error

@@ -29,11 +29,11 @@ class Attachment(msgspec.Struct, frozen=True, kw_only=True):
     """The attachment of a message."""
 
     sequence: int
-    """Number of the message, counted by who sent it."""
+    """Number of the message, counted by its sender."""
     stamp_ns: int
     """When it was sent, ns since 1970."""
     gid: bytes
-    """Who sent it, 16 bytes."""
+    """Gid of its sender, 16 bytes."""
 
     def encode(self) -> bytes:
         """Return the bytes."""
@@ -41,7 +41,7 @@ class Attachment(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_attachment(content: bytes) -> Attachment | None:
-    """Read an attachment; None where it is none."""
+    """Read an attachment; None: it is not one of rmw_zenoh."""
     if len(content) < ATTACHMENT_BYTES:
         return None
     sequence, stamp_ns, length, gid = _FORM.unpack_from(content)

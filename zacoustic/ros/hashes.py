@@ -1,9 +1,9 @@
 """RIHS01: the hash of a ROS type, which is part of the key of each topic.
 
 It is the SHA-256 of a JSON text: the type with its members, then all types that it uses, by name.
-The form is that of ROS 2 (REP 2011): blanks behind ``:`` and ``,``, and of each member the number
-of its type, raised by 48 for an array, by 96 for a bounded sequence and by 144 for an unbounded
-one. A ``char`` is the number of a ``uint8``, since that is what ROS 2 makes of it.
+The form is that of ROS 2 (REP 2011): blanks behind ``:`` and ``,``, and for each member the number
+of its type, plus 48 for an array, 96 for a bounded sequence or 144 for an unbounded one. A ``char``
+has the number of a ``uint8``, as in ROS 2.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""`Interfaces`: all interface definitions of one ROS distribution, and those of own packages."""
+"""`Interfaces`: all interface definitions of one ROS distribution, and those of user packages."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 HEADER: Final = "std_msgs/msg/Header"
-"""What has a stamp and a frame."""
+"""The header: stamp and frame."""
 DEFAULT_DISTRO: Final = "jazzy"
 """The default distribution."""
 
 _WITHOUT_HASH: Final = "humble"
 _PREFIX: Final = "ros2_"
-# rmw_zenoh begins with Humble.
+# rmw_zenoh exists from Humble on.
 _TOO_OLD: Final = ("dashing", "eloquent", "foxy", "galactic")
 
 
 class Interfaces:
-    """The interfaces that one distribution knows.
+    """The interfaces of one distribution.
 
     Args:
-        distro: Its name, such as ``jazzy``; ``rolling`` is the newest there is.
-        folder: Where own packages are, or None.
+        distro: Its name, such as ``jazzy``; ``rolling`` is the newest available.
+        folder: Folder of user packages, or None.
 
     Raises:
-        ConfigError: `rosbags` is not installed, the distribution is not known, or a definition
+        ConfigError: `rosbags` is not installed, the distribution is unknown, or a definition
             cannot be read.
     """
 
@@ -56,7 +56,7 @@ class Interfaces:
         """Return the members of an interface.
 
         Raises:
-            ConfigError: It is not known, or uses one that is not.
+            ConfigError: It or an interface that it uses is unknown.
         """
         found = self._members.get(name)
         if found is None and (kind := name.rpartition("/")[2]) in UNSUPPORTED:
@@ -76,10 +76,10 @@ class Interfaces:
         return found
 
     def hash_of(self, name: str) -> str:
-        """Return the hash of a message, a service or an action, as it stands in keys.
+        """Return the hash of a message, a service or an action, as in keys.
 
         Raises:
-            ConfigError: It is not known.
+            ConfigError: It is unknown.
         """
         if self.distro == _WITHOUT_HASH:
             self.members(name)
@@ -89,10 +89,10 @@ class Interfaces:
         return self._hashes[name]
 
     def store(self, name: str) -> "Typestore":
-        """Return what `rosbags` needs to read and write an interface in CDR.
+        """Return the `rosbags` store that reads and writes an interface in CDR.
 
         Raises:
-            ConfigError: It is not known.
+            ConfigError: It is unknown.
         """
         from rosbags.typesys import Stores, get_typestore
 
@@ -114,7 +114,7 @@ class Interfaces:
 
 
 def has_header(interfaces: Interfaces, name: str) -> bool:
-    """Tell whether a message has a header."""
+    """Return whether a message has a header."""
     return any(
         member.name == "header" and member.type == HEADER and not member.is_sequence
         for member in interfaces.members(name)
@@ -122,7 +122,7 @@ def has_header(interfaces: Interfaces, name: str) -> bool:
 
 
 def distros() -> tuple[str, ...]:
-    """Return the names of the distributions that are known, oldest first.
+    """Return the names of the known distributions, oldest first.
 
     Raises:
         ConfigError: `rosbags` is not installed.

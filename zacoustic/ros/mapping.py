@@ -1,23 +1,23 @@
-"""A ROS message as a `TypeSpec`, and how its values are had from objects of `rosbags` and back.
+"""A ROS message as a `TypeSpec`, and the conversion between values and objects of `rosbags`.
 
 =======================================  ======================================================
 ROS                                      on the channel
 =======================================  ======================================================
 ``bool``, integers, floats, ``string``   the same
 ``byte``, ``char``                       ``uint8``
-array, bounded sequence                  a list of that many, of at most so many
+array, bounded sequence                  a list of that many, of at most that many
 sequence without a bound                 a list of at most `LONGEST_SEQUENCE`
 several ``uint8``, ``byte``, ``char``    ``bytes``
 sequence of ``string``                   a list of ``{text}``
 another message                          another type; one without members is left out
 =======================================  ======================================================
 
-On top of that come the rules of overlays. What they leave out is known to both ends: a constant, or
-zero. A type whose members a rule of an outer type changes has a name of its own,
+Overlays add their rules. What they leave out is known to both ends: a constant, or zero. If a rule
+of an outer type changes members of a type, that type gets a name of its own,
 ``geometry_msgs/msg/Twist.linear``; names do not cross.
 
-For rmw_desert a type has what that sends, member by member: fixed arrays of ``uint8`` and ``char``
-are lists of that many, what is ``byte`` is left out, and nothing else may be.
+For rmw_desert a type has the members that rmw_desert sends, one by one: fixed arrays of ``uint8``
+and ``char`` are lists of that length, ``byte`` members are left out, and no others may be left out.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -52,19 +52,19 @@ _ALIASES: Final = {"byte": "uint8", "char": "uint8"}
 _ZEROS: Final[dict[str, Any]] = {"bool": False, "string": "", "float32": 0.0, "float64": 0.0}
 
 Convert = Callable[[Any], Any]
-"""From what `rosbags` has to what `TypeSpec` has, or back."""
+"""Converts a value of `rosbags` to one of `TypeSpec`, or back."""
 
 
 class Mapped(msgspec.Struct, frozen=True, kw_only=True):
     """One message, mapped."""
 
     spec: TypeSpec
-    """What crosses, the nested types resolved."""
+    """The type that crosses, with resolved nested types."""
     read: Convert
-    """Object of `rosbags` → dict; `PayloadInvalidError` where a constant is not what it should be.
+    """Object of `rosbags` → dict; `PayloadInvalidError`: a constant has another value.
     """
     write: Convert
-    """Validated dict → object of `rosbags`, what is missing is zero; `PayloadInvalidError` where a
+    """Validated dict → object of `rosbags`, missing members are zero; `PayloadInvalidError`: a
     length does not fit."""
 
 
@@ -78,7 +78,7 @@ class _Part(msgspec.Struct, frozen=True, kw_only=True):
     standing_in: Any = None
     """The value of a member that does not cross, or that is not set."""
     check: Convert | None = None
-    """Refuses what a constant is not."""
+    """Refuses any other value than the constant."""
 
 
 class TypeMapper:
@@ -87,7 +87,7 @@ class TypeMapper:
     Args:
         interfaces: The definitions.
         overlays: Rules for some of the types.
-        wire: What is spoken on the link.
+        wire: The wire profile of the link.
     """
 
     def __init__(
@@ -105,20 +105,20 @@ class TypeMapper:
         self._plain: dict[str, Mapped] = {}
         self._zeros: dict[str, Any] = {}
         self.used: set[int] = set()
-        """Ids of the `OverlayField` records that were of use so far."""
+        """Ids of the `OverlayField` records that have matched a member so far."""
 
     def map(self, name: str, *, called: str = "", extra: Sequence[OverlayField] = ()) -> Mapped:
         """Map a message.
 
         Args:
             name: The interface.
-            called: What its type is called; the same unless given.
+            called: Name of its type; by default that of the interface.
             extra: Further rules, after those of the overlays.
 
         Raises:
-            ConfigError: It is not known, or a rule does not fit.
+            ConfigError: It is unknown, or a rule does not fit.
         """
-        self._interfaces.store(name)  # all types that it uses are known
+        self._interfaces.store(name)  # checks that all types that it uses are known
         return self._map(name, called or name, rules_of(extra))
 
     # Below the methods above
@@ -280,7 +280,7 @@ def _scalar_part(
 def _texts_part(
     member: Member, attribute: str, called: str, rules: list[Rule], nested: dict[str, TypeSpec]
 ) -> _Part:
-    """Map a sequence of texts: `TypeSpec` has lists of anything but texts and bytes."""
+    """Map a sequence of texts, because `TypeSpec` has no lists of texts or bytes."""
     name = f"{called}.{member.name}"
     text = FieldSpec(name="text", type="string", max_length=member.most_characters or None)
     nested[name] = TypeSpec(name=name, fields=(text,))
@@ -328,7 +328,7 @@ def _octets(member: Member) -> Convert:
 
 
 def _reader(parts: Sequence[_Part]) -> Convert:
-    """Make what reads an object: one look for all attributes, then what needs converting."""
+    """Make the reader of an object: one access to all attributes, then the conversions."""
     checks = [(part.attribute, part.check) for part in parts if part.check is not None]
     crossing = [part for part in parts if part.field is not None]
     names = [part.field.name for part in crossing if part.field is not None]

@@ -1,9 +1,9 @@
 """`RosMessage`: CDR to values of a type and back.
 
 `header.stamp` of a message with a header is special: eight bytes with the instant of the message,
-by a clock that the far side may not share. `HeaderStamp` says what becomes of it: it crosses
+by a clock that the other end may not share. `HeaderStamp` defines its treatment: it crosses
 unchanged; it does not cross; or the sender turns it into an age, which crosses in one byte, and the
-far side makes a stamp of its own clock from it.
+receiver computes a stamp by its own clock.
 """
 
 import enum
@@ -26,14 +26,14 @@ _LAST_S: Final = 2**31 - 1
 
 
 class HeaderStamp(enum.Enum):
-    """What becomes of `header.stamp`."""
+    """Treatment of `header.stamp`."""
 
     EXACT = "exact"
-    """It crosses as it is: eight bytes, less where packed."""
+    """It crosses unchanged: eight bytes, fewer if packed."""
     DROP = "drop"
-    """It does not cross, and is zero on the far side."""
+    """It does not cross; the receiver writes zero."""
     AGE = "age"
-    """It is rebuilt from the age of the sample, one byte."""
+    """The receiver computes it from the age of the sample, one byte."""
 
 
 class RosMessage:
@@ -43,11 +43,11 @@ class RosMessage:
         interfaces: The definitions.
         mapper: Maps them.
         name: The interface.
-        stamp: What becomes of its `header.stamp`.
+        stamp: Treatment of its `header.stamp`.
 
     Raises:
-        ConfigError: It is not known, a rule of an overlay does not fit, or it has no header whose
-            stamp could be dropped.
+        ConfigError: It is unknown, a rule of an overlay does not fit, or `stamp` needs a header
+            that it does not have.
     """
 
     def __init__(
@@ -68,23 +68,23 @@ class RosMessage:
             omitted = OverlayField(field="header.stamp", omit=True)
             mapped = mapper.map(name, called=name + UNSTAMPED, extra=[omitted])
         self.spec: TypeSpec = mapped.spec
-        """What crosses."""
+        """The type that crosses."""
         self._read, self._write = mapped.read, mapped.write
         self._time = self._store.types.get(TIME)
 
     def definition(self) -> str:
-        """Return the definition with those that it uses, as `ros2 bag` has it in its files."""
+        """Return the definition with all that it uses, in the form of `ros2 bag` files."""
         return self._store.generate_msgdef(self.name, ros_version=2)[0]
 
     def read(self, cdr: bytes) -> tuple[dict[str, Any], int | None]:
         """Read a message.
 
         Returns:
-            The values, not validated yet, and `header.stamp`, ns since 1970: only where that is to
-            become an age, and is not zero.
+            The values, not validated yet, and `header.stamp`, ns since 1970, if it is to become an
+            age and is not zero.
 
         Raises:
-            PayloadInvalidError: It is no such message, or violates an overlay.
+            PayloadInvalidError: It is not such a message, or violates an overlay.
         """
         try:
             message: Any = self._store.deserialize_cdr(cdr, self.name)
@@ -101,8 +101,8 @@ class RosMessage:
         """Write a message.
 
         Args:
-            value: The values, as `TypeSpec.validate` leaves them.
-            stamp_ns: What becomes of `header.stamp` where that was an age, ns since 1970.
+            value: The values, as returned by `TypeSpec.validate`.
+            stamp_ns: The `header.stamp` to write if it crossed as an age, ns since 1970.
 
         Raises:
             PayloadInvalidError: It cannot be written.
@@ -111,7 +111,7 @@ class RosMessage:
         if stamp_ns is not None and self.stamp is HeaderStamp.AGE and self._time is not None:
             seconds, nanoseconds = divmod(max(stamp_ns, 0), _NS_PER_S)
             stamp: Any = self._time(min(seconds, _LAST_S), nanoseconds)
-            # The header may be the one that stands in for all that do not cross.
+            # This header may be the object shared by all headers that do not cross.
             message.header = type(message.header)(stamp, message.header.frame_id)
         try:
             return bytes(self._store.serialize_cdr(message, self.name, little_endian=True))

@@ -1,4 +1,4 @@
-"""Names of ROS 2, and the keys under which rmw_zenoh puts what they name.
+"""Names of ROS 2, and the keys of rmw_zenoh for them.
 
 =====================================  ============================================================
 ROS                                    rmw_zenoh
@@ -9,8 +9,8 @@ hash, of Humble                        ``TypeHashNotSupported``
 hash, of later distributions           ``RIHS01_`` and 64 hexadecimal digits
 =====================================  ============================================================
 
-A stream is called by the name without its leading slash. The number of chunks in a name varies, so
-keys are read from both ends.
+The name of a stream is that name without its leading slash. The number of chunks in a name varies,
+so keys are read from both ends.
 """
 
 import re
@@ -22,10 +22,10 @@ from zacoustic.errors import ConfigError
 from zacoustic.text.digits import whole_number
 
 NO_HASH: Final = "TypeHashNotSupported"
-"""What Humble has in place of a hash."""
+"""Humble's text in place of a hash."""
 
 UNSTAMPED: Final = ".unstamped"
-"""Behind the name of a type whose `header.stamp` does not cross."""
+"""Suffix of the name of a type whose `header.stamp` does not cross."""
 
 INTERFACE: Final = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9_]*")
 """Full name of an interface."""
@@ -36,15 +36,15 @@ _NAMESPACE: Final = re.compile(rf"/?({_CHUNK}(/{_CHUNK})*)?")
 
 
 def is_interface(name: str) -> bool:
-    """Tell whether a name is a ROS interface's: ``PACKAGE/msg|srv|action/Name``."""
+    """Return whether a text names a ROS interface: ``PACKAGE/msg|srv|action/Name``."""
     return INTERFACE.fullmatch(name) is not None
 
 
 def stream_name(name: str, namespace: str = "") -> str:
-    """Return what the stream of a ROS name is called: the full name without its leading slash.
+    """Return the stream's name for a ROS name: the full name without its leading slash.
 
     Args:
-        name: With a leading slash, or without one: then it is in the namespace.
+        name: With a leading slash, or without: then it is in the namespace.
         namespace: With or without a leading slash.
 
     Raises:
@@ -65,7 +65,7 @@ def check_namespace(namespace: str) -> str:
     """Return a namespace without its leading slash.
 
     Raises:
-        ConfigError: It is none.
+        ConfigError: It is invalid.
     """
     if not _NAMESPACE.fullmatch(namespace):
         raise ConfigError(f'"{namespace}"; allowed: a ROS namespace, such as "/auv1"')
@@ -79,7 +79,7 @@ def dds_type(interface: str) -> str:
 
 
 def interface_of(dds: str) -> str:
-    """Return the type of a DDS name; the name itself where it is none."""
+    """Return the type of a DDS name; if it is none, the text itself."""
     parts = dds.split("::")
     if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
         return dds
@@ -87,7 +87,7 @@ def interface_of(dds: str) -> str:
 
 
 class RosKey(msgspec.Struct, frozen=True, kw_only=True):
-    """Where rmw_zenoh puts a topic or a service."""
+    """The key of a topic or a service in rmw_zenoh."""
 
     domain: int
     """``ROS_DOMAIN_ID``."""
@@ -104,7 +104,7 @@ class RosKey(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_key(key: str) -> RosKey | None:
-    """Read a key; None where it is none of rmw_zenoh's."""
+    """Read a key; None: it is not one of rmw_zenoh."""
     domain, _, rest = key.partition("/")
     chunks = rest.rsplit("/", 2)
     number = whole_number(domain)

@@ -1,9 +1,9 @@
-"""Overlays: what a ROS definition lacks: bounds, steps, constants.
+"""Overlays: bounds, steps and constants that a ROS definition lacks.
 
-A `float64` of a message may be anything; a rudder goes to 35 degrees, and nobody cares for less
-than a tenth of one. An overlay says so for the members of one type, by their path from there
-(``linear.*``: a star stands for one member). It holds wherever the type is used; what the overlay
-of an outer type says of the same member comes first, and of two rules for one member the later.
+A `float64` of a message may have any value; a rudder moves within 35 degrees, and a tenth of a
+degree is precise enough. An overlay sets such rules for the members of one type, by their path from
+there (``linear.*``: a star stands for one member). It applies wherever the type is used. Rules of
+an outer type for the same member come first, and of two rules for one member the later one wins.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,7 @@ Constant = bool | int | float | str
 
 
 class OverlayField(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A rule for the members that a path names; the rest stays as the definition has it."""
+    """A rule for the members that a path names; the rest stays as defined."""
 
     field: str
     """Path of the members, by dots; ``*`` stands for any one name."""
@@ -32,30 +32,30 @@ class OverlayField(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     outside: str | None = None
     """As in `FieldSpec`."""
     values: tuple[str, ...] = ()
-    """The texts that a string can be: it becomes an enum."""
+    """The values that a string can have: it becomes an enum."""
     max_length: int | None = None
     """Largest number of elements of a sequence, or of bytes of a string."""
     constant: Constant | None = None
-    """The only value: it does not cross, others are refused."""
+    """The only allowed value: it does not cross."""
     omit: bool = False
-    """The member does not cross, and is zero or empty on the other side."""
+    """The member does not cross, and is zero or empty at the receiver."""
 
 
 class Overlay(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Rules for one ROS type."""
 
     type: str
-    """Its name."""
+    """Name of the type."""
     fields: tuple[OverlayField, ...]
-    """The rules, the later one first."""
+    """The rules; a later one wins."""
 
 
 class Rule:
-    """One rule on its way down a type.
+    """One rule on its way into nested types.
 
     Args:
         said: The rule.
-        rest: What is left of its path, as chunks.
+        rest: The rest of its path, as chunks.
     """
 
     def __init__(self, said: OverlayField, rest: Sequence[str]) -> None:
@@ -75,7 +75,7 @@ def rules_of(fields: Iterable[OverlayField]) -> list[Rule]:
 
 
 def constant_of(rules: Sequence[Rule]) -> Constant | None:
-    """Return the constant that the last rule which says what a member can be makes of it."""
+    """Return the constant by the last rule that restricts the member, or None."""
     for rule in reversed(rules):
         if rule.said.constant is not None or rule.said.values:
             return rule.said.constant
@@ -86,7 +86,7 @@ def applied(field: FieldSpec, rules: Iterable[Rule]) -> FieldSpec:
     """Return a field with its rules applied.
 
     Raises:
-        ConfigError: The field cannot be so; the message starts with the key.
+        ConfigError: The result is no valid field; the message starts with the key.
     """
     changes: dict[str, object] = {}
     for rule in rules:
@@ -101,4 +101,4 @@ def applied(field: FieldSpec, rules: Iterable[Rule]) -> FieldSpec:
     if "values" in changes and field.type == "string":
         changes["type"] = "enum"
     kept = {key: getattr(field, key) for key in FieldSpec.__struct_fields__}
-    return FieldSpec(**(kept | changes))  # constructed: `structs.replace` would not check
+    return FieldSpec(**(kept | changes))  # the constructor checks, `structs.replace` does not

@@ -1,12 +1,12 @@
-"""Definitions out of the text of ``.msg``, ``.srv``, ``.action`` and ``.idl`` files.
+"""Reads definitions from the text of ``.msg``, ``.srv``, ``.action`` and ``.idl`` files.
 
-`rosbags` reads messages. A service is two of them and an action three, parted by lines of ``---``;
-what ROS makes of those beside is synthesised here: the event of a service, and the two services and
-the feedback message of an action. An ``.idl`` file has one struct for each of the parts. Beside a
-file of the older kinds of the same name it is what ROS has made of that, and passed over.
+`rosbags` reads messages. A service consists of two messages and an action of three, separated by
+lines of ``---``. This module adds what ROS derives from them: the event of a service, and the two
+services and the feedback message of an action. An ``.idl`` file has one struct for each part. If a
+file of the older kinds has the same name, the ``.idl`` file was generated from it and is ignored.
 
-Members of types that cannot cross (`UNSUPPORTED`) have a nested type of that name, so a package may
-have them, and who uses one is told.
+Members of types that cannot cross (`UNSUPPORTED`) get a nested type of that name, so a package may
+have them; using one is an error.
 """
 
 import re
@@ -22,9 +22,9 @@ from zacoustic.ros.members import PLACEHOLDER, UNSUPPORTED, Member, Members
 from zacoustic.ros.names import is_interface
 
 SUFFIXES: Final = (".msg", ".srv", ".action")
-"""Of files with definitions; the kind of the interface is the suffix without its dot."""
+"""Suffixes of files with definitions; without its dot it is the kind of the interface."""
 IDL: Final = ".idl"
-"""Of files whose kind is the folder that they are in."""
+"""Suffix of files whose kind is the name of their folder."""
 
 _PARTS: Final = {
     "msg": ("",),
@@ -46,10 +46,10 @@ def parse_definition(name: str, text: str) -> dict[str, Members]:
         text: The content of its file.
 
     Returns:
-        The members of the interface and of all that belongs to it, by name.
+        The members of the interface and of all that is derived from it, by name.
 
     Raises:
-        ConfigError: It is no definition.
+        ConfigError: It is not a valid definition.
     """
     package, kind, _ = name.split("/")
     parts = _DASHES.split(_WIDE.sub(r"\1", text))
@@ -65,10 +65,10 @@ def parse_definition(name: str, text: str) -> dict[str, Members]:
 
 
 def parse_idl(name: str, text: str) -> dict[str, Members]:
-    """Read the definition of an interface in OMG IDL, as ROS uses that; see `parse_definition`.
+    """Read an interface definition in OMG IDL as used by ROS; see `parse_definition`.
 
     Raises:
-        ConfigError: It is no definition, or not of this interface.
+        ConfigError: It is not a valid definition, or not of this interface.
     """
     package, kind, _ = name.split("/")
     try:
@@ -120,7 +120,7 @@ def members_of(entries: Any) -> Members:  # noqa: ANN401 (rosbags' own form)
 
 
 def with_event(service: str) -> dict[str, Members]:
-    """Return the event of a service, which its hash covers, and the service itself."""
+    """Return a service and its event, which the service's hash covers."""
     request, response = f"{service}_Request", f"{service}_Response"
     return {
         f"{service}_Event": (
@@ -168,7 +168,7 @@ def _of_action(action: str) -> dict[str, Members]:
 
 
 def _parse_message(package: str, name: str, text: str) -> Members:
-    # Under the name of a message of the package: others of it may be named without the package.
+    # Named like a message of the package, since members may omit the package of its other types.
     stand_in = f"{package}/msg/StandIn"
     try:
         types = get_types_from_msg(text, stand_in)

@@ -22,14 +22,14 @@ _TIMES: Final = ",:,:,,"
 
 
 class RosReliability(enum.Enum):
-    """ROS's words, with rmw's numbers."""
+    """The words of ROS, with the numbers of rmw."""
 
     RELIABLE = 1
     BEST_EFFORT = 2
 
 
 class RosDurability(enum.Enum):
-    """ROS's words, with rmw's numbers."""
+    """The words of ROS, with the numbers of rmw."""
 
     TRANSIENT_LOCAL = 1
     VOLATILE = 2
@@ -45,9 +45,9 @@ class RosQos(msgspec.Struct, frozen=True, kw_only=True):
     keeps_all: bool = False
     """History: all, or the newest `depth`."""
     depth: int = DEFAULT_DEPTH
-    """How many are kept."""
+    """Number of kept samples."""
     times: str = _TIMES
-    """Deadline, lifespan and liveliness, as they are written."""
+    """Deadline, lifespan and liveliness, as text."""
 
     def __str__(self) -> str:
         """The text in a token."""
@@ -59,7 +59,7 @@ class RosQos(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_qos(text: str) -> RosQos | None:
-    """Read the text of a profile; None where it is none."""
+    """Read the text of a profile; None: it is invalid."""
     parts = text.split(":", 3)
     if len(parts) != 4 or parts[2].count(",") != 1:
         return None

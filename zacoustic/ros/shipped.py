@@ -1,7 +1,7 @@
-"""Services and actions that everybody has and `rosbags` does not ship: it knows messages only.
+"""Common services and actions, which `rosbags` lacks: it has messages only.
 
-Facts of the packages `action_msgs`, `example_interfaces`, `lifecycle_msgs`, `nav_msgs`,
-`rcl_interfaces` and `std_srvs`, the same in all distributions since Humble. Others stand in a
+They are from the packages `action_msgs`, `example_interfaces`, `lifecycle_msgs`, `nav_msgs`,
+`rcl_interfaces` and `std_srvs`, and the same in all distributions since Humble. Put others in a
 folder of definitions that the configuration names.
 """
 
@@ -57,7 +57,7 @@ SERVICES: Final = {
     "std_srvs/srv/SetBool": ("", "bool data", "bool success\nstring message"),
     "std_srvs/srv/Trigger": ("", "", "bool success\nstring message"),
 }
-"""Name of each service, and its constants, request and response."""
+"""Name of each service, with its constants, request and response."""
 
 ACTIONS: Final = {
     "action_tutorials_interfaces/action/Fibonacci": (
@@ -71,7 +71,7 @@ ACTIONS: Final = {
         "int32[] sequence",
     ),
 }
-"""Name of each action, and its goal, result and feedback."""
+"""Name of each action, with its goal, result and feedback."""
 
 EVENT_INFO: Final = (
     "uint8 REQUEST_SENT=0\nuint8 REQUEST_RECEIVED=1\nuint8 RESPONSE_SENT=2\n"
@@ -82,7 +82,7 @@ EVENT_INFO: Final = (
 
 
 def shipped() -> dict[str, str]:
-    """Return the text of each definition, as its file would have it."""
+    """Return the text of each definition, as in a file."""
     texts = {
         name: f"{constants}{request}\n---\n{response}\n"
         for name, (constants, request, response) in SERVICES.items()

@@ -1,4 +1,4 @@
-"""What a stream is in ROS: a topic, a service or an action with its messages and hashes."""
+"""The ROS side of a stream: a topic, a service or an action with its messages and hashes."""
 
 from typing import TYPE_CHECKING, Final
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from zacoustic.ros.messages import RosMessage
 
 CANCEL_GOAL: Final = "action_msgs/srv/CancelGoal"
-"""The service that cancels goals, of all actions."""
+"""The service that cancels the goals of an action."""
 GOAL_STATUS: Final = "action_msgs/msg/GoalStatusArray"
 """The status message of all actions."""
 
 SERVICE_QOS: Final = RosQos(depth=10)
-"""Of services and their clients, and of the feedback of an action: ROS's default profile."""
+"""QoS of services, their clients and the feedback of an action: ROS's default profile."""
 STATUS_QOS: Final = RosQos(depth=1, durability=RosDurability.TRANSIENT_LOCAL)
 """QoS of the status topic."""
 
@@ -29,7 +29,7 @@ class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
     interface: str
     """Name of the type."""
     hash: str
-    """Its hash, as it stands in keys."""
+    """Its hash, as in keys."""
     message: "RosMessage"
     """Reads and writes it."""
     qos: RosQos = RosQos()
@@ -46,7 +46,7 @@ class RosService(msgspec.Struct, frozen=True, kw_only=True):
     interface: str
     """Name of the type."""
     hash: str
-    """Its hash, as it stands in keys."""
+    """Its hash, as in keys."""
     request: "RosMessage"
     """Reads and writes a request."""
     response: "RosMessage"
@@ -63,21 +63,21 @@ class RosAction(msgspec.Struct, frozen=True, kw_only=True):
     interface: str
     """Name of the type."""
     send_goal: RosService
-    """Begins a goal."""
+    """The service that begins a goal."""
     get_result: RosService
-    """Waits for its end."""
+    """The service that waits for its end."""
     cancel_goal: RosService
-    """Asks for its end."""
+    """The service that cancels it."""
     feedback: RosTopic
-    """Tells how far it is."""
+    """The topic with its feedback."""
     status: RosTopic
-    """Tells of all goals how they are."""
+    """The topic with the status of all goals."""
     types: tuple[TypeSpec, TypeSpec, TypeSpec]
-    """What crosses of goal, feedback and result."""
+    """The parts of goal, feedback and result that cross."""
 
 
 RosStream = RosTopic | RosService | RosAction
-"""What a stream is in ROS."""
+"""The ROS side of a stream."""
 
 
 def ros_service(
@@ -126,7 +126,7 @@ def ros_action(
 
 
 def messages_of(interface: str) -> tuple[str, ...]:
-    """Return the messages that a stream of an interface has, those that cross first.
+    """Return the messages of a stream's interface, those that cross first.
 
     Args:
         interface: A message, a service or an action.

@@ -1,16 +1,17 @@
-"""Liveliness tokens of rmw_zenoh: they are what nodes know of each other.
+"""Liveliness tokens of rmw_zenoh, by which ROS nodes know of each other.
 
 ::
 
     @ros2_lv/DOMAIN/ZID/NODE/ID/NN/ENCLAVE/NAMESPACE/NAME
     @ros2_lv/DOMAIN/ZID/NODE/ID/MP|MS|SS|SC/ENCLAVE/NAMESPACE/NAME/TOPIC/TYPE/HASH/QOS
 
-A node, a publisher, a subscription, the server or a client of a service. A slash inside of a part
-is written ``%``, and an empty part is ``%`` as well. There is no other announcement: a publisher
-without a token is heard, but nobody can list it, and a client waits for ever for a server without.
+They announce a node, a publisher, a subscription, the server or a client of a service. A slash in a
+part is written ``%``, and so is an empty part. There is no other announcement: samples of a
+publisher without a token arrive, but nobody can list it, and a client waits for ever for a server
+without a token.
 
-The gid of an endpoint is the 128-bit XXH3 of its token, so whoever reads a gid beside a message can
-tell whose it is.
+The gid of an endpoint is the 128-bit XXH3 of its token, so the gid beside a message identifies its
+sender.
 """
 
 import enum
@@ -25,13 +26,13 @@ from zacoustic.text.digits import whole_number
 PREFIX: Final = "@ros2_lv"
 """First chunk of all tokens; no wildcard of an application matches it."""
 EXTRA_HINT: Final = 'pip install "zacoustic[ros]"'
-"""What to do where a package of the extra is missing."""
+"""Advice if a package of the extra is missing."""
 
 _SLASH: Final = "%"
 
 
 class Entity(enum.Enum):
-    """What a token announces."""
+    """The kind of entity that a token announces."""
 
     NODE = "NN"
     PUBLISHER = "MP"
@@ -63,17 +64,17 @@ class Token(msgspec.Struct, frozen=True, kw_only=True):
     node: RosNode
     """The node, or the endpoint's node."""
     number: int
-    """Number of the entity in its session; of a node the node's."""
+    """Number of the entity in its session; for a node that of the node."""
     kind: Entity
-    """What it is."""
+    """Its kind."""
     topic: str = ""
-    """Full name of the topic or service, with a leading slash; of endpoints."""
+    """Full name of the topic or service, with a leading slash; endpoints only."""
     type: str = ""
-    """DDS name of its type; of endpoints."""
+    """DDS name of its type; endpoints only."""
     hash: str = ""
-    """Hash of the type; of endpoints."""
+    """Hash of the type; endpoints only."""
     qos: RosQos = RosQos()
-    """Of endpoints."""
+    """Its QoS; endpoints only."""
 
     def __str__(self) -> str:
         """The key of the token."""
@@ -100,7 +101,7 @@ class Token(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_token(key: str) -> Token | None:
-    """Read the key of a token; None where it is none. What newer versions append is passed over."""
+    """Read the key of a token; None: it is none. Parts that newer versions append are ignored."""
     parts = key.split("/")
     if len(parts) < 9 or parts[0] != PREFIX:
         return None

@@ -19,11 +19,11 @@ def ros_type(name: str, *, distro: str = DEFAULT_DISTRO, packages: Path | None =
     Args:
         name: ``PACKAGE/msg/Name``, or a part of a service or an action:
             ``PACKAGE/srv/Name_Request``, ``PACKAGE/action/Name_Goal`` and so on.
-        distro: Whose definition.
-        packages: Folder with the definitions of own packages, or None.
+        distro: The distribution that defines it.
+        packages: Folder with the definitions of user packages, or None.
 
     Raises:
-        ConfigError: It is not known, or the extra is missing.
+        ConfigError: It is unknown, or the extra is missing.
     """
     return _ros_type(name, distro, packages)
 
@@ -34,7 +34,7 @@ def message_class(
     """Return a class for a ROS message; every field has a default. Arguments as for `ros_type`.
 
     Raises:
-        ConfigError: It is not known, or the extra is missing.
+        ConfigError: It is unknown, or the extra is missing.
     """
     return struct_from_type(ros_type(name, distro=distro, packages=packages))
 

@@ -1,1 +1,1 @@
-"""What runs an engine on a link: `runner`, with journal, recording, permit log and clocks."""
+"""The runtime: `runner` drives an engine on its links, with journal, recording, logs and clocks."""

@@ -1,17 +1,17 @@
-"""The audit log: who wanted what of a node, or of others through it, and what came of it.
+"""The audit log: who requested what of a node, or of others through it, and how it ended.
 
-It lies beside the journal, as ``node-ADDRESS.audit``, readable by its owner only, one JSON object a
-line::
+It stands beside the journal as ``node-ADDRESS.audit``, readable only by its owner, with one JSON
+object per line::
 
     {"utc": "2026-01-01T12:00:03.250Z", "node": 2, "by": 1, "what": "call", "about": "auv1/arm",
      "outcome": "answered"}
 
-`by` is the address of the node that commands, calls or sends a goal; 0 is this node's own network
-or program, and `to` then says at which node. Without a seal an address is what a frame says, and
-``sealed`` is false. Values are not in it: recordings have them.
+`by` is the address of the node that sends the command, call or goal. 0 is this node's own network
+or program; `to` then names the target node. Without a seal anyone can forge an address, and
+``sealed`` is false. Values are not logged here; recordings contain them.
 
-The log stands on the calls of an engine from outside (`zacoustic.core.engine.tap`), so nothing that
-drives or commands it has to know. At 8 MiB it is set aside as ``….1``, and the one before is gone.
+The log observes the engine's calls from outside (`zacoustic.core.engine.tap`), so no driver needs
+to know it. At 8 MiB the file is renamed to ``….1`` and replaces the former one of that name.
 """
 
 import logging
@@ -44,7 +44,7 @@ from zacoustic.run.permitlog import utc_text
 from zacoustic.run.privatefile import keep_private
 
 MOST_BYTES: Final = 8 << 20
-"""Length at which a log is set aside."""
+"""Length at which a log is renamed."""
 HERE: Final = 0
 """In place of an address: this node's own network or program."""
 _CALLS: Final = (
@@ -53,7 +53,7 @@ _CALLS: Final = (
     "actions.answer_cancel",
 )  # fmt: skip
 _UNDER_WAY: Final = 4096
-"""Own calls whose end is still awaited; of more the first are forgotten."""
+"""Own calls without an outcome that are remembered; beyond that the oldest are forgotten."""
 
 _logger = logging.getLogger(__name__)
 
@@ -64,23 +64,23 @@ class AuditEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     utc: str
     """When, UTC."""
     node: int
-    """Address of the node whose log it is."""
+    """Address of the node that keeps the log."""
     by: int
-    """Address of the node that wanted it; 0: this one's own network or program."""
+    """Address of the node that requested it; 0: this node's own network or program."""
     what: str
     """``call``, ``goal``, ``cancel``, ``seal``, or the kind of a command: ``silence``, ``resume``,
-    ``tune``, ``reset``, ``ask``; ``command`` where it was refused unread."""
+    ``tune``, ``reset``, ``ask``; ``command`` if it was refused unread."""
     outcome: str
     """``asked``, ``received``, ``answered``, ``executed``, ``accepted``, ``succeeded``, …,
     ``refused``, ``failed``."""
     about: str = ""
     """Name of the stream."""
     to: int = 0
-    """Address of the node that it was wanted of, where that is another one."""
+    """Address of the node that was asked; 0: this node."""
     text: str = ""
-    """Why, one line."""
+    """The reason, one line."""
     sealed: bool = False
-    """Frames are sealed: `by` is no mere claim."""
+    """Frames are sealed, so `by` is authentic."""
 
 
 class AuditLog:
@@ -88,10 +88,10 @@ class AuditLog:
 
     Args:
         path: The file.
-        address: Of the node.
+        address: Address of the node.
         table: Its streams.
         utc_ns: Tells the time, ns since 1970.
-        sealed: Its frames are sealed.
+        sealed: The node's frames are sealed.
 
     Raises:
         OSError: It cannot be written.
@@ -116,22 +116,22 @@ class AuditLog:
         self._own: OrderedDict[int, tuple[str, str, int]] = OrderedDict()
 
     def watch(self, engine: Engine) -> None:
-        """Note what an engine is asked for from now on."""
+        """Log the requests to an engine from now on."""
         self._own.clear()  # call ids are an engine's own
         Tap(engine, self._take, _CALLS)
 
     async def close(self) -> None:
-        """Write what waits, and end."""
+        """Write the waiting lines and end the thread."""
         await self._file.close()
 
     # Below the methods above
 
     def _take(self, call: EngineCall) -> None:
-        """Note a call of the engine; nothing in here may disturb the node."""
+        """Log a call of the engine; an error in here must not disturb the node."""
         try:
             for entry in self._entries(call):
                 self._file.append(msgspec.json.encode(entry))
-        except Exception:  # whatever it is, the node goes on
+        except Exception:  # any error: the node goes on
             _logger.exception("audit log: %s is not noted", call.name)
 
     def _entries(self, call: EngineCall) -> Iterator[AuditEntry]:
@@ -181,7 +181,7 @@ class AuditLog:
             server = getattr(self._table.by_id(goal.stream_id).spec, "server", 0)
             about = self._name(goal.stream_id)
             yield self._entry(HERE, "goal", "asked", about=about, to=server)
-        elif call.result is not False:  # the goal was there
+        elif call.result is not False:  # the goal existed
             outcome = {
                 "actions.accept": "accepted",
                 "actions.reject": "refused",
@@ -192,7 +192,7 @@ class AuditLog:
             outcome = outcome or arguments["status"].name.lower()
             yield self._about_goal(arguments["goal"], what, outcome, arguments.get("text", ""))
 
-    def _of_event(self, event: Any) -> Iterator[AuditEntry]:  # noqa: ANN401 (any of them, or None)
+    def _of_event(self, event: Any) -> Iterator[AuditEntry]:  # noqa: ANN401 (any event, or None)
         match event:
             case CommandHandled():
                 yield self._entry(
@@ -276,7 +276,7 @@ def audit_path(journal: Path) -> Path:
 
 
 def read_audit(path: Path) -> Iterator[AuditEntry]:
-    """Read a log, the part that was set aside first; lines that are none are passed over.
+    """Read a log, older part first; skips lines that are not entries.
 
     Raises:
         OSError: It cannot be read.

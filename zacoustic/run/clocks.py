@@ -1,4 +1,4 @@
-"""The two clocks of a node: the instants of its engine, and UTC, which the engine is told."""
+"""The two clocks of a node: the engine's instants, and UTC, which the engine gets as an input."""
 
 import time
 from typing import Final
@@ -7,19 +7,19 @@ from zacoustic.core.base.clock import NS_PER_S, Clock, seconds_to_ns
 from zacoustic.core.engine.engine import Engine
 from zacoustic.run.hostclock import HostClock
 
-# The engine hears of UTC at least this often while it is driven, and when it was moved by more than
-# reading two clocks one after the other may differ.
+# The engine gets UTC at least this often while it is driven, and whenever UTC has moved by more
+# than the time between two consecutive clock readings explains.
 _TELL_NS: Final = 10 * NS_PER_S
 _JITTER_NS: Final = NS_PER_S // 1000
 
 
 class NodeClocks:
-    """The clocks of one node; for the loop.
+    """The clocks of one node; used only on the loop.
 
     Args:
-        clock: Where instants come from; the same as the link's.
-        host: Tells UTC, and how wrong that may be; None: the engine never hears of it.
-        stated_error_s: How wrong it may be, s, if the host does not know.
+        clock: Source of instants, the same as the link's.
+        host: Tells UTC and its error; None: the engine never gets UTC.
+        stated_error_s: Error of UTC, s, if the host does not know it.
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class NodeClocks:
         stated_error_s: float = 0.0,
     ) -> None:
         self.clock = clock
-        """Where instants come from."""
+        """Source of instants."""
         self.now = 0
         """The last instant."""
         self._host = host
@@ -45,11 +45,11 @@ class NodeClocks:
         return self.now
 
     def utc_offset_ns(self) -> int | None:
-        """Return how far UTC is ahead of the instants, ns; None: nobody tells UTC."""
+        """Return UTC less the instants, ns; None: no source of UTC."""
         return None if self._host is None else self._host.utc_ns() - self.clock()
 
     def tell(self, engine: Engine) -> None:
-        """Give an engine UTC, if it is another one, after a clock change or a long time."""
+        """Give UTC to an engine: to a new one, after a clock change, or after a long time."""
         now, offset_ns = self.instant(), self.utc_offset_ns()
         if self._host is None or offset_ns is None:
             return

@@ -1,14 +1,14 @@
-"""Locks on files: one process at a time, and the kernel unlocks them with the process."""
+"""Locks on files: one process holds each, and the kernel releases it when the process ends."""
 
 
 def lock_file(descriptor: int) -> None:
-    """Lock an open file for as long as it is open.
+    """Lock an open file until it is closed.
 
     Raises:
-        BlockingIOError: Somebody else has locked it.
+        BlockingIOError: Another process holds the lock.
     """
     try:
         import fcntl
-    except ModuleNotFoundError:  # Windows has nothing of the kind
+    except ModuleNotFoundError:  # Windows has no `fcntl`
         return
     fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,11 +1,11 @@
-"""The clock of this computer: its time, its possible error, and which run of it this is.
+"""The clock of this computer: its time, its possible error, and the name of its present run.
 
 The kernel knows whether anything (an NTP client, a GPS receiver) synchronises its clock, and its
 largest error: `adjtimex` reports them on Linux, `ntp_adjtime` on BSD and macOS. After a start, and
 after a change by hand, they are unknown until a client has synchronised the clock. Some clients
 inform the kernel only on request (chrony: `rtcsync`).
 
-For a system without such a report the configuration's error holds.
+On systems without such a report the error in the configuration applies.
 """
 
 import ctypes
@@ -30,15 +30,15 @@ class ClockState(msgspec.Struct, frozen=True, kw_only=True):
     """The kernel's report on its clock."""
 
     error_ns: int | None
-    """How wrong it may be at most, ns; None: nothing keeps it right."""
+    """Largest possible error, ns; None: nothing synchronises the clock."""
 
 
 AskClock = Callable[[], ClockState | None]
-"""Asks the kernel; None: this system has no report."""
+"""Asks the kernel; returns None on systems without a report."""
 
 
 class _Timex(ctypes.Structure):
-    """The beginning of `struct timex`, which is the same everywhere; only read here."""
+    """The beginning of `struct timex`, the same on all systems; only read here."""
 
     _fields_ = (
         ("modes", ctypes.c_uint),
@@ -70,7 +70,7 @@ def ask_kernel() -> ClockState | None:
 
 
 def boot_name() -> bytes:
-    """Return the name of the present run of the monotonic clock; empty: this system has none."""
+    """Return the name of the present run of the monotonic clock; empty: the system has none."""
     try:
         return _BOOT_ID.read_bytes().strip()
     except OSError:
@@ -78,15 +78,15 @@ def boot_name() -> bytes:
 
 
 class HostClock(msgspec.Struct, frozen=True, kw_only=True):
-    """What a runner asks of the computer that it runs on."""
+    """What a runner needs of its computer's clock."""
 
     utc_ns: Callable[[], int] = time.time_ns
     """Tells UTC, ns since 1970."""
     ask: AskClock = ask_kernel
-    """Tells how wrong that may be."""
+    """Tells its possible error."""
     boot: bytes = msgspec.field(default_factory=boot_name)
-    """Name of the present run of the monotonic clock; empty: it has none."""
+    """Name of the present run of the monotonic clock; empty: none."""
 
     def named(self, stored: Mapping[str, bytes]) -> dict[str, bytes]:
-        """Return what a journal has kept, with the name of this run for the next engine."""
+        """Return a journal's entries, with the name of this run for the next engine."""
         return {**stored, BOOT_KEY: self.boot}

@@ -1,7 +1,7 @@
-"""`Inbox`: commands of foreign threads on their way to the loop that owns an engine.
+"""`Inbox`: commands from other threads for the loop that owns an engine.
 
-Bounded, and with one wake-up of the loop while none is pending: a wake-up for each would be an
-unbounded queue inside the loop.
+It is bounded, and only one wake-up of the loop is pending at a time: one for each command would be
+an unbounded queue inside the loop.
 """
 
 import asyncio
@@ -11,16 +11,16 @@ from collections.abc import Callable
 from typing import Final, Generic, TypeVar
 
 SUBMIT_LIMIT: Final = 1024
-"""Commands that other threads may have handed over and the loop not yet taken."""
+"""Most commands that wait for the loop."""
 
 T = TypeVar("T")
 
 
 class Inbox(Generic[T]):
-    """What waits for the loop.
+    """A queue of commands to the loop.
 
     Args:
-        wake: Called on the loop when something waits.
+        wake: Called on the loop when commands wait.
     """
 
     def __init__(self, wake: Callable[[], None]) -> None:
@@ -31,11 +31,11 @@ class Inbox(Generic[T]):
         self._is_woken = False
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Take commands from now on, for this loop."""
+        """Accept commands from now on, for this loop."""
         self._loop = loop
 
     def put(self, command: T) -> bool:
-        """Hand a command over, from any thread; False: too many wait, or it is closed."""
+        """Hand a command over, from any thread; False: the inbox is full or closed."""
         with self._guard:
             loop = self._loop
             if loop is None or len(self._waiting) >= SUBMIT_LIMIT:
@@ -51,7 +51,7 @@ class Inbox(Generic[T]):
         return True
 
     def take(self) -> tuple[T, ...]:
-        """Take all that waits; on the loop."""
+        """Take all waiting commands; on the loop."""
         with self._guard:
             commands = tuple(self._waiting)
             self._waiting.clear()
@@ -59,6 +59,6 @@ class Inbox(Generic[T]):
         return commands
 
     def close(self) -> None:
-        """Take no command any more."""
+        """Accept no more commands."""
         with self._guard:
             self._loop = None

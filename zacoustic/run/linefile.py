@@ -1,8 +1,8 @@
-"""`LineFile`: a file that lines are appended to, by a thread of its own.
+"""`LineFile`: a file to which a thread of its own appends lines.
 
-Files may block, so a separate thread writes the lines, in order, each flushed at once. A file that
-cannot be opened is an error at the start. One that cannot be written later is a warning, once, and
-lines are tried again with the next one: a node at sea does not fall silent because a disk is full.
+File operations may block, so a thread writes the lines in order and flushes each. A file that
+cannot be opened is an error at the start. One that later cannot be written causes one warning, and
+each new line repeats the attempt: a full disk must not silence a node at sea.
 """
 
 import asyncio
@@ -21,9 +21,9 @@ class LineFile:
     """The file and its thread.
 
     Args:
-        path: The file; it is made, with its folder, where it is not there.
-        name: What it is, for the log.
-        most_bytes: A longer one is set aside as ``PATH.1`` before the next line; None: none is.
+        path: The file; made with its folder if it is missing.
+        name: Its purpose, for the log.
+        most_bytes: A longer file is renamed to ``PATH.1`` before the next line; None: no limit.
 
     Raises:
         OSError: It cannot be appended to.
@@ -41,12 +41,12 @@ class LineFile:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=name)
 
     def append(self, line: bytes) -> None:
-        """Append a line, given without its end; does not block."""
+        """Append a line, given without its line end; does not block."""
         self._thread.submit(self._append, line + b"\n")
 
     async def close(self) -> None:
-        """Write what waits, and end."""
-        await asyncio.wrap_future(self._thread.submit(lambda: None))  # the last of its thread
+        """Write the waiting lines and end the thread."""
+        await asyncio.wrap_future(self._thread.submit(lambda: None))  # runs after all others
         self._thread.shutdown()
 
     def _append(self, line: bytes) -> None:

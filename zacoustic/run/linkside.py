@@ -1,9 +1,9 @@
-"""One link of a runner: what is known of it, and where what it says goes.
+"""One link of a runner: its state, and the way of its reports to the runner.
 
-A link that was lost comes back by itself. One that cannot be opened does not, so `LinkSide` opens
-it again, after the pauses of a byte stream, and says meanwhile that it is down. So is one that is
-open and cannot do what the config asks of it, such as one whose frames are too short: the others go
-on, and it is tried again whenever it comes up.
+A link that was lost reconnects by itself. One that cannot be opened does not, so `LinkSide` opens
+it again, with the back-off of a byte stream, and reports it as down meanwhile. It also reports a
+link as down that is open but cannot do what the config asks, for example because its frames are too
+short. The other links go on, and such a link is tried again whenever it comes up.
 """
 
 import asyncio
@@ -22,61 +22,61 @@ from zacoustic.link.contract import Link
 
 
 class SideRunner(Protocol):
-    """Takes what links say."""
+    """Takes the reports of links."""
 
     def take_frame(self, side: "LinkSide", frame: ReceivedFrame) -> None:
         """A frame arrived."""
 
     def take_report(self, side: "LinkSide", report: TransmitReport) -> None:
-        """A transmission has ended."""
+        """A transmission ended."""
 
     def take_state(self, side: "LinkSide", state: LinkState, detail: str) -> None:
         """The link went up or down."""
 
     def take_carrier(self, side: "LinkSide", busy: bool) -> None:
-        """Another node is audible, or not any more."""
+        """Another node became audible or inaudible."""
 
     def take_measurement(self, side: "LinkSide", measurement: Measurement) -> None:
-        """The link has measured something."""
+        """The device measured something."""
 
     def fail(self, error: Exception) -> None:
-        """The link has a fault."""
+        """The link raised an unexpected error."""
 
 
 class LinkSide:
-    """One link of a runner, as the receiver of that link.
+    """One link of a runner; the receiver of that link.
 
     Args:
         link: The link, not open yet.
-        name: Its name for the engine; None: it is the first one.
-        runner: Takes what it says.
+        name: Its name for the engine; None: it is the first link.
+        runner: Takes its reports.
     """
 
     def __init__(self, link: Link, name: str | None, runner: SideRunner) -> None:
         self.link = link
         self.name = name
-        """Its name for the engine; None: it is the first one."""
+        """Its name for the engine; None: it is the first link."""
         self.by: tuple[str, ...] = () if name is None else (name,)
-        """What inputs of the engine end with."""
+        """Last arguments of the engine's inputs."""
         self.state = LinkState.OPENING
-        """What it last said of itself."""
+        """Its last reported state."""
         self.detail = ""
-        """What it said it waits for."""
+        """What it waits for, by its last report."""
         self.is_busy = False
         """Another node is audible."""
         self.on_air: Transmission | None = None
-        """What it transmits now."""
+        """Its present transmission."""
         self.is_foreign_on_air = False
-        """That is of a former engine."""
+        """That transmission is one of a former engine."""
         self.open_failure = ""
-        """Why it could not be opened; it is tried again."""
+        """Why it could not be opened; the attempt is repeated."""
         self._runner = runner
         self._awaits: str | None = None
-        """What a repeated attempt waits for; told when it has succeeded."""
+        """What a repeated attempt waits for; logged after it has succeeded."""
         self._opening: asyncio.Task[None] | None = None
 
     def keep_opening(self) -> None:
-        """Open the link, again and again until it is open; returns at once."""
+        """Open the link, repeating until it succeeds; returns at once."""
         name = f"opens {self.name}"
         self._opening = asyncio.get_running_loop().create_task(self._open(), name=name)
 
@@ -94,7 +94,7 @@ class LinkSide:
             while not await self._is_opened():
                 await asyncio.sleep(delay_s)
                 delay_s = min(2 * delay_s, LAST_DELAY_S)
-        except Exception as error:  # a fault of the link
+        except Exception as error:  # a bug of the link
             self._runner.fail(error)
 
     async def _is_opened(self) -> bool:
@@ -116,20 +116,20 @@ class LinkSide:
         self._runner.take_frame(self, frame)
 
     def transmit_finished(self, report: TransmitReport) -> None:
-        """A transmission has ended."""
+        """A transmission ended."""
         self._runner.take_report(self, report)
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:
-        """The link went up or down; an attempt after one that failed is no news before its end."""
+        """The link went up or down; the start of a repeated attempt is not reported."""
         is_attempt = state is LinkState.OPENING and bool(self.open_failure)
         self._awaits = detail if is_attempt else None
         if not is_attempt:
             self._runner.take_state(self, state, detail)
 
     def carrier_changed(self, busy: bool) -> None:
-        """Another node is audible, or not any more."""
+        """Another node became audible or inaudible."""
         self._runner.take_carrier(self, busy)
 
     def measured(self, measurement: Measurement) -> None:
-        """The link has measured something."""
+        """The device measured something."""
         self._runner.take_measurement(self, measurement)

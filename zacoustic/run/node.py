@@ -1,8 +1,8 @@
-"""`LinkNode`: what a node on a link is made of, and its runner.
+"""`LinkNode`: the parts of a node on its links, and its runner.
 
-A gateway and a program's node in direct mode begin alike: the journal begins a boot epoch, the
-recording and the permit log are opened, and an engine is made of what the journal has, now and
-whenever one has raised. This is told here once.
+A gateway and a program's node in direct mode start the same way: the journal begins a boot epoch,
+recording and permit log open, and an engine is made from the journal, now and whenever one has
+raised.
 """
 
 import asyncio
@@ -56,15 +56,15 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
     beside: Mapping[str, Link] = {}
     """Its other links, by name."""
     rules: TransmitRules = TransmitRules()
-    """When, and how much, it may transmit."""
+    """When and how much it may transmit."""
     ranges: Mapping[int, float] = {}
-    """Nodes whose range is measured periodically, each with its period, s."""
+    """Periods of range measurements by node, s."""
     journal: Journal | None = None
-    """Where the engine's writes go; None: nothing survives a restart."""
+    """Stores the engine's writes; None: nothing survives a restart."""
     permits: Path | None = None
     """File of the permit log, or None."""
     clock: Clock = time.monotonic_ns
-    """Where instants come from; the same as the link's."""
+    """Source of instants, the same as the link's."""
     host: HostClock = msgspec.field(default_factory=HostClock)
     """The clock of the computer."""
     security: SecuritySpec | None = None
@@ -74,10 +74,10 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
         """Begin a boot epoch of the journal, and open recording and permit log.
 
         Args:
-            record: Opens the recording, which makes the engines; None: nothing is recorded.
+            record: Opens the recording, which makes the engines; None: no recording.
 
         Raises:
-            ConfigError: One of them cannot be used; nothing is left open.
+            ConfigError: One of them cannot be used; nothing stays open.
         """
         seal = None if self.security is None else open_seal(self.security, self.address)
         if seal is not None and self.journal is None and not seal.only_opens:
@@ -111,22 +111,22 @@ class LinkNode(msgspec.Struct, frozen=True, kw_only=True):
         is_sealed = self.security is not None
         try:
             return AuditLog(path, self.address, self.table, self.host.utc_ns, sealed=is_sealed)
-        except OSError as error:  # as with the journal: a full disk does not stop the node
+        except OSError as error:  # as with the journal, a full disk does not stop the node
             _logger.warning("audit log %s: %s; nothing is noted", path, error.strerror)
             return None
 
 
 class PreparedNode:
-    """A node whose journal has begun a boot epoch: it gives its runner once, or is given up.
+    """A node whose journal has begun a boot epoch; make one runner of it, or close it.
 
     Args:
-        parts: What it is made of.
-        state: What the journal has kept.
-        journal: Where the engine's writes go, or None.
+        parts: The parts of the node.
+        state: The contents of the journal.
+        journal: Stores the engine's writes, or None.
         permit_log: Takes each emission, or None.
         recording: Makes its engines, or None.
         seal: Seals its frames, or None.
-        audit: Notes what is asked of it, or None.
+        audit: Logs the requests to it, or None.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class PreparedNode:
         """Make the engine and its runner, which closes link, journal and permit log.
 
         Args:
-            trace: Takes the trace of each of its engines, or None.
+            trace: Takes the trace of each engine, or None.
         """
         parts = self.parts
         renew = partial(self._renew, trace)
@@ -173,16 +173,16 @@ class PreparedNode:
         return runner
 
     def start_ranging(self, runner: LinkRunner) -> None:
-        """Measure the ranges that are measured periodically.
+        """Start the periodic range measurements.
 
         Raises:
-            RangeUnavailableError: The link measures none.
+            RangeUnavailableError: The link cannot measure ranges.
         """
         for address, every_s in self.parts.ranges.items():
             runner.apply(partial(_repeat_range, address, every_s))
 
     async def close(self) -> None:
-        """Finish the recording, behind the runner; without a runner, close all that is open."""
+        """Finish the recording after the runner has closed; without a runner, close everything."""
         async with AsyncExitStack() as each:
             if self._audit is not None:
                 each.push_async_callback(self._audit.close)

@@ -1,16 +1,16 @@
 """The permit log: every emission of a node, appended to a file.
 
-Whoever transmits under a permit (a marine reserve, a range, an exercise) has to show afterwards
-when, how loud and how long. One JSON object a line::
+A holder of a permit to transmit (a marine reserve, a range, an exercise) has to prove afterwards
+when, how loud and how long each emission was. One JSON object per line::
 
     {"utc": "2026-01-01T12:00:03.250Z", "node": 2, "duration_s": 0.86, "source_level_db": 184.0,
      "bytes": 64, "destination": 255, "outcome": "sent"}
 
-`utc` is the beginning; `source_level_db` is dB re 1 µPa at 1 m, null where the modem does not tell.
-`link` has the name of the link where the node has several. `"utc_in_doubt": true` stands in a line
-whose `utc` nothing has kept right. An `outcome` other than
-``sent``, ``delivered`` and ``not_delivered`` may have been cut short: ``aborted``; what was
-``rejected`` made no sound and is not in the log.
+`utc` is the beginning. `source_level_db` is dB re 1 µPa at 1 m, null if the modem does not report
+it. `link` is the name of the link if the node has several. ``"utc_in_doubt": true`` marks a `utc`
+of a clock that nothing synchronises. `outcome` is ``sent``, ``delivered``, ``not_delivered`` or
+``aborted``; an aborted emission may have been cut short. A ``rejected`` transmission made no sound
+and is not in the log.
 
 A file that cannot be opened is an error at the start; see `zacoustic.run.linefile`.
 """
@@ -35,26 +35,26 @@ class Emission(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     node: int
     """Address of the node."""
     duration_s: float
-    """How long it sounded, s."""
+    """Duration of the sound, s."""
     source_level_db: float | None
     """Source level, dB re 1 µPa at 1 m."""
     bytes: int
     """Length of the frame."""
     destination: int
-    """Address, 255: all."""
+    """Address; 255: broadcast."""
     outcome: str
-    """How it ended."""
+    """Outcome of the transmission."""
     link: str = ""
-    """Name of the link, where the node has several."""
+    """Name of the link, if the node has several."""
     utc_in_doubt: bool = False
-    """Nothing kept the clock right."""
+    """Nothing synchronised the clock."""
 
 
 class PermitLog:
     """The file and its thread.
 
     Args:
-        path: The file; it is made, with its folder, where it is not there.
+        path: The file; made with its folder if it is missing.
 
     Raises:
         ConfigError: It cannot be appended to.
@@ -75,12 +75,12 @@ class PermitLog:
     def note_report(
         self, engine: Engine, sent: Transmission, report: TransmitReport, offset_ns: int
     ) -> None:
-        """Append what a link reports, unless it made no sound.
+        """Append the emission that a link reports, unless it made no sound.
 
         Args:
-            engine: Whose transmission it was.
+            engine: The engine of the transmission.
             sent: The transmission.
-            report: What became of it.
+            report: Its report.
             offset_ns: UTC less the clock of the report, ns.
         """
         if report.outcome is TransmitOutcome.REJECTED:
@@ -101,7 +101,7 @@ class PermitLog:
         )
 
     async def close(self) -> None:
-        """Write what waits, and end."""
+        """Write the waiting lines and end the thread."""
         await self._file.close()
 
 
@@ -124,7 +124,7 @@ def emission(
     link: str = "",
     utc_in_doubt: bool = False,
 ) -> Emission:
-    """Make the line of an emission that began at a UTC, ns since 1970."""
+    """Make the log line of an emission that began at a UTC time, ns since 1970."""
     return Emission(
         utc=utc_text(begun_utc_ns),
         node=node,
@@ -139,7 +139,7 @@ def emission(
 
 
 def open_permit_log(path: Path | None) -> PermitLog | None:
-    """Open the log that a config names, if it names one.
+    """Open the permit log that a config names, if any.
 
     Raises:
         ConfigError: It cannot be appended to.

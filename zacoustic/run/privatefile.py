@@ -1,7 +1,7 @@
-"""Files that only their owner may read: they hold all that crossed the channel.
+"""Files that only their owner may read, because they hold all that crossed the channel.
 
-Journals and recordings hold positions, commands and photos. To share one, use
-``chmod``, of a recording; a journal is made private again at each start.
+Journals and recordings contain positions, commands and photos. To share a recording, change its
+mode with ``chmod``; a journal becomes private again at each start.
 """
 
 import contextlib
@@ -14,18 +14,18 @@ MODE: Final = 0o600
 
 
 def create_private(path: Path) -> IO[bytes]:
-    """Make a file that must not be there yet, and open it for writing.
+    """Create a file that must not exist yet, and open it for writing.
 
     Raises:
-        OSError: It is there, or cannot be made.
+        OSError: It exists, or cannot be made.
     """
     return open(path, "xb", opener=lambda name, flags: os.open(name, flags, MODE))
 
 
 def keep_private(path: Path) -> None:
-    """Make a file empty and private where it is missing; take it away from others where it is not.
+    """Create an empty private file if it is missing; otherwise make it private.
 
-    Errors are left to the caller that opens the file, which reports them.
+    Ignores errors: the caller opens the file next and reports them.
     """
     with contextlib.suppress(OSError):
         os.close(os.open(path, os.O_RDWR | os.O_CREAT, MODE))

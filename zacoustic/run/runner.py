@@ -2,21 +2,21 @@
 
 `LinkRunner` does what the contract at the top of `core/engine.py` asks of a driver and nothing
 else. Every input and every command ends in `_service`: poll until dry, arm one timer. There is no
-polling, and no other task but those that open further links (`zacoustic.run.linkside`); an idle
-engine leaves the process asleep.
+polling, and no other task except those that open further links (`zacoustic.run.linkside`); while
+the engine is idle, the process sleeps.
 
-One thread owns the engine, that of the loop. Two things come from elsewhere:
+The thread of the loop owns the engine. Two things come from elsewhere:
 
-- Commands of foreign threads (Zenoh's callbacks), by `submit` (`zacoustic.run.inbox`).
-- Commits of the journal, by a future of its one worker thread (`JournalThread`). While one is under
-  way, further writes collect and are committed together; the engine learns of a failure, and it is
-  tried again.
+- Commands of other threads (Zenoh's callbacks), by `submit` (`zacoustic.run.inbox`).
+- Commits of the journal, by a future of its one worker thread (`JournalThread`). Writes during a
+  commit collect and are committed together; the engine learns of a failure, and the commit is
+  repeated.
 
-An unexpected exception, in the link or in the journal, is logged with its traceback, stops
-the runner and comes out of `wait_failed`. One out of the engine, or out of the receiver of events,
-may have been caused by anyone with a modem, so it does not: it is counted, logged with the
-frame that caused it, and a new engine goes on from the journal, without those entries of it that
-make that one raise as well (`zacoustic.run.replacement`).
+An unexpected exception in a link or in the journal is logged with its traceback, stops the runner
+and comes out of `wait_failed`. An exception in the engine, or in the receiver of its events, does
+not stop the runner, since anyone with a modem may have caused it: it is counted and logged with the
+frame that caused it, and a new engine continues from the journal, without the entries that make it
+raise as well (`zacoustic.run.replacement`).
 """
 
 import asyncio
@@ -49,31 +49,31 @@ from zacoustic.run.replacement.intact import Intact
 from zacoustic.run.replacement.replacement import Replacement
 
 # Rounds of polling before other callbacks of the loop get their turn: an application may answer
-# each event with a command that makes the next one.
+# each event with a command that causes the next one.
 _ROUNDS_LIMIT: Final = 1000
 
 _logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 LinkWatch: TypeAlias = Callable[[ReceivedFrame | Transmission | TransmitReport, int], None]
-"""Sees what crosses between engine and link, with the instant; on the loop, and must not raise."""
+"""Observes what passes between engine and link, with the instant; on the loop, must not raise."""
 Command: TypeAlias = Callable[[Engine, int], object]
-"""Something to do with the engine, given the instant; runs on the loop and does not block."""
+"""A command for the engine, with the instant; runs on the loop and does not block."""
 
 
 class LinkRunner:
     """Runs one engine on its links.
 
-    All methods but `submit` are for the thread of the loop.
+    Call all methods except `submit` on the thread of the loop.
 
     Args:
-        engine: The engine; no other caller may touch it from now on. An `Intact` one is replaced by
-            the next of its kind when it has raised; any other stops the runner then.
+        engine: The engine; no other caller may touch it from now on. An `Intact` one that raises is
+            replaced by the next of its kind; any other stops the runner.
         link: Its first link, not open yet.
-        beside: Its other links, by the names that the engine has for them.
-        clocks: Where instants and UTC come from.
-        journal: Where writes go, recovered; None: they count as committed at once. Closed with the
-            runner.
+        beside: Its other links, by their names for the engine.
+        clocks: Source of instants and UTC.
+        journal: Stores writes, already recovered; None: writes count as committed at once. Closed
+            with the runner.
         permit_log: Takes each emission, or None. Closed with the runner.
     """
 
@@ -93,10 +93,10 @@ class LinkRunner:
         self.sides = (
             self._first_side, *(LinkSide(each, name, self) for name, each in beside.items()),
         )  # fmt: skip
-        """The links, the first one first; to be read only."""
+        """The links, the first one first; read only."""
         self.failure: Exception | None = None
         self.watch: LinkWatch | None = None
-        """Whoever sets this sees what crosses between engine and link."""
+        """Set it to observe what passes between engine and link."""
         self._clocks = clocks or NodeClocks()
         self._deliver: Callable[[Event], None] = _ignore
         self._settled: Callable[[], None] = _nothing
@@ -127,12 +127,12 @@ class LinkRunner:
 
     @property
     def link_state(self) -> LinkState:
-        """What the first link last said of itself."""
+        """Last reported state of the first link."""
         return self._first_side.state
 
     @property
     def link_detail(self) -> str:
-        """What the first link said it waits for."""
+        """What the first link waits for, by its last report."""
         return self._first_side.detail
 
     async def start(
@@ -142,16 +142,16 @@ class LinkRunner:
     ) -> None:
         """Open the links and run; returns when the first one is open.
 
-        Another one that cannot be opened, or cannot do what the config asks of it, is reported as
+        Another link that cannot be opened, or cannot do what the config asks of it, is reported as
         down until it can; so is the first one from then on.
 
         Args:
             deliver: Takes each event, on the loop; may call `apply`.
-            settled: Called each time when all actions of an input are done.
+            settled: Called whenever all actions of an input are done.
 
         Raises:
-            LinkOpenError: The first link cannot be opened; the runner is closed then.
-            ConfigError: It cannot do what the config asks of it; the same.
+            LinkOpenError: The first link cannot be opened; the runner is then closed.
+            ConfigError: It cannot do what the config asks of it; the runner is then closed.
         """
         self._loop = asyncio.get_running_loop()
         self._deliver, self._settled = deliver or _ignore, settled or _nothing
@@ -175,7 +175,7 @@ class LinkRunner:
             raise
 
     async def close(self) -> None:
-        """Stop the link, then the journal; leaves no task, thread or descriptor.
+        """Close links, then journal; leaves no task, thread or descriptor.
 
         May be called again.
         """
@@ -200,11 +200,11 @@ class LinkRunner:
             self._ended.set()
 
     def stop_hearing(self) -> None:
-        """Drop what the link hears from now on, as if this were closed; it still transmits."""
+        """Drop received frames from now on, as if this were closed; it still transmits."""
         self._is_deaf = True
 
     def apply(self, command: Callable[[Engine, int], T]) -> T:
-        """Run a command on the engine now, and what follows from it.
+        """Run a command on the engine now, with all that follows from it.
 
         Args:
             command: Gets the engine and the instant.
@@ -213,7 +213,7 @@ class LinkRunner:
             What the command returns.
 
         Raises:
-            LinkClosedError: The runner is closed or has failed, or makes a new engine just now.
+            LinkClosedError: The runner is closed, has failed, or is replacing the engine.
         """
         self._check_running()
         try:
@@ -227,12 +227,12 @@ class LinkRunner:
             self._journal.put(JournalWrite(write_id=NO_WRITE, key=key, value=value))
 
     def submit(self, command: Command) -> bool:
-        """Hand a command over from another thread; it runs on the loop soon.
+        """Hand over a command from another thread; it runs on the loop soon.
 
         A `ZacousticError` that it raises is logged.
 
         Returns:
-            False when `SUBMIT_LIMIT` commands wait already, or the runner does not run.
+            False if `SUBMIT_LIMIT` commands wait already, or the runner does not run.
         """
         return self._inbox.put(command)
 
@@ -240,7 +240,7 @@ class LinkRunner:
         """Wait until the runner ends.
 
         Raises:
-            Exception: What has stopped it, if it was not closed.
+            Exception: The error that stopped it, if it was not closed.
         """
         await self._ended.wait()
         if self.failure is not None:
@@ -269,7 +269,7 @@ class LinkRunner:
             self.watch(report, self._instant())
         sent, side.on_air = side.on_air, None
         self._strictly(lambda: self._log_emission(sent, report))
-        if side.is_foreign_on_air:  # a former engine's: the modem is free now
+        if side.is_foreign_on_air:  # a former engine's transmission: the modem is free now
             side.is_foreign_on_air = False
             self._guarded(partial(self._connect_side, side), self._service)
             return
@@ -279,8 +279,8 @@ class LinkRunner:
         )
 
     def take_state(self, side: LinkSide, state: LinkState, detail: str) -> None:
-        """Tell the engine, and people."""
-        is_first = state is LinkState.OPENING and not side.detail  # what it waits for follows
+        """Report a state to the engine, and log it."""
+        is_first = state is LinkState.OPENING and not side.detail  # the detail follows
         is_known = is_first or (state, detail) == (side.state, side.detail)
         level = logging.INFO if state is LinkState.UP or is_known else logging.WARNING
         link = "link" if len(self.sides) == 1 else side.name or self.engine.links[0]
@@ -302,12 +302,12 @@ class LinkRunner:
             self._service,
         )
 
-    # The driver of the engine
+    # Driving the engine
 
     def _service(self) -> None:
         """Poll until dry, then arm the timer."""
         if self._is_servicing:
-            return  # an application's command from within an event: the loop below goes on
+            return  # a command from within an event: the loop below continues
         self._is_servicing = True
         try:
             self._tell_clock()
@@ -321,7 +321,7 @@ class LinkRunner:
         asyncio.get_running_loop().call_soon(self._guarded, self._service)
 
     def _poll(self) -> bool:
-        """Take one of each output; returns whether there was any."""
+        """Take one of each output; return whether there was any."""
         write = self.engine.poll_journal()
         if write is not None:
             self._keep(write)
@@ -346,7 +346,7 @@ class LinkRunner:
             self._permit_log.note_report(self.engine, sent, report, offset_ns)
 
     def _expire(self, due_at: int) -> None:
-        # The loop may be early by its resolution: then it is the due instant that counts.
+        # The loop may be early by its resolution; the due instant counts.
         self._clocks.now = max(self._instant(), due_at)
         self._guarded(
             lambda: self.engine.handle_timeout(self._clocks.now),
@@ -363,7 +363,7 @@ class LinkRunner:
         commands = self._inbox.take()
         if self._is_closing:
             return
-        # Served once for all of them: they may share a frame.
+        # Served once for all commands: they may share a frame.
         self._guarded(*(lambda command=command: self._execute(command) for command in commands))
         self._guarded(self._service)
 
@@ -374,7 +374,7 @@ class LinkRunner:
             _logger.warning("node %d: %s", self.engine.address, error)
 
     def _keep(self, write: JournalWrite) -> None:
-        """Bring a write to the journal."""
+        """Pass a write to the journal."""
         if self._journal is None:
             self._note_journalled(write)
             self.engine.handle_journal_committed(write.write_id, self._clocks.now)
@@ -401,10 +401,10 @@ class LinkRunner:
         if self._replacement is not None:
             self._replacement.committed(write)
 
-    # When something raises
+    # Handling exceptions
 
     def _guarded(self, *steps: Callable[[], None], frame: bytes | None = None) -> None:
-        """Run steps of the engine at the top of a callback: an engine that raises is replaced."""
+        """Run steps of the engine at the top of a callback; replace an engine that raises."""
         if self.failure is not None or self._is_replacing:
             return
         try:
@@ -412,21 +412,21 @@ class LinkRunner:
                 step()
         except (ConfigError, RangeUnavailableError) as error:
             self.fail(error)  # the first link cannot do what the config asks of it
-        except Exception as error:  # of the engine or the receiver of its events: a bug
+        except Exception as error:  # of the engine or of the receiver of its events: a bug
             if self._replacement is None:
                 self.fail(error)
             elif self.failure is None:
                 self._lose_engine(self._replacement, error, frame)
 
     def _strictly(self, step: Callable[[], None]) -> None:
-        """Run a step that is none of the engine: what it raises stops the runner."""
+        """Run a step outside of the engine; an exception stops the runner."""
         try:
             step()
         except Exception as error:  # of the link or a file: a bug
             self.fail(error)
 
     def _lose_engine(self, next_one: Replacement, error: Exception, frame: bytes | None) -> None:
-        """Give the engine up, and have the next one made."""
+        """Give the engine up and start making the next one."""
         self._alarm.stop()
         for side in self.sides:
             side.is_foreign_on_air = side.on_air is not None
@@ -451,10 +451,10 @@ class LinkRunner:
         next_one.begin(self.engine, pause_s, self._journal, trial, self._instant, begin)
 
     def _try(self, engine: Engine) -> None:
-        """Do the first step with a disposable engine: another one has raised in it.
+        """Do the first step with a disposable engine, since another one has raised in it.
 
         Raises:
-            Exception: This one does, too.
+            Exception: This one raises as well.
         """
         now = self._instant()
         for side in self.sides:
@@ -466,20 +466,20 @@ class LinkRunner:
         engine.poll_timeout()
 
     def _keep_intact(self, made: Intact) -> None:
-        """Delete from the journal what no engine can be made of."""
+        """Delete the entries from the journal that make engines raise."""
         for write in made.writes:
             self.keep(write.key, write.value)
 
     def _connect(self) -> None:
-        """Tell the engine how the links are."""
+        """Give the states of the links to the engine."""
         for side in self.sides:
             self._connect_side(side)
 
     def _connect_side(self, side: LinkSide) -> None:
-        """Tell the engine how a link is, unless it transmits a frame of a former engine.
+        """Give the state of a link to the engine, unless it transmits a frame of a former engine.
 
         Raises:
-            ConfigError: The first link cannot do what the config asks of it, at the start.
+            ConfigError: At the start: the first link cannot do what the config asks of it.
         """
         if side.is_foreign_on_air and side.state is LinkState.UP:
             return
@@ -495,7 +495,7 @@ class LinkRunner:
             self.engine.handle_carrier(True, self._instant(), *side.by)
 
     def side(self, link: str) -> LinkSide:
-        """Return the link of a name."""
+        """Return a link by name."""
         return next((each for each in self.sides if each.name == link), self._first_side)
 
     @property
@@ -504,7 +504,7 @@ class LinkRunner:
 
     def fail(self, error: Exception) -> None:
         """Stop running; the error comes out of `wait_failed`."""
-        if not isinstance(error, ZacousticError):  # those carry their own message
+        if not isinstance(error, ZacousticError):  # those explain themselves
             _logger.error("node %d: stopped by a fault", self.engine.address, exc_info=error)
         self.failure = error
         self._alarm.stop()
@@ -520,7 +520,7 @@ class LinkRunner:
 
 
 def _ignore(event: Event) -> None:
-    """Take an event that nobody wants."""
+    """Discard an event."""
 
 
 def _nothing() -> None:

@@ -1,7 +1,7 @@
 """`NodeSeal`: the key, the life and the cipher of one node, from its start to its end.
 
-A node whose life cannot be known seals nothing: it listens, opens what is for it, and says why it
-is silent, until somebody has made its record anew (`zacoustic key rejoin`).
+A node that cannot know its life seals nothing: it listens, opens what is for it, and reports why it
+is silent, until an operator makes its record anew (`zacoustic key rejoin`).
 """
 
 import asyncio
@@ -15,19 +15,19 @@ from zacoustic.seal.keyring import Keyring, open_keyring
 from zacoustic.seal.spec import SecuritySpec
 
 _NO_LIFE: Final = LAST_LIFE + 1
-"""The epoch of each engine that seals nothing."""
+"""The epoch of every engine that seals nothing."""
 OLD_JOURNAL: Final = "frames that were recorded since then can be opened once more"
-"""What that means."""
+"""Consequence of an old journal."""
 _logger = logging.getLogger(__name__)
 
 
 class NodeSeal:
-    """What seals the frames of one node.
+    """Seals the frames of one node.
 
     Args:
-        spec: What the config says.
+        spec: The section of the config.
         address: The node, 1…254.
-        ring: The key, and what is made of it.
+        ring: The key with its cipher and life records.
     """
 
     def __init__(self, spec: SecuritySpec, address: int, ring: Keyring) -> None:
@@ -38,48 +38,48 @@ class NodeSeal:
 
     @property
     def source(self) -> str:
-        """Where it was written that frames are sealed."""
+        """Place in the configuration that asks for the seal."""
         return self._spec.source
 
     @property
     def only_opens(self) -> bool:
-        """The config wants it to listen only."""
+        """The config asks the node only to listen."""
         return self._spec.only_opens
 
     @property
     def cipher(self) -> Cipher:
-        """For the engines."""
+        """The cipher for the engines."""
         return self._ring.cipher
 
     @property
     def life(self) -> int | None:
-        """The life that has begun; None: none has."""
+        """The present life; None: none has begun."""
         return None if self._lives is None else self._lives.life
 
     @property
     def failure(self) -> str:
-        """Why this node seals no frame, one line; empty: it seals them."""
+        """Why this node seals no frame, one line; empty: it seals."""
         if self._lives is None:
-            return "it only listens, as the configuration says"
+            return "it only listens, as configured"
         return self._lives.failure
 
     def epoch(self, journalled: int) -> int:
         """Return the boot epoch of an engine.
 
         Args:
-            journalled: What the journal has for it.
+            journalled: The journal's boot epoch for it.
         """
         return _NO_LIFE if self.life is None else journalled
 
     def keep_lives(self, journal: Journal) -> Journal:
-        """Return a journal whose epochs are lives, each written down before it is used."""
+        """Return a journal whose boot epochs are lives, recorded before their use."""
         if self._spec.only_opens:
             return journal
         self._lives = LifeJournal(journal, self._ring.lives)
         return self._lives
 
     def begin(self, loop: asyncio.AbstractEventLoop) -> None:
-        """The node starts: the former key is opened for as long as the config says."""
+        """Start the overlap: open frames of the former key for as long as the config says."""
         key, lives = self._ring.key, self._lives
         if lives is not None and lives.failure:
             _logger.error(
@@ -93,7 +93,7 @@ class NodeSeal:
             loop.call_later(self._spec.overlap_s, self._ring.cipher.end_overlap)
 
     def report(self) -> dict[str, object]:
-        """Return what may be known of it, for health and logs: nothing of it is secret."""
+        """Return its state for health and logs; contains no secret."""
         key = self._ring.key
         return {
             "network": key.network,

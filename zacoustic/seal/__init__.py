@@ -1,8 +1,9 @@
-"""The keys of a fleet and the cipher that uses them: the extra `secure`.
+"""Keys of a fleet and the cipher that uses them; needs the extra `secure`.
 
-- `spec`: what a configuration says of them;
-- `keyring`: from there to a cipher and the lives, `open_keyring`;
-- `keys`: a fleet's secret in a file, and what is derived from it;
-- `ccm`: AES-128-CCM, as `zacoustic.core.wire.seal` asks for it;
-- `lives`: the number of this start, which no other start may have.
+- `spec`: the section of the configuration;
+- `keyring`: makes the cipher and the life records from it, `open_keyring`;
+- `keys`: the secret of a fleet in a file, and the keys derived from it;
+- `identities`: the alternative, one key pair for each node;
+- `ccm`: AES-128-CCM behind the interface of `zacoustic.core.wire.seal`;
+- `lives`: the number of each start, which no other start may have.
 """

@@ -19,16 +19,16 @@ from zacoustic.seal.keys import FleetKey, KeyFileError
 from zacoustic.seal.spec import Mode
 
 _KEYS = 4096
-"""Of as many ways keys are held: two of each pair of a fleet."""
+"""Size of the key cache: two keys for each pair of nodes in a fleet."""
 
 
 class CcmCipher(ABC):
-    """A `zacoustic.core.wire.seal.Cipher`; where its keys come from, a subclass says.
+    """A `zacoustic.core.wire.seal.Cipher`; a subclass supplies the keys.
 
     Args:
-        generation: Of the key that frames of this node are sealed with.
-        mode: What happens to records. In `Mode.AUTHENTICATE` they are associated data and stay as
-            they are; a frame of the other mode is refused.
+        generation: Generation of the key that seals this node's frames.
+        mode: How records are protected. `Mode.AUTHENTICATE` leaves them readable, as associated
+            data. A frame of the other mode is refused.
     """
 
     def __init__(self, generation: int, mode: Mode) -> None:
@@ -47,16 +47,16 @@ class CcmCipher(ABC):
 
     @abstractmethod
     def _key(self, source: int, destination: int, *, former: bool) -> bytes | None:
-        """Return the key of frames from one node to another, or to all; None: there is none."""
+        """Return the key for frames from one node to another, or to all; None: there is none."""
 
     def end_overlap(self) -> None:
-        """Open no frame of the former generation any more."""
+        """Stop opening frames of the former generation."""
         self._opens_former = False
 
     def seal(self, way: Way, nonce: bytes, records: bytes, associated: bytes) -> bytes:
         """Return the records, encrypted in `Mode.ENCRYPT`, and the tag."""
         cipher = self._cipher(way.source, way.destination, way.strong, False)
-        assert cipher is not None  # a node has a key for whatever it sends
+        assert cipher is not None  # a node has a key for every frame that it sends
         if self._encrypts:
             return cipher.encrypt(nonce, records, associated)
         return records + cipher.encrypt(nonce, b"", _covered(associated, records))
@@ -64,7 +64,7 @@ class CcmCipher(ABC):
     def open(
         self, generation: int, way: Way, nonce: bytes, body: bytes, associated: bytes
     ) -> bytes | None:
-        """Return the records; None where no known key of this generation made the tag."""
+        """Return the records; None if no known key of this generation made the tag."""
         former = generation != self.generation & 1
         if former and not self._opens_former:
             return None
@@ -83,11 +83,11 @@ class CcmCipher(ABC):
 
 
 class FleetCipher(CcmCipher):
-    """With the key of a fleet: each node has one that follows from it.
+    """The cipher of a fleet with one secret, from which the key of each node follows.
 
     Args:
-        key: The key; where it has a former secret, frames of that generation are opened too.
-        mode: As of `CcmCipher`.
+        key: The secret. If it contains a former one, frames of that generation open as well.
+        mode: See `CcmCipher`.
     """
 
     def __init__(self, key: FleetKey, *, mode: Mode = Mode.ENCRYPT) -> None:
@@ -99,12 +99,12 @@ class FleetCipher(CcmCipher):
 
 
 class MemberCipher(CcmCipher):
-    """With identities: each pair of nodes has its keys, and each source one for all others.
+    """The cipher of a fleet with identities: keys per pair of nodes, one per source for broadcasts.
 
     Args:
-        identity: Of this node.
-        members: The list; where it has a former one, frames of that generation are opened too.
-        mode: As of `CcmCipher`.
+        identity: The identity of this node.
+        members: The list. If it contains a former one, frames of that generation open as well.
+        mode: See `CcmCipher`.
 
     Raises:
         KeyFileError: This node is not in the list.
@@ -131,11 +131,11 @@ class MemberCipher(CcmCipher):
             if self._identity.address not in (source, destination):
                 return None
             return unicast_key(self._identity, members, source, destination)
-        except KeyFileError:  # it is not in the list: nobody opens what is for it
+        except KeyFileError:  # the destination is not in the list: nobody may open its frames
             is_own = source == self._identity.address
             return nobodys_key(self._identity, members, destination) if is_own else None
 
 
 def _covered(associated: bytes, records: bytes) -> bytes:
-    """Return both as associated data; the length parts them, so no byte can change sides."""
+    """Return both as associated data, with the length of the first: no byte can change sides."""
     return bytes((len(associated),)) + associated + records

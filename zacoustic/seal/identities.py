@@ -1,21 +1,21 @@
 """A key for each node: identities, the list of members, and the keys that follow from both.
 
-A *fleet key* makes every member able to speak as any other, and a captured one gives all away. With
-identities each node has an X25519 pair. Its private half is in a file of its own, 0600; the public
-halves of all are in the file of *members*, which is no secret, but must be the right one: compare
-its fingerprint. No byte of a handshake goes over the channel.
+With a *fleet key* every member can speak as any other, and one captured node gives the whole fleet
+away. With identities each node has an X25519 key pair. Its private half is in a file of its own,
+mode 0600. The public halves of all nodes are in the *members* file, which is not secret but must be
+authentic: compare its fingerprint. No handshake crosses the channel.
 
     pair        HKDF(X25519(own, theirs), network, wire, generation, lower, higher address)
     unicast     expand(pair, "frame", source, destination)
     broadcast   expand(secret of the source, "frame", source)
 
-The secret for a source's broadcasts follows from its identity and the generation. It reaches the
-others through the file of members: for each of them wrapped (AES key wrap, RFC 3394) under a key of
-the pair. Each generation has keys of its own. To *revoke* a node is to make the next generation
-without it: what it has learnt of the former one opens nothing of that.
+The secret for a source's broadcasts follows from its identity and the generation. The members file
+carries it to the other nodes, wrapped for each of them (AES key wrap, RFC 3394) under a key of the
+pair. Each generation has its own keys. To *revoke* a node, make the next generation without it:
+nothing that the node has learnt of the former generation opens a frame of the new one.
 
-Any member can still speak as the source of a broadcast: it has the secret, to open them. Of a frame
-for one node that holds for nobody but the two.
+Any member can still forge a broadcast of any source, because it holds the secret that opens them.
+A frame for one node can be forged only by its two ends.
 """
 
 import hashlib
@@ -59,31 +59,31 @@ class Identity(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     address: int
     """The node, 1…254."""
     private: bytes
-    """X25519, 32 bytes."""
+    """X25519 private key, 32 bytes."""
 
     def __repr__(self) -> str:
         return f"Identity({self.network!r}, node {self.address}, public {self.public.hex()[:8]})"
 
     @property
     def public(self) -> bytes:
-        """The half that others may know, 32 bytes."""
+        """The public half, 32 bytes."""
         return X25519PrivateKey.from_private_bytes(self.private).public_key().public_bytes_raw()
 
     def shared(self, other: bytes) -> bytes:
-        """Return what only this node and the one with another public half can know.
+        """Return the secret that only this node and the owner of a public half can compute.
 
         Raises:
-            KeyFileError: That is no public half.
+            KeyFileError: `other` is not a valid public half.
         """
         try:
             public = X25519PublicKey.from_public_bytes(other)
             return X25519PrivateKey.from_private_bytes(self.private).exchange(public)
-        except ValueError:  # wrong length, or a point that gives the same to everybody
+        except ValueError:  # wrong length, or a low-order point: the same secret for everybody
             raise KeyFileError(f"{self.network}: {other.hex()[:8]}… is no public key") from None
 
 
 class Members(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Who is in a network, in one generation of its keys; nothing in it is secret."""
+    """The nodes of a network in one generation of its keys; contains no secret."""
 
     network: str
     """Its name."""
@@ -92,22 +92,22 @@ class Members(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     public: dict[int, bytes] = {}
     """Public half of each node, by address."""
     wrapped: dict[int, dict[int, bytes]] = {}
-    """The secret for the broadcasts of a source, for each other node: 40 bytes."""
+    """For each source, its broadcast secret wrapped for each other node: 40 bytes."""
     former: "Members | None" = None
-    """The generation before, as long as its frames are opened."""
+    """The generation before, while its frames are still opened."""
 
     @property
     def fingerprint(self) -> str:
-        """Eight hexadecimal digits: equal where network, generation and members are."""
+        """Eight hexadecimal digits, equal if network, generation and members are equal."""
         listed = b"".join(bytes((each,)) + self.public[each] for each in sorted(self.public))
         text = key_info("members", self.network, self.generation) + listed
         return hashlib.sha256(text).digest()[:_FINGERPRINT_BYTES].hex()
 
     def joined(self, identity: Identity) -> "Members":
-        """Return the list with one more node; broadcasts are to be wrapped for it.
+        """Return the list with one more node; its broadcast secrets are not wrapped yet.
 
         Raises:
-            KeyFileError: The address is taken by another identity, or the network is another one.
+            KeyFileError: Another identity has the address, or the network differs.
         """
         if identity.network != self.network:
             raise KeyFileError(
@@ -124,7 +124,7 @@ class Members(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         return msgspec.structs.replace(self, public=public)
 
     def wrapped_by(self, identity: Identity) -> "Members":
-        """Return the list with the broadcasts of one source wrapped for all others.
+        """Return the list with one source's broadcast secret wrapped for all other nodes.
 
         Raises:
             KeyFileError: The node is not in the list.
@@ -145,23 +145,23 @@ class Members(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         """Return the next generation, which still opens frames of this one.
 
         Args:
-            identities: Those whose broadcasts are wrapped; others do it themselves.
+            identities: Nodes whose broadcast secrets are wrapped here; others wrap their own.
 
         Raises:
-            KeyFileError: There is no next generation, or somebody is not in the list.
+            KeyFileError: There is no next generation, or an identity is not in the list.
         """
         former = msgspec.structs.replace(self, former=None)
         return msgspec.structs.replace(self._next(self.public, identities), former=former)
 
     def without(self, address: int, identities: Iterable[Identity]) -> "Members":
-        """Return the next generation without a node, which opens nothing of this one.
+        """Return the next generation without a node; it opens no frame of this one.
 
         Args:
-            address: The node.
+            address: The node to revoke.
             identities: As for `rotated`.
 
         Raises:
-            KeyFileError: The node is not in the list, or as `rotated`.
+            KeyFileError: The node is not in the list; or as for `rotated`.
         """
         if address not in self.public:
             listed = ", ".join(map(str, sorted(self.public))) or "none"
@@ -201,17 +201,17 @@ def new_identity(network: str, address: int) -> Identity:
 
 
 def unicast_key(identity: Identity, members: Members, source: int, destination: int) -> bytes:
-    """Return the key of frames from one node to another, one of which is this one.
+    """Return the key for frames from one node to another; this node is one of the two.
 
     Raises:
-        KeyFileError: The other one is not in the list.
+        KeyFileError: The other node is not in the list.
     """
     info = b"frame" + bytes((source, destination))
     return expand(_pair_secret(identity, members, source, destination), info, KEY_BYTES)
 
 
 def broadcast_key(identity: Identity, members: Members, source: int) -> bytes | None:
-    """Return the key of a source's frames to all; None: it was not wrapped for this node."""
+    """Return the key for a source's broadcasts; None: it is not wrapped for this node."""
     if source == identity.address:
         secret = _broadcast_secret(identity, members.generation)
     else:
@@ -229,16 +229,16 @@ def broadcast_key(identity: Identity, members: Members, source: int) -> bytes | 
 
 
 def nobodys_key(identity: Identity, members: Members, destination: int) -> bytes:
-    """Return the key of frames for a node that is not in the list: no other node has it."""
+    """Return a key for frames to a node outside of the list; no other node has it."""
     info = key_info("nobody", members.network, members.generation) + bytes((destination,))
     return expand(identity.private, info, KEY_BYTES)
 
 
 def read_identity(path: Path) -> Identity:
-    """Read the file of an identity.
+    """Read an identity file.
 
     Raises:
-        KeyFileError: There is none, others may read it, or it is damaged; never shows its content.
+        KeyFileError: It is missing, damaged, or others may read it. Never shows its content.
     """
     identity = read_private(path, Identity)
     is_address = _FIRST_ADDRESS <= identity.address <= _LAST_ADDRESS
@@ -248,19 +248,19 @@ def read_identity(path: Path) -> Identity:
 
 
 def write_identity(path: Path, identity: Identity) -> None:
-    """Write the file of an identity, for its owner alone.
+    """Write an identity file that only its owner can read.
 
     Raises:
-        KeyFileError: There is one already, or it cannot be written.
+        KeyFileError: It exists already, or cannot be written.
     """
     write_private(path, identity)
 
 
 def read_members(path: Path) -> Members:
-    """Read the list of members.
+    """Read a members file.
 
     Raises:
-        KeyFileError: There is none, or it is damaged.
+        KeyFileError: It is missing or damaged.
     """
     try:
         members = msgspec.json.decode(path.read_bytes(), type=Members)
@@ -279,7 +279,7 @@ def read_members(path: Path) -> Members:
 
 
 def write_members(path: Path, members: Members) -> None:
-    """Write the list of members, whole or not at all.
+    """Write a members file, atomically.
 
     Raises:
         KeyFileError: It cannot be written.

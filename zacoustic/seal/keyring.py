@@ -1,4 +1,4 @@
-"""From a `SecuritySpec` to what seals frames: the key from its file, its cipher, the lives."""
+"""From a `SecuritySpec` to the parts that seal frames: key, cipher and life records."""
 
 from typing import TYPE_CHECKING
 
@@ -15,25 +15,25 @@ if TYPE_CHECKING:
 
 
 class Keyring(msgspec.Struct, frozen=True, kw_only=True):
-    """What a node needs to seal and to open frames; nothing in it shows a secret."""
+    """What a node needs to seal and open frames; its `repr` shows no secret."""
 
     key: "FleetKey | Members"
     """Generation, name of the network, fingerprint."""
     cipher: "CcmCipher"
     """A `zacoustic.core.wire.seal.Cipher`."""
     lives: Lives
-    """Gives the number of this start."""
+    """Life records: give the number of this start."""
 
 
 def open_keyring(spec: SecuritySpec, address: int) -> Keyring:
-    """Read the key file, and return what is made of it; no life begins with that.
+    """Read the key file and make the cipher; does not begin a life.
 
     Args:
-        spec: What the configuration says.
+        spec: The section of the configuration.
         address: The node, 1…254.
 
     Raises:
-        KeyFileError: The key file is missing, damaged, or others may read it; the message begins
+        KeyFileError: The key file is missing, damaged, or others may read it. The message begins
             with the place in the configuration.
         ConfigError: The extra `secure` is not installed.
     """

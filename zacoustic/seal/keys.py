@@ -1,12 +1,12 @@
-"""The key of a fleet: 32 random bytes in a file, and the keys of its nodes that follow from them.
+"""The key of a fleet: 32 random bytes in a file, from which the keys of its nodes are derived.
 
-The file is JSON with four entries: `network`, a name; `generation`, 0…65535, counted up by each
-rotation; `secret` of this generation; and `former`, the secret of the one before, as long as frames
-of that are to be opened. Whoever can read the file can read and command the fleet, so a file that
-others may read is refused.
+The file is JSON with four entries: `network`, a name; `generation`, 0…65535, which each rotation
+increments; `secret`, of this generation; and `former`, the secret of the one before, while its
+frames are still opened. A reader of the file can read and command the fleet, so a file that others
+may read is refused.
 
-The key of a node follows by HKDF-Expand (RFC 5869, SHA-256) from the secret, and from network,
-version of the wire, generation and address: nodes share no key, so their counters cannot meet.
+HKDF-Expand (RFC 5869, SHA-256) derives the key of a node from the secret with network, wire
+version, generation and address. No two nodes share a key, so their counters cannot collide.
 """
 
 import hashlib
@@ -41,20 +41,20 @@ class FleetKey(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """The content of a key file; its `repr` shows no secret."""
 
     network: str
-    """Name of the network: fleets with other names do not open each other's frames."""
+    """Name of the network; fleets with different names cannot open each other's frames."""
     generation: int
     """0…65535."""
     secret: bytes
     """32 random bytes."""
     former: bytes | None = None
-    """The secret of the generation before, while its frames are opened."""
+    """The secret of the generation before, while its frames are still opened."""
 
     def __repr__(self) -> str:
         return f"FleetKey({self.network!r}, generation {self.generation}, {self.fingerprint})"
 
     @property
     def fingerprint(self) -> str:
-        """Eight hexadecimal digits that tell two keys apart and nothing of either."""
+        """Eight hexadecimal digits that identify the key and reveal nothing of it."""
         return expand(self.secret, self._info("fingerprint"), _FINGERPRINT_BYTES).hex()
 
     def node_key(self, address: int, *, former: bool = False) -> bytes | None:
@@ -62,7 +62,7 @@ class FleetKey(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
         Args:
             address: The node, 1…254.
-            former: The key of the generation before.
+            former: Return the key of the generation before.
         """
         secret = self.former if former else self.secret
         if secret is None:
@@ -93,7 +93,7 @@ def new_key(network: str, *, after: int = -1) -> FleetKey:
 
     Args:
         network: Name of the network, 1…64 bytes.
-        after: The last generation that this network has had; −1: it had none.
+        after: The last generation that this network has used; −1: none.
 
     Raises:
         KeyFileError: The name is too long, or there is no next generation.
@@ -111,26 +111,26 @@ def check_network(network: str) -> None:
     """Check the name of a network.
 
     Raises:
-        KeyFileError: It is none.
+        KeyFileError: It is not a valid name.
     """
     if not is_network(network):
         raise KeyFileError(f'network "{network}"; allowed: {_NAMES}')
 
 
 def key_info(use: str, network: str, generation: int) -> bytes:
-    """Return what parts keys of different uses, networks, generations and versions of the wire."""
+    """Return the HKDF info that separates uses, networks, generations and wire versions."""
     name = network.encode()
     numbers = bytes((WIRE_VERSION,)) + generation.to_bytes(4, "big")
     return f"zacoustic {use}".encode() + bytes((0, len(name))) + name + numbers
 
 
 def is_fingerprint(text: str) -> bool:
-    """Tell whether a text can be the fingerprint of a key."""
+    """Tell whether a text has the form of a fingerprint."""
     return re.fullmatch(r"[0-9a-f]{8}", text) is not None
 
 
 def expand(secret: bytes, info: bytes, size_bytes: int) -> bytes:
-    """Derive bytes from a secret that is random: HKDF-Expand with SHA-256 (RFC 5869, 2.3)."""
+    """Derive bytes from a random secret: HKDF-Expand with SHA-256 (RFC 5869, 2.3)."""
     found, block, place = b"", b"", 1
     while len(found) < size_bytes:
         block = hmac.digest(secret, block + info + bytes((place,)), hashlib.sha256)
@@ -142,7 +142,7 @@ def read_key(path: Path) -> FleetKey:
     """Read a key file.
 
     Raises:
-        KeyFileError: There is none, others may read it, or it is damaged; never shows its content.
+        KeyFileError: It is missing, damaged, or others may read it. Never shows its content.
     """
     key = read_private(path, FleetKey)
     for name, secret in (("secret", key.secret), ("former", key.former)):
@@ -161,10 +161,10 @@ def read_key(path: Path) -> FleetKey:
 
 
 def read_private(path: Path, record: type[Record]) -> Record:
-    """Read a record from a file that nobody else may read.
+    """Read a record from a file that only its owner may read.
 
     Raises:
-        KeyFileError: There is none, others may read it, or it is damaged; never shows its content.
+        KeyFileError: It is missing, damaged, or others may read it. Never shows its content.
     """
     try:
         with path.open("rb") as file:
@@ -182,24 +182,24 @@ def read_private(path: Path, record: type[Record]) -> Record:
     try:
         return msgspec.json.decode(content, type=record)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        # What msgspec says names places and types, never values.
+        # The message of msgspec names places and types, never values.
         raise KeyFileError(f"{path}: no key file: {error}", hint="put back a copy of it") from None
 
 
 def write_key(path: Path, key: FleetKey, *, replace: bool = False) -> None:
-    """Write a key file that only its owner can read; never half of one.
+    """Write a key file that only its owner can read, atomically.
 
     Raises:
-        KeyFileError: There is one already, or it cannot be written.
+        KeyFileError: It exists already, or cannot be written.
     """
     write_private(path, key, replace=replace)
 
 
 def write_private(path: Path, record: msgspec.Struct, *, replace: bool = False) -> None:
-    """Write a record into a file that only its owner can read; never half of it.
+    """Write a record into a file that only its owner can read, atomically.
 
     Raises:
-        KeyFileError: There is one already, or it cannot be written.
+        KeyFileError: It exists already, or cannot be written.
     """
     beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
@@ -211,7 +211,7 @@ def write_private(path: Path, record: msgspec.Struct, *, replace: bool = False) 
         if replace:
             beside.replace(path)
         else:
-            os.link(beside, path)  # fails where there is one, also one of this instant
+            os.link(beside, path)  # fails if the file exists, even if it was made just now
     except FileExistsError as error:
         raise KeyFileError(
             f"{path}: there is a key already", hint="`zacoustic key rotate` makes the next one"

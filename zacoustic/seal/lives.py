@@ -1,18 +1,17 @@
 """The lives of a node: a number for each start, which no other start with the same key has.
 
-Two frames under one key and nonce give both of them away. A nonce has the life of its sender in it,
-so all that must survive a power cut, a damaged disk and a deleted journal is one number. It stands
+Two frames under the same key and nonce reveal the contents of both. The nonce contains the life of
+its sender, so one number must survive power cuts, damaged disks and a deleted journal. It is stored
 in three files of 24 bytes, apart from the journal, each with a checksum:
 
     magic 4 | network and address, hashed 8 | generation 4 | life 4 | CRC-32 4
 
-A start takes the highest number that any of them has, and one more; it uses that when all three are
-on the disk again. So a file that is lost or damaged is mended, and a crash between two writes
-wastes a life, of which there are `LAST_LIFE`. A new generation of the key begins at life 0: no
-frame was sealed with it before.
+A start takes the highest number in any of the files plus one, and uses it once all three files hold
+it. So a start repairs a lost or damaged file, and a crash between two writes wastes one life of
+`LAST_LIFE`. A new generation of the key begins at life 0, since it has sealed no frame before.
 
-Where no copy can be read, nobody knows which lives are used up: the node opens frames and seals
-none, until somebody says which life the others have heard of it last (`zacoustic key rejoin`).
+If no copy can be read, the lives in use are unknown: the node opens frames but seals none until an
+operator states the last life that the other nodes have heard of it (`zacoustic key rejoin`).
 """
 
 import hashlib
@@ -35,11 +34,11 @@ _SIZE_BYTES: Final = len(_MAGIC) + _NAME_BYTES + 4 + 4 + _CHECK_BYTES
 
 
 class LifeError(ZacousticError):
-    """It is not known, or cannot be written, which life this start may use."""
+    """The life that this start may use is unknown or cannot be written."""
 
 
 class Generation(Protocol):
-    """What lives are counted for."""
+    """A generation of keys, in which lives are counted."""
 
     @property
     def network(self) -> str:
@@ -47,20 +46,20 @@ class Generation(Protocol):
 
     @property
     def generation(self) -> int:
-        """Of its keys."""
+        """Generation of the keys."""
 
 
 class Start(msgspec.Struct, frozen=True, order=True, array_like=True):
-    """One start of a node, in order of time."""
+    """One start of a node; starts compare in order of time."""
 
     generation: int
-    """Of the key."""
+    """Generation of the key."""
     life: int
     """Counted from 0 in each generation."""
 
     @property
     def next(self) -> "Start":
-        """The one behind it, with the same key."""
+        """The start after this one, with the same key."""
         return Start(self.generation, self.life + 1)
 
 
@@ -69,13 +68,13 @@ NO_START: Final = Start(-1, -1)
 
 
 class Found(msgspec.Struct, frozen=True, kw_only=True):
-    """What the copies say."""
+    """The contents of the copies."""
 
     generation: int | None
     """Generation and life of the last start; None: no copy can be read."""
     life: int | None
     faults: tuple[str, ...]
-    """What is wrong with single copies, a line each."""
+    """Faults of single copies, one line each."""
 
     @property
     def last(self) -> Start | None:
@@ -89,8 +88,8 @@ class Lives:
     """The copies of one node's life.
 
     Args:
-        folder: Where they are; made when there is none.
-        key: Of the fleet, or its list of members.
+        folder: Folder of the copies; made if it is missing.
+        key: The key of the fleet, or its list of members.
         address: The node.
     """
 
@@ -109,12 +108,12 @@ class Lives:
 
     @property
     def generation(self) -> int:
-        """Of the key."""
+        """Generation of the key."""
         return self._key.generation
 
     @property
     def paths(self) -> Sequence[Path]:
-        """The files."""
+        """The files of the copies."""
         return [self._folder / f"life-{self._address}.{copy}" for copy in range(1, COPIES + 1)]
 
     def find(self) -> Found:
@@ -136,10 +135,10 @@ class Lives:
         return Found(generation=generation, life=life, faults=tuple(faults))
 
     def begin(self, journalled: Start | None = None) -> int:
-        """Begin a life: its number is on the disk, three times, when this returns.
+        """Begin a life; on return all three files on the disk hold its number.
 
         Args:
-            journalled: The last start that the journal knows of; None: it knows of none.
+            journalled: The last start in the journal; None: the journal has none.
 
         Raises:
             LifeError: No copy can be read, or one cannot be written, or all lives are used up.
@@ -149,7 +148,7 @@ class Lives:
         return start.life
 
     def upcoming(self, journalled: Start | None = None) -> Start:
-        """Return the start that `begin` makes; changes nothing.
+        """Return the start that `begin` would make; changes nothing.
 
         Args:
             journalled: As for `begin`.
@@ -164,7 +163,7 @@ class Lives:
                 + "; ".join(found.faults),
                 hint=f"zacoustic key rejoin {self._address}; until then it seals no frame",
             )
-        # Behind the journal they can only be if old copies of all of them were put back.
+        # The files can be behind the journal only if old copies of all of them were restored.
         last = max(Start(found.generation, found.life), journalled or NO_START)
         if last.generation > self._key.generation:
             raise LifeError(
@@ -182,18 +181,18 @@ class Lives:
         return Start(self._key.generation, life)
 
     def reach(self, life: int) -> None:
-        """Write down that a later life has begun, in a process that has begun one before.
+        """Write down a later life, in a process that has begun one already.
 
-        What could not be written may be tried again.
+        A failed write may be tried again.
 
         Raises:
-            LifeError: It is none that comes later, or cannot be written.
+            LifeError: `life` is not a later one, or cannot be written.
         """
         found = self.find()
         is_later = (
             found.generation == self._key.generation
             and found.life is not None
-            # A copy may have it from an attempt of this process that failed behind that.
+            # A failed attempt of this process may have written some of the copies.
             and (found.life < life or found.life == life == self._reached)
             and life <= LAST_LIFE
         )
@@ -208,21 +207,21 @@ class Lives:
         self._write(life)
 
     def join(self, after: int | None = None) -> int:
-        """Make the record of a node that has none, or cannot be read.
+        """Make the record of a node that has none, or none that can be read.
 
         Args:
-            after: The last life that others have heard; None: the node was never in the fleet with
-                this generation of the key.
+            after: The last life that the others have heard; None: the node was never in the fleet
+                with this generation of the key.
 
         Returns:
-            The life before the first one that the next start may use.
+            The last life that counts as used.
 
         Raises:
-            LifeError: There is a record, and it is not behind; or it cannot be written.
+            LifeError: A record exists and is not behind `after`; or it cannot be written.
         """
         found = self.find()
         if found.generation is not None and found.generation > self._key.generation:
-            # Lives of that generation would begin at 0 again, when its key comes back.
+            # That generation would start again at life 0 when its key returns.
             raise LifeError(
                 f"{self._folder}: node {self._address} has started with generation "
                 f"{found.generation} of the key, and the key file has {self._key.generation}",
@@ -238,7 +237,7 @@ class Lives:
             )
         if not -1 <= last <= LAST_LIFE:
             raise LifeError(f"life {last}; allowed: 0…{LAST_LIFE}")
-        # A life is never 0 again: the first start after this begins the one behind it.
+        # Life 0 is never used again: the next start begins the life after the written one.
         self._write(last + 1 if after is not None else 0)
         return max(last, 0)
 
@@ -271,7 +270,7 @@ class Lives:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all, and not return before it is on the disk."""
+    """Write a file atomically; on return it is on the disk."""
     beside = path.with_name(path.name + ".new")
     with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
         file.write(content)

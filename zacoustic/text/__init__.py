@@ -1,1 +1,1 @@
-"""Text of people: reading numbers, and safe printing."""
+"""Text from and for people: it reads numbers and prints safely."""

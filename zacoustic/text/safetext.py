@@ -1,13 +1,13 @@
-r"""Foreign text, made safe to show: one place for terminals, JSON and pages.
+r"""Makes foreign text safe to show: one place for terminals, JSON and pages.
 
-Names, values and error texts come off the channel, from programs on the network and out of files.
-They are data, so they must not steer what shows them: a terminal obeys escape sequences, a line end
-forges a line, a right-to-left mark turns what is beside it around, a page obeys tags. Everything
-that shows text of others takes it through here; rich gets its `Text` objects made of `one_line`,
-never its markup.
+Names, values and error texts come from the channel, from programs on the network and from files.
+They must not control what shows them: an escape sequence changes the terminal, a line end forges a
+line, a right-to-left mark reverses the text beside it, and a page executes tags. All foreign text
+goes through this module before it is shown; rich gets `Text` objects made of `one_line`, never
+markup.
 
-What cannot be seen is written as Python would write it, `\x1b` or `\u202e`; in JSON as JSON
-does, so that a reader gets back exactly what was there.
+Invisible characters are written as in Python, `\x1b` or `\u202e`; in JSON as JSON writes them, so
+that a reader gets back exactly the original.
 """
 
 import json
@@ -17,7 +17,7 @@ from html import escape
 from typing import Any, Final
 
 _HIDDEN: Final = "***"
-# A setting with the name of a secret, and the password in front of a host.
+# A setting whose name is that of a secret, and the password before a host.
 _SETTING: Final = re.compile(
     r"(?i)(?<![a-z])([\w.-]*(?:passw(?:or)?d|passphrase|secret|token|credential|api_?key|"
     r"private_?key|key_?base64|psk)[\w.-]*\s*=\s*)[^;&#\s,\"')]+"
@@ -26,13 +26,13 @@ _USER: Final = re.compile(r"(?<=[/\s\"'(])([^\s/:@\"'(]+):[^\s/@\"']+@")
 
 
 def one_line(text: object) -> str:
-    """Return a text as one line that a terminal can only show."""
+    """Return a text as one line that cannot control a terminal."""
     written = str(text)
     return written if written.isprintable() else "".join(map(_visible, written))
 
 
 def some_lines(text: object) -> str:
-    """Return a text of several lines that a terminal can only show; line ends stay."""
+    """Return a text as lines that cannot control a terminal; line ends stay."""
     return "\n".join(map(one_line, str(text).split("\n")))
 
 
@@ -50,12 +50,12 @@ def json_line(value: object) -> str:
 
 
 def html_text(text: object) -> str:
-    """Return a text for a page: no tag, no mark that turns others around; also in attributes."""
+    """Return a text for a page or an attribute: without tags and marks that reverse text."""
     return escape(one_line(text))
 
 
 def without_secrets(text: object) -> str:
-    """Return what names endpoints or locators without the passwords in them."""
+    """Return a text that names endpoints or locators, without the passwords in them."""
     return _SETTING.sub(rf"\1{_HIDDEN}", _USER.sub(rf"\1:{_HIDDEN}@", str(text)))
 
 
@@ -66,7 +66,7 @@ def _visible(letter: str) -> str:
 
 
 def _escaped(letter: str) -> str:
-    """Return a letter of a JSON text; those that are not printable stand inside of strings only."""
+    """Return a character of a JSON text; unprintable ones occur inside strings only."""
     return letter if letter.isprintable() else json.dumps(letter)[1:-1].replace("\x7f", "\\u007f")
 
 

@@ -1,1 +1,1 @@
-"""Zenoh on this side of the link: a session, the gateway, the node of a program."""
+"""Zenoh on this side of the link: the session, the gateway, and the node of a program."""

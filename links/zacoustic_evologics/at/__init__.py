@@ -1,8 +1,8 @@
-"""The AT grammar of an S2C modem, both ways; no state of a modem and no clock.
+"""The AT grammar of an S2C modem in both directions; without the state of a modem or a clock.
 
 - `framing`: lines, packets, headers of payloads; the limits of each.
-- `fields`, `layouts`: what stands between commas, and which record has which fields.
+- `fields`, `layouts`: the kinds of fields, and the fields of each record.
 - `commands`, `notifications`, `usbl`, `replies`, `messages`: the records.
 - `decoder` (`AtDecoder`, a modem's bytes), `command_decoder` (`CommandDecoder`, a host's bytes),
-  `encoder` (both directions), `answers` (what the text of a reply means), `settings`.
+  `encoder` (both directions), `answers` (the meaning of a reply's text), `settings`.
 """

@@ -1,10 +1,10 @@
-"""From the text of an answer to its meaning, by the command that was sent; and back.
+"""The meaning of an answer's text, by the command that was sent; and its text from the meaning.
 
-One command is in flight at a time, so an answer needs no name of its own: the dialogue collects
-it (`ReplyCollector`) and reads it (`decode_reply`); an emulator writes it (`reply_text`).
+One command is in flight at a time, so an answer carries no name: the dialogue collects it
+(`ReplyCollector`) and reads it (`decode_reply`); an emulator writes it (`reply_text`).
 
-An answer of several lines ends, where lines are read, with an empty line; the collector joins the
-lines to the text that a packet would have had.
+In the LINES framing an empty line ends an answer of several lines; the collector joins the lines to
+the text that a packet would have.
 """
 
 import re
@@ -35,10 +35,10 @@ from zacoustic_evologics.at.replies import (
 )
 
 STARRED: Final = "[*]"
-"""Stands before some answers."""
+"""Prefix of some answers."""
 
 STATE_ACTIONS: Final = frozenset({Action.LISTEN, Action.MEASURE_NOISE, Action.DEAF})
-"""Actions that are answered with the new state, and not with OK."""
+"""Actions whose answer is the new state, not OK."""
 
 _MEASUREMENTS: Final = frozenset({"E", "V", "BV"})
 _MEASUREMENT: Final = Decimal(4, 1_000_000.0)
@@ -53,8 +53,8 @@ def decode_reply(command: Command, text: str) -> CommandReply:
     """Read an answer by its command; an unexpected one becomes `TextReply`.
 
     Args:
-        command: The command that is answered.
-        text: The whole text, with the line feeds of several lines.
+        command: The answered command.
+        text: The whole text; several lines with their line feeds.
     """
     if text in ("OK", STARRED + "OK"):
         return Accepted(text != "OK")
@@ -104,7 +104,7 @@ def reply_text(reply: CommandReply) -> str:
 
 
 def has_several_lines(command: Command, interpreter: Interpreter) -> bool:
-    """Tell whether the answer to a command, unless it is refused, ends with an empty line."""
+    """Tell whether an empty line ends the answer to a command, unless it is a refusal."""
     match command:
         case Query("S"):
             return interpreter is Interpreter.NET
@@ -119,7 +119,7 @@ class ReplyCollector:
 
     Args:
         command: The command that was sent.
-        interpreter: Who reads it.
+        interpreter: The interpreter of the port.
     """
 
     def __init__(self, command: Command, interpreter: Interpreter) -> None:
@@ -129,7 +129,7 @@ class ReplyCollector:
     def add(self, reply: Reply) -> str | None:
         """Take a reply; return the whole text once it is complete.
 
-        An empty line where none is expected is skipped: one firmware adds one to its `OK`.
+        It skips an empty line where none is expected: one firmware adds one to its `OK`.
         """
         if reply.command is not None:
             return reply.text
@@ -187,7 +187,7 @@ def _decode_status(text: str) -> LinkStatus | None:
 
 
 def _decode_net_status(text: str) -> NetStatus | None:
-    """Read the values behind the colons by their order: the labels are not known for certain."""
+    """Read the values behind the colons by their order: the labels are uncertain."""
     lines = [line.partition(":")[2].strip() for line in text.splitlines() if line.strip()]
     if len(lines) != 5:
         return None

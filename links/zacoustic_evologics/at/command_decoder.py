@@ -1,16 +1,16 @@
 """From a host's bytes to commands: the emulator's side of `decoder`.
 
-What a modem's reader does, and this one too:
+It follows the rules of a modem's reader:
 
-- A line command ends with CR, LF or CR LF on any port; empty lines before a command are
-  nothing, so a LF behind the CR of the command before does no harm.
-- Behind the header of a payload command exactly the announced bytes are taken, then one line end.
-  A payload longer than announced is one mistake, and what follows up to the line end belongs to it.
-  A payload shorter than announced swallows the host's next bytes, until it has its own.
-- In data mode a command begins with `+++AT`, wherever that stands; everything else is data. What
-  may become `+++AT` is kept until the next byte decides.
-- `+++` alone leaves data mode, if a second of silence is before and after it. There is no clock
-  here: the owner of one calls `silence`.
+- A line command ends with CR, LF or CR LF on any port. Empty lines before a command are ignored, so
+  an LF after the CR of the former command does no harm.
+- After the header of a payload command the reader takes exactly the announced bytes, then one line
+  end. A payload longer than announced is one mistake, together with what follows up to the line
+  end. A payload shorter than announced takes the host's next bytes until it is complete.
+- In data mode a command begins with `+++AT` anywhere; everything else is data. Bytes that may
+  become `+++AT` wait until the next byte decides.
+- `+++` alone leaves data mode, if a second of silence precedes and follows it. The decoder has no
+  clock: its owner calls `silence`.
 - `ATC` and `ATO` change how the very next byte is read, so the decoder follows them by itself.
 """
 
@@ -56,14 +56,14 @@ from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.at.notifications import ImFlag
 
 COMMAND_LINE_LIMIT_BYTES: Final = 256
-"""Longest line command, and longest rest of a wrong payload that is shown."""
+"""Longest line command, and longest part of a wrong payload that is shown."""
 HELD_COMMAND_LIMIT_BYTES: Final = (
     len(PACKET_START) + HEADER_LIMIT_BYTES + PAYLOAD_LIMIT_BYTES + COMMAND_LINE_LIMIT_BYTES
 )
-"""More bytes than this are never kept between two calls."""
+"""Most bytes held between two calls."""
 
 CommandMessage: TypeAlias = Command | InvalidCommand | RawData
-"""What can come from a host."""
+"""Messages of a host."""
 
 
 class _PayloadForm(msgspec.Struct, frozen=True):
@@ -93,8 +93,8 @@ class CommandDecoder:
     """Reads the commands of a host on one port.
 
     Args:
-        interpreter: Who reads on that port. With NET the framing is always LINES.
-        framing: How the connection is divided at first; the decoder follows `ATC` and `ATO`.
+        interpreter: The interpreter of the port. With NET the framing is always LINES.
+        framing: Framing of the connection at first; the decoder follows `ATC` and `ATO`.
     """
 
     def __init__(
@@ -110,11 +110,11 @@ class CommandDecoder:
 
     @property
     def held_bytes(self) -> int:
-        """How many bytes wait for more, at most `HELD_COMMAND_LIMIT_BYTES`."""
+        """Number of bytes waiting for more, at most `HELD_COMMAND_LIMIT_BYTES`."""
         return len(self._buffer)
 
     def feed(self, received: bytes) -> list[CommandMessage]:
-        """Take bytes, return what they complete. Never raises on what they are."""
+        """Take bytes, return the messages that they complete. Never raises on their content."""
         self._buffer += received
         messages: list[CommandMessage] = []
         while self._prepare():
@@ -129,14 +129,14 @@ class CommandDecoder:
         return messages
 
     def silence(self, *, guarded: bool) -> list[CommandMessage]:
-        """Say that the host has been silent for the guard time of `+++`.
+        """Note that the host has been silent for the guard time of `+++`.
 
         Args:
-            guarded: The bytes that are held were all that came after another such silence.
+            guarded: The held bytes are all that came since another such silence.
 
         Returns:
-            `Escape` if they are `+++` and guarded; otherwise, in data mode, what was kept because
-            it might have become a command, as data. A command that has begun is still waited for.
+            `Escape` if they are `+++` and guarded; otherwise, in data mode, the bytes held because
+            they might have become a command, as data. A command that has begun stays held.
         """
         held = bytes(self._buffer)
         if self.framing is Framing.LINES or not held or held.startswith(PACKET_START):
@@ -148,7 +148,7 @@ class CommandDecoder:
         return [RawData(held)]
 
     def _prepare(self) -> bool:
-        """Drop bytes that belong to nothing; tell whether something is left."""
+        """Drop bytes that belong to no command; return whether any are left."""
         if self._skipping and self._buffer:
             end = _LINE_END.search(self._buffer)
             if end is None:
@@ -255,7 +255,7 @@ def decode_payload_command(raw: bytes) -> tuple[PayloadCommand, int] | None:
         raw: From its `AT` on, with its line end.
 
     Returns:
-        The command and how many bytes it took, line end included; None: it is none, or not whole.
+        The command and the bytes it took, line end included; None: it is none, or incomplete.
     """
     for token, form in _PAYLOAD_FORMS.items():
         if raw.startswith(b"AT" + token):
@@ -327,4 +327,4 @@ def _decode_setting(form: str, name: str, number: str) -> Command | None:
 
 
 _FORMS: Final = frozenset("?!@*%")
-"""First characters that tell the form of a command, with any name."""
+"""First characters that mark the form of a command, followed by any name."""

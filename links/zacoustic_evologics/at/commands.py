@@ -1,9 +1,8 @@
 """The commands of a host to a modem, one record for each form.
 
-Queries and settings are open: `Query("XY")` exists whether a modem knows it or not, since their
-number grows with each firmware; which are known, with their limits, is in `settings`. Values out of
-range can be put into a record, because an emulator must be able to read and refuse them; writing
-them is what `encoder` refuses.
+Queries and settings are open: `Query("XY")` exists whether a modem knows it or not, since each
+firmware adds some; `settings` lists the known ones with their limits. A record accepts values out
+of range, because an emulator must be able to read and refuse them; `encoder` refuses to write them.
 """
 
 import enum
@@ -20,7 +19,7 @@ class SendIm(msgspec.Struct, frozen=True, kw_only=True):
     payload: bytes
     """1…64 bytes."""
     destination: int
-    """1…254, or 255 for everybody, which goes without acknowledgement only."""
+    """1…254, or 255 for broadcast, which is only possible without acknowledgement."""
     flag: ImFlag = ImFlag.NOACK
     """Whether the other modem acknowledges."""
     pid: int | None = None
@@ -35,13 +34,13 @@ class SendIms(msgspec.Struct, frozen=True, kw_only=True):
     destination: int
     """1…255."""
     start_us: int | None = None
-    """Modem's clock at which it begins; None: at once."""
+    """Modem's clock at its start; None: at once."""
     pid: int | None = None
     """Protocol id 0…7, with extended networking only."""
 
 
 class SendPbm(msgspec.Struct, frozen=True, kw_only=True):
-    """`AT*SENDPBM`: kept until the modem sends something else to that address, and goes with it."""
+    """`AT*SENDPBM`: waits until the modem sends something to that address, and goes with it."""
 
     payload: bytes
     """1…64 bytes."""
@@ -66,11 +65,11 @@ class SendProbe(msgspec.Struct, frozen=True, kw_only=True):
     """`AT*SENDPROBE`: a probe signal."""
 
     bit: int
-    """What it carries."""
+    """The bit that it carries."""
     follow: int
-    """As the modem takes it; no source explains it."""
+    """Passed to the modem; no source explains it."""
     start_us: int | None = None
-    """Modem's clock at which it begins; None: at once."""
+    """Modem's clock at its start; None: at once."""
 
 
 class Query(msgspec.Struct, frozen=True):
@@ -81,12 +80,12 @@ class Query(msgspec.Struct, frozen=True):
 
 
 class Set(msgspec.Struct, frozen=True):
-    """`AT!NAME<n>`: change a setting of the modem until the power goes."""
+    """`AT!NAME<n>`: change a setting of the modem until it is switched off."""
 
     name: str
     """Capital letters."""
     value: int
-    """The new one."""
+    """The new value."""
 
 
 class SetOption(msgspec.Struct, frozen=True):
@@ -95,14 +94,14 @@ class SetOption(msgspec.Struct, frozen=True):
     name: str
     """Capital letters."""
     value: int | None = None
-    """None for those that have none, such as `AT@CTRL`."""
+    """None for options without a value, such as `AT@CTRL`."""
 
 
 class Action(enum.Enum):
     """The commands of one letter; the value is the letter."""
 
     ATTENTION = ""
-    """Nothing; answered `OK`."""
+    """No action; answered `OK`."""
     LISTEN = "A"
     """Leave any other state, and listen."""
     COMMAND_MODE = "C"
@@ -126,34 +125,34 @@ class Action(enum.Enum):
     SHOW_SETTINGS = "&V"
     """All settings in many lines."""
     STORE_SETTINGS = "&W"
-    """Keep the settings without power."""
+    """Store the settings permanently."""
     FACTORY_SETTINGS = "&F"
-    """Back to what it was delivered with."""
+    """Restore the factory settings."""
 
 
 class Act(msgspec.Struct, frozen=True):
-    """`AT<letter>[<n>]`: have the modem do something."""
+    """`AT<letter>[<n>]`: an action of the modem."""
 
     action: Action
-    """What."""
+    """The action."""
     value: int | None = None
-    """The number behind the letter, if there is one."""
+    """The number after the letter, if any."""
 
 
 class Help(msgspec.Struct, frozen=True):
     """`AT<key>$`: explain a command."""
 
     key: str
-    """What stands between."""
+    """The text between `AT` and `$`."""
 
 
 class ExtensionCommand(msgspec.Struct, frozen=True):
-    """`AT%KEY[,parameters]`: of the vendor's middleware, not of a modem."""
+    """`AT%KEY[,parameters]`: for the vendor's middleware, not for a modem."""
 
     key: str
     """Capital letters."""
     parameters: str = ""
-    """Behind the first comma."""
+    """The text after the first comma."""
 
 
 class Escape(msgspec.Struct, frozen=True):
@@ -165,26 +164,26 @@ PayloadCommand: TypeAlias = SendIm | SendIms | SendPbm | SendBurst
 LineCommand: TypeAlias = (
     SendProbe | Query | Set | SetOption | Act | Help | ExtensionCommand | Escape
 )
-"""Commands that do not."""
+"""Commands without a payload."""
 Command: TypeAlias = PayloadCommand | LineCommand
 """All commands."""
 
 
 class Mistake(enum.Enum):
-    """What is wrong with a command that cannot be read; the value is how a modem answers."""
+    """Faults of an unreadable command; the value is the modem's answer."""
 
     WRONG_FORMAT = "ERROR WRONG FORMAT"
-    """A number is missing, a payload has another length than announced, `+++` where none goes."""
+    """A number is missing, a payload has a wrong length, or `+++` is not allowed."""
     UNKNOWN_COMMAND = "ERROR UNKNOWN COMMAND"
-    """There is no such letter."""
+    """No command has that letter."""
 
 
 class InvalidCommand(msgspec.Struct, frozen=True):
-    """Bytes of a host that are no command."""
+    """Bytes of a host that are not a command."""
 
     raw: bytes
-    """What came, without line end; shortened where it is long."""
+    """The bytes, without line end; shortened if long."""
     mistake: Mistake
-    """Why."""
+    """The fault."""
     name: str = ""
     """Name of the presumed command, for the header of the answer in data mode."""

@@ -1,19 +1,18 @@
-"""From a modem's bytes to messages, however the bytes are cut.
+"""From a modem's bytes to messages, independent of how the bytes are cut.
 
 Three rules keep the stream readable:
 
-- Length governs. Of a record with a payload so many bytes are taken, whatever they look like; if no
-  CR LF follows them, only the first line of it is given up and reading goes on behind that.
-- A decision waits until the bytes that it depends on are there, and depends on no others. So the
-  same bytes give the same messages in one piece or one by one (pieces of `RawData` apart).
-- What is waited for is bounded, by announced lengths no longer than `PAYLOAD_LIMIT_BYTES` and lines
-  no longer than `LINE_LIMIT_BYTES`.
+- Length decides. The decoder takes the announced bytes of a payload, whatever they look like; if no
+  CR LF follows them, it gives up only the first line of the record and continues after that.
+- A decision waits for the bytes that it depends on, and depends on no others. So the same bytes
+  give the same messages in one piece or one by one (pieces of `RawData` apart).
+- Waiting is bounded: announced lengths by `PAYLOAD_LIMIT_BYTES`, lines by `LINE_LIMIT_BYTES`.
 
-A length that was damaged on its way makes the decoder wait for bytes which may not come. It has no
-clock; its owner calls `flush` when the port has been silent while `held_bytes` is not 0.
+A length damaged on its way makes the decoder wait for bytes that may never come. It has no clock;
+its owner calls `flush` when the port has been silent while `held_bytes` is not 0.
 
-While the connection is in LINES, packets are read too, wherever they begin: a modem with the NET
-interpreter never sends one, so a packet shows at start-up that this modem is in data mode.
+In LINES the decoder also reads packets, wherever they begin: a modem with the NET interpreter never
+sends one, so a packet reveals at start-up that this modem is in data mode.
 """
 
 from typing import Final
@@ -35,7 +34,7 @@ from zacoustic_evologics.at.messages import Message, RawData, Reply, Unrecognise
 LINE_LIMIT_BYTES: Final = 1024
 """Longest line; the longest known, USBLPHYP, has 245."""
 HELD_LIMIT_BYTES: Final = BODY_LIMIT_BYTES + LINE_LIMIT_BYTES + HEADER_LIMIT_BYTES
-"""More bytes than this are never kept between two calls."""
+"""Most bytes held between two calls."""
 
 _PAYLOAD_STARTS: Final = tuple(
     (token.encode() + b",", layout) for token, layout in PAYLOAD_TOKENS.items()
@@ -46,8 +45,8 @@ class AtDecoder:
     """Reads the messages of one port of a modem.
 
     Args:
-        framing: How the connection is divided; may be set anew at any time, and holds for the bytes
-            that are still held.
+        framing: Framing of the connection; may be changed at any time, and also applies to the held
+            bytes.
     """
 
     def __init__(self, framing: Framing = Framing.LINES) -> None:
@@ -56,11 +55,11 @@ class AtDecoder:
 
     @property
     def held_bytes(self) -> int:
-        """How many bytes wait for more, at most `HELD_LIMIT_BYTES`."""
+        """Number of bytes waiting for more, at most `HELD_LIMIT_BYTES`."""
         return len(self._buffer)
 
     def feed(self, received: bytes) -> list[Message]:
-        """Take bytes, return the messages that they complete. Never raises on what they are."""
+        """Take bytes, return the messages that they complete. Never raises on their content."""
         self._buffer += received
         messages: list[Message] = []
         while self._buffer:
@@ -74,7 +73,7 @@ class AtDecoder:
     def flush(self) -> list[Message]:
         """Give up incomplete messages, and return all held bytes as messages.
 
-        To be called when the port has been silent too long, or was closed.
+        Call it when the port has been silent too long, or was closed.
         """
         messages: list[Message] = []
         while self._buffer:

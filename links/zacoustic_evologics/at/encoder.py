@@ -1,8 +1,8 @@
 """From records to bytes, in both directions: a host's commands, a modem's messages.
 
-Pure functions. They refuse with `ValueError` what the grammar or the device does not allow: a
-payload of 65 bytes in an instant message, an acknowledgement from everybody, a source level of 4.
-What they write, the decoder of the other side reads as the same record.
+Pure functions. They raise `ValueError` for what the grammar or the device does not allow: a payload
+of 65 bytes in an instant message, an acknowledged broadcast, a source level of 4. The decoder of
+the other side reads their output as the same record.
 """
 
 import re
@@ -45,9 +45,9 @@ from zacoustic_evologics.at.notifications import (
 from zacoustic_evologics.at.settings import SETTINGS
 
 BURST_LIMIT_BYTES: Final = 1024
-"""Longest burst that is written. By convention of several drivers; no source knows the modem's."""
+"""Longest burst written: a convention of several drivers; no source knows the modem's limit."""
 BROADCAST: Final = 255
-"""Address of everybody."""
+"""Address of all nodes."""
 
 Speakable: TypeAlias = Notification | Reply | Noise | RawData
 """All messages of a modem."""
@@ -65,11 +65,11 @@ def encode_command(
 
     Args:
         command: The command.
-        framing: Of the connection; in PACKETS the command gets its `+++`.
+        framing: Framing of the connection; in PACKETS the command gets its `+++`.
         line_end: `TCP_LINE_END` or `SERIAL_LINE_END`, by the port.
 
     Raises:
-        ValueError: The modem would refuse it.
+        ValueError: The modem would refuse the command.
     """
     if isinstance(command, Escape):
         if framing is Framing.LINES:
@@ -113,10 +113,10 @@ def encode_message(message: Speakable, framing: Framing = Framing.LINES) -> byte
         message: The record. A `Reply` in PACKETS needs its `command`, in LINES it must have none.
             A reply of several lines ends with a line feed; in LINES the empty line after it is
             written too.
-        framing: Of the connection.
+        framing: Framing of the connection.
 
     Raises:
-        ValueError: A value that its field does not allow, or raw data where lines are read.
+        ValueError: A value that its field does not allow, or raw data in LINES.
     """
     if isinstance(message, RawData):
         if framing is Framing.LINES:
@@ -260,7 +260,7 @@ def _checked_text(text: str) -> str:
 
 
 NUMBERED_ACTIONS: Final = frozenset("DHIZ")
-"""Letters of commands that may have a number."""
+"""Letters of commands that may carry a number."""
 _PAYLOAD_NAMES: Final[dict[type, str]] = {
     SendIm: "*SENDIM",
     SendIms: "*SENDIMS",

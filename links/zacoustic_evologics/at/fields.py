@@ -1,14 +1,14 @@
-"""What stands between two commas: kinds of fields, each with its text and its limits.
+"""The kinds of fields between two commas, each with its text form and its limits.
 
-The same field reads and writes, so that a value which cannot be written is not read either: a
-number outside its limits makes the record unrecognised. Limits are the widest that a source shows,
-or that the width of the number allows; only documented ranges (addresses, flags) are narrow.
+The same field reads and writes, so it does not read a value that it cannot write: a number outside
+its limits makes the record unrecognised. Limits are the widest that a source shows, or that the
+width of the number allows; only documented ranges (addresses, flags) are narrow.
 
 A float always gets its decimal point, since a parser of the vendor refuses one without it. Times
 in seconds become integers of microseconds: six decimals of a Unix time fit a float, sums of them
 do not.
 
-All methods here raise `ValueError` for other values; the decoders turn that into data.
+Methods raise `ValueError` for other values; the decoders turn such text into data.
 """
 
 import enum
@@ -25,7 +25,7 @@ class Field(Protocol):
     """One kind of field."""
 
     def decode(self, text: str) -> object:
-        """Return the value of a text; raise ValueError if it is none."""
+        """Return the value of a text; raise ValueError if it has none."""
         ...
 
     def encode(self, value: object) -> str:
@@ -41,7 +41,7 @@ class Integer:
         self.high = high
 
     def decode(self, text: str) -> int:
-        """Read digits, a minus before them at most."""
+        """Read digits, with an optional minus."""
         if not _INTEGER.fullmatch(text):
             raise ValueError(f"{text!r} is no whole number")
         return self._checked(int(text))
@@ -59,7 +59,7 @@ class Integer:
 
 
 class Level(Integer):
-    """A whole number that may come with decimals, which are rounded away."""
+    """A whole number that may come with decimals; they are rounded away."""
 
     def decode(self, text: str) -> int:
         """Read a number."""
@@ -69,7 +69,7 @@ class Level(Integer):
 
 
 class Decimal:
-    """A number written with a fixed count of decimals; magnitude up to `limit`."""
+    """A number written with a fixed number of decimals; magnitude up to `limit`."""
 
     def __init__(self, decimals: int, limit: float) -> None:
         self.decimals = decimals
@@ -82,7 +82,7 @@ class Decimal:
         return self._checked(float(text))
 
     def encode(self, value: object) -> str:
-        """Write a number; more decimals than there is room for are rounded away."""
+        """Write a number; round further decimals away."""
         if not isinstance(value, float | int) or isinstance(value, bool):
             raise ValueError(f"{value!r} is no number")
         return f"{self._checked(round(float(value), self.decimals)):.{self.decimals}f}"
@@ -97,7 +97,7 @@ class Seconds:
     """Seconds with six decimals on the wire, whole microseconds in the record."""
 
     def decode(self, text: str) -> int:
-        """Read seconds; decimals behind the sixth are cut."""
+        """Read seconds; cut decimals after the sixth."""
         match = _SECONDS.fullmatch(text)
         if not match:
             raise ValueError(f"{text!r} is no time in seconds")
@@ -114,26 +114,26 @@ class Word:
     """Printable ASCII without a comma, 1…40 characters."""
 
     def decode(self, text: str) -> str:
-        """Take the text as it is."""
+        """Return the text unchanged."""
         if not _WORD.fullmatch(text):
             raise ValueError(f"{text!r} is no word")
         return text
 
     def encode(self, value: object) -> str:
-        """Write the text as it is."""
+        """Return the text unchanged."""
         if not isinstance(value, str):
             raise ValueError(f"{value!r} is no word")
         return self.decode(value)
 
 
 class Choice:
-    """One of the values of an enumeration whose values are the words on the wire."""
+    """A member of an enumeration whose values are the words on the wire."""
 
     def __init__(self, kind: type[enum.Enum]) -> None:
         self.kind = kind
 
     def decode(self, text: str) -> enum.Enum:
-        """Look the word up; `ValueError` when it is not there."""
+        """Look the word up; `ValueError` if it is missing."""
         return self.kind(text)
 
     def encode(self, value: object) -> str:
@@ -144,13 +144,13 @@ class Choice:
 
 
 class Maybe:
-    """A field that may be empty, which is None in the record."""
+    """A field that may be empty, which the record has as None."""
 
     def __init__(self, field: Field) -> None:
         self.field = field
 
     def decode(self, text: str) -> object:
-        """Read the field, if there is something."""
+        """Read the field unless it is empty."""
         return None if text == "" else self.field.decode(text)
 
     def encode(self, value: object) -> str:
@@ -159,25 +159,25 @@ class Maybe:
 
 
 ADDRESS: Final = Integer(0, 255)
-"""Any address: 0 nobody or anybody, 1…254 a modem, 255 everybody."""
+"""Any address: 0 none or any, 1…254 a modem, 255 broadcast."""
 MODEM: Final = Integer(1, 254)
 """The address of one modem."""
 TARGET: Final = Integer(1, 255)
-"""The address of one modem, or of all."""
+"""The address of one modem, or broadcast."""
 PROTOCOL_ID: Final = Integer(0, 7)
 """The `p<pid>` of extended networking."""
 CLOCK_US: Final = Integer(0, 2**32 - 1)
-"""The modem's clock, µs: drivers read it into 32 bits, so it wraps after 71.6 minutes."""
+"""The modem's clock, µs: drivers read it as 32 bits, so it wraps after 71.6 minutes."""
 DURATION_US: Final = Integer(0, 2**32 - 1)
 """A duration, µs; the longest known are bursts of some seconds."""
 COUNT: Final = Integer(0, 2**32 - 1)
 """A count of packets or bytes."""
 BIT_RATE_BPS: Final = Integer(0, 10_000_000)
-"""Acoustic bit rate, bit/s; the fastest modem known makes 62 500."""
+"""Acoustic bit rate, bit/s; the fastest known modem has 62 500."""
 RSSI_DB: Final = Level(-1000, 1000)
-"""Received level, dB re 1 V; seen are -20…-85."""
+"""Received level, dB re 1 V; observed: -20…-85."""
 INTEGRITY: Final = Level(-100_000, 100_000)
-"""Signal integrity; above 100 is good, which proves nothing about delivery."""
+"""Signal integrity; above 100 is good, but proves no delivery."""
 VELOCITY_M_S: Final = Decimal(4, 10_000.0)
 """Relative velocity, m/s."""
 METRES: Final = Decimal(4, 1_000_000.0)

@@ -1,4 +1,4 @@
-"""How the bytes of a connection are divided: into lines, or into raw data with packets in it.
+"""The division of a connection's bytes: into lines, or into raw data with packets in it.
 
 A modem has two interpreters, and one of them two modes:
 
@@ -8,8 +8,8 @@ A modem has two interpreters, and one of them two modes:
   commands that begin with `+++AT`, and their answers, which come as packets
   ``+++AT<name>:<length>:<body>CRLF``. Vendor word: TIES, time-independent escape sequence.
 
-So a connection is either in LINES or in PACKETS. While packets are read, only the length protects:
-a body may contain CR LF and whole packets.
+So a connection is either in LINES or in PACKETS. In a packet only the length counts: a body may
+contain CR LF and whole packets.
 """
 
 import enum
@@ -25,14 +25,14 @@ CRLF: Final = b"\r\n"
 TCP_LINE_END: Final = b"\n"
 """Ends a command on a TCP port."""
 SERIAL_LINE_END: Final = b"\r"
-"""Ends a command on a serial port. A modem that is given CR LF there may see an empty line."""
+"""Ends a command on a serial port. After CR LF a modem may see an empty line."""
 PAYLOAD_LIMIT_BYTES: Final = 16_384
-"""Longest payload that is waited for: a whole default transmit pool. The longest known are the 1024
-bytes of a burst."""
+"""Longest payload to wait for: a whole default transmit pool. The longest known is a burst of 1024
+bytes."""
 HEADER_LIMIT_BYTES: Final = 160
 """Longest text before a payload; ten fields of ten digits are 110."""
 BODY_LIMIT_BYTES: Final = PAYLOAD_LIMIT_BYTES + HEADER_LIMIT_BYTES
-"""Longest body of a packet that is waited for."""
+"""Longest body of a packet to wait for."""
 
 _PACKET_HEADER: Final = re.compile(rb"\+{3}AT([!-*,-9;-~]{0,32}):([0-9]{1,5}):")
 _PACKET_HEADER_PART: Final = re.compile(rb"\+{3}AT[!-*,-9;-~]{0,32}(:[0-9]{0,5})?")
@@ -40,7 +40,7 @@ _PACKET_HEADER_LIMIT: Final = len("+++AT") + 32 + 1 + 5 + 1
 
 
 class Interpreter(enum.Enum):
-    """Who reads the commands on a port; the answer to `AT?MODE`."""
+    """Interpreter of the commands on a port; the answer to `AT?MODE`."""
 
     NET = "NET"
     """Networking interpreter."""
@@ -49,7 +49,7 @@ class Interpreter(enum.Enum):
 
 
 class Framing(enum.Enum):
-    """How the bytes are divided."""
+    """How the bytes of a connection are divided."""
 
     LINES = "lines"
     """NET interpreter, or AT interpreter in command mode."""
@@ -61,9 +61,9 @@ class Gap(enum.Enum):
     """Why something could not be read at this place."""
 
     INCOMPLETE = "incomplete"
-    """More bytes decide."""
+    """More bytes will decide."""
     MALFORMED = "malformed"
-    """No byte that may follow makes it right."""
+    """No following byte can make it valid."""
 
 
 class Packet(msgspec.Struct, frozen=True):
@@ -72,18 +72,18 @@ class Packet(msgspec.Struct, frozen=True):
     name: str
     """The command it answers, without parameters; empty in a notification."""
     body: bytes
-    """What is in it."""
+    """Its content."""
     end: int
-    """How many bytes it took."""
+    """Number of bytes it took."""
 
 
 class Header(msgspec.Struct, frozen=True):
-    """What stands before a payload."""
+    """The text before a payload."""
 
     values: tuple[str, ...]
     """The fields, without token, protocol id and length."""
     pid: int | None
-    """Protocol id, None if the header has none."""
+    """Protocol id; None: the header has none."""
     payload_start: int
     """Where the payload begins."""
     payload_end: int
@@ -94,7 +94,7 @@ def read_packet(buffer: bytes | bytearray, start: int = 0) -> Packet | Gap:
     """Read the packet whose `+++AT` is at `start`.
 
     Returns:
-        The packet; MALFORMED if this is no packet, or CR LF is not at the end of its length.
+        The packet; MALFORMED if this is no packet, or no CR LF follows its body.
     """
     head = bytes(buffer[start : start + _PACKET_HEADER_LIMIT])
     match = _PACKET_HEADER.match(head)
@@ -123,7 +123,7 @@ def encode_packet(name: str, body: bytes) -> bytes:
     """Wrap a body.
 
     Raises:
-        ValueError: The body is too long, or the name cannot be one.
+        ValueError: The body is too long, or the name is not valid.
     """
     packet = b"%s%s:%d:%s\r\n" % (PACKET_START, name.encode("ascii"), len(body), body)
     if len(body) > BODY_LIMIT_BYTES or not _PACKET_HEADER.match(packet):
@@ -136,8 +136,8 @@ def read_header(buffer: bytes | bytearray, field_count: int, payload_limit: int)
 
     Args:
         buffer: Begins with the token.
-        field_count: How many fields stand between length and payload.
-        payload_limit: Longest payload that may be announced, bytes.
+        field_count: Number of fields between length and payload.
+        payload_limit: Longest payload that a header may announce, bytes.
     """
     head = bytes(buffer[:HEADER_LIMIT_BYTES])
     after_token = head.find(b",") + 1

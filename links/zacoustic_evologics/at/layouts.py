@@ -1,12 +1,12 @@
-"""Fields of a modem's messages in their order: the tables, and their one reader.
+"""The fields of a modem's messages in order: the tables, and one reader for all.
 
-A payload has exactly the length that its record announces, then CR LF; nothing in it is escaped. A
-firmware 1.6 has other fields in two records. The field that is the velocity in the later layout
+A payload has exactly the length that its record announces, then CR LF; nothing in it is escaped.
+Firmware 1.6 has other fields in two records. The field that holds the velocity in the later layout
 distinguishes the two: velocities have a decimal point in every source, and the delay that firmware
-1.6 puts there has none; then the next field must be the velocity.
+1.6 has there has none; then the next field must be the velocity.
 
-A line with more fields than its table is read all the same, without the surplus ones: one firmware
-adds a velocity to RECVEND, and no later one may silence a whole kind of record.
+A line with more fields than its table is read without the surplus ones: one firmware adds a
+velocity to RECVEND, and a later one must not disable a whole kind of record.
 """
 
 import re
@@ -50,24 +50,24 @@ IM_LIMIT_BYTES: Final = 64
 """Longest payload of an instant, synchronous or piggyback message."""
 
 Columns: TypeAlias = tuple[tuple[str, Field] | tuple[str, Field, int], ...]
-"""Name of the record's field, how to read it, and how many of them follow each other."""
+"""Name of the record's field, its kind, and how many values of it follow each other."""
 Record: TypeAlias = said.Notification | Noise
-"""What has a layout."""
+"""Records with a layout."""
 
 
 class Layout(msgspec.Struct, frozen=True):
     """One record of the grammar."""
 
     token: str
-    """The word it begins with."""
+    """Its first word."""
     record: Callable[..., Record]
-    """What it becomes."""
+    """The type of its record."""
     columns: Columns
     """Its fields, in order; without protocol id, length and payload."""
     payload_limit: int | None = None
-    """Longest payload, bytes; None if the record is a line."""
+    """Longest payload, bytes; None: the record is a line."""
     has_addresses: bool = True
-    """A record with payload: it may carry a protocol id."""
+    """It has a payload and may carry a protocol id."""
 
 
 _ADDRESSES: Final[Columns] = (("source", ADDRESS), ("destination", ADDRESS))
@@ -116,7 +116,7 @@ FIRMWARE_1_6_LAYOUTS: Final = (
     Layout("RECVIM", said.RecvIm, _ADDRESSES + _FLAG + _RECEIVED_1_6, IM_LIMIT_BYTES),
     Layout("RECVPBM", said.RecvPbm, _ADDRESSES + _RECEIVED_1_6, IM_LIMIT_BYTES),
 )
-"""The same of an older firmware, where they differ."""
+"""Layouts of older firmware, where they differ."""
 LINE_LAYOUTS: Final = (
     Layout("RECVSTART", said.RecvStart, ()),
     Layout("RECVEND", said.RecvEnd, (("clock_us", CLOCK_US), *_DURATION, *_SIGNAL)),
@@ -181,7 +181,7 @@ LINE_LAYOUTS: Final = (
     ),
     Layout("RTO", said.ClockOffset, (("offset_us", SIGNED),)),
 )
-"""Records that are a line."""
+"""Records without a payload."""
 
 PAYLOAD_TOKENS: Final = {layout.token: layout for layout in PAYLOAD_LAYOUTS}
 LINE_TOKENS: Final = {layout.token: layout for layout in LINE_LAYOUTS} | {
@@ -189,9 +189,9 @@ LINE_TOKENS: Final = {layout.token: layout for layout in LINE_LAYOUTS} | {
     for layout in LINE_LAYOUTS
     if layout.token.startswith("CANCELED")
 }
-"""By token; one driver has met the other spelling of CANCELED."""
+"""By token; one driver has met another spelling of CANCELED."""
 LAYOUTS_OF: Final = {layout.record: layout for layout in PAYLOAD_LAYOUTS + LINE_LAYOUTS}
-"""By record; of firmware 1.9 where there are two."""
+"""By record; that of firmware 1.9 if there are two."""
 FIRMWARE_1_6_LAYOUT_OF: Final = {layout.record: layout for layout in FIRMWARE_1_6_LAYOUTS}
 
 _FIRMWARE_1_6: Final = {layout.token: layout for layout in FIRMWARE_1_6_LAYOUTS}
@@ -200,7 +200,7 @@ _VELOCITY_LIMIT: Final = 20
 
 
 def width(columns: Columns) -> int:
-    """Return how many fields a table has."""
+    """Return the number of fields of a table."""
     return sum(column[2] if len(column) == 3 else 1 for column in columns)
 
 
@@ -208,7 +208,7 @@ def decode_columns(columns: Columns, texts: tuple[str, ...]) -> dict[str, Any]:
     """Read fields by their table.
 
     Raises:
-        ValueError: Too few, or one that its kind does not allow.
+        ValueError: Fields are missing, or one is not valid.
     """
     if len(texts) < width(columns):
         raise ValueError(f"{len(texts)} fields; allowed: {width(columns)}")
@@ -226,7 +226,7 @@ def encode_columns(columns: Columns, record: object) -> list[str]:
     """Write fields by their table.
 
     Raises:
-        ValueError: One that its kind does not allow.
+        ValueError: A value is not valid.
     """
     texts: list[str] = []
     for name, field, *several in columns:
@@ -239,11 +239,11 @@ def encode_columns(columns: Columns, record: object) -> list[str]:
 
 
 def decode_line(line: str) -> Record | Gap | None:
-    """Read a notification that is a line.
+    """Read a notification without a payload.
 
     Returns:
-        The record; None if the line is no notification; MALFORMED if it begins like one. Records
-        with a payload are not read here: a line that begins like one is a damaged one.
+        The record; None if the line is no notification; MALFORMED if it begins like one. A line
+        that begins like a record with a payload is a damaged one.
     """
     if "\n" in line or "\r" in line:
         return None
@@ -255,7 +255,7 @@ def decode_line(line: str) -> Record | Gap | None:
     layout = LINE_TOKENS.get(token)
     if token == "NOISE":
         return Gap.MALFORMED
-    # No answer begins like this, so a kind of a later firmware is not taken for one.
+    # No answer begins like this, so this is a kind of a later firmware.
     if layout is None and token.startswith(("RECV", "SEND", "USBL")):
         return Gap.MALFORMED
     # `FAILED` alone answers AT?DI: a notification with fields has a comma.
@@ -272,10 +272,10 @@ def decode_payload_record(buffer: bytes | bytearray, layout: Layout) -> tuple[Re
 
     Args:
         buffer: Begins with the token of the layout and a comma.
-        layout: As firmware 1.9 has it.
+        layout: The layout of firmware 1.9.
 
     Returns:
-        The record and how many bytes it took, CR LF included.
+        The record and the number of bytes it took, CR LF included.
     """
     layout, header = _choose_layout(buffer, layout)
     if isinstance(header, Gap):

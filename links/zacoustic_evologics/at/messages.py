@@ -1,9 +1,9 @@
-"""What the decoder of a modem's bytes gives to the dialogue.
+"""Messages from the decoder of a modem's bytes to the dialogue.
 
-The decoder knows no pending command, so it does not interpret a reply: it gives `Reply` with the
-text, and `replies.decode_reply` reads that text by the command. All unsolicited messages are
-records of `notifications`. Nothing is lost silently: bytes that are neither become `Unrecognised`,
-or in data mode `RawData`.
+The decoder knows no pending command, so it does not interpret a reply: `Reply` holds the text, and
+`answers.decode_reply` reads that text by the command. All unsolicited messages are records of
+`notifications`. Nothing is lost silently: other bytes become `Unrecognised`, or in data mode
+`RawData`.
 """
 
 from typing import TypeAlias
@@ -17,14 +17,14 @@ class Reply(msgspec.Struct, frozen=True):
     """An answer to a command, or one line of it."""
 
     text: str
-    """Without line end. From a packet all lines at once, each with its line feed; else one line,
-    and an empty one ends an answer of several."""
+    """Without line end. From a packet: all lines at once, each with its line feed. Otherwise one
+    line; an empty one ends an answer of several."""
     command: str | None = None
-    """Name of the command that is answered, e.g. `?AL` or `*SENDIM`; None where only lines come."""
+    """Name of the answered command, e.g. `?AL` or `*SENDIM`; None in LINES."""
 
 
 class Noise(msgspec.Struct, frozen=True, kw_only=True):
-    """The answer to `AT?NOISE`: a recording. No source names the three numbers for certain."""
+    """The answer to `AT?NOISE`: a recording. No source is certain about the three numbers."""
 
     first: int
     """Perhaps the sample rate."""
@@ -37,18 +37,18 @@ class Noise(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RawData(msgspec.Struct, frozen=True):
-    """Data mode: bytes outside packets, received or to transmit. Cut anywhere."""
+    """Data mode: bytes outside of packets, received or to transmit. Cut anywhere."""
 
     content: bytes
     """One byte or more."""
 
 
 class Unrecognised(msgspec.Struct, frozen=True):
-    """Bytes that are nothing of the grammar, or damaged."""
+    """Bytes outside of the grammar, or damaged."""
 
     raw: bytes
-    """What came, without the line end."""
+    """The bytes, without the line end."""
 
 
 Message: TypeAlias = Notification | Reply | Noise | RawData | Unrecognised
-"""What can come from a modem."""
+"""All messages of a modem."""

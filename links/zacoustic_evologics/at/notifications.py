@@ -1,8 +1,8 @@
 """Unsolicited messages of a modem, one record for each kind.
 
-Names follow the words on the wire, since that is what one looks up; units are in the names of the
-fields. Decibels are relative to 1 V at the receiver: the vendor's own scale, useful from about -85
-to -20. Instants `…_us` are the modem's clock, which wraps at 2^32 µs.
+Names follow the words on the wire, to be found by them; field names contain units. Decibels are
+relative to 1 V at the receiver: the vendor's own scale, useful from about -85 to -20. Instants
+`…_us` are the modem's clock, which wraps at 2^32 µs.
 """
 
 import enum

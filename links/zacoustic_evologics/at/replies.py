@@ -1,8 +1,9 @@
 """The possible meanings of a command's answer; their text forms are in `answers`.
 
 Four answers fit every command: `OK`, `[*]OK`, and all that begins with `ERROR` or `BUSY`. No source
-explains `[*]` for certain: accepted, but not stored, or not in force yet. It is kept and decides
-nothing. The reason of a refusal is for people: drivers have met three spellings of one.
+explains `[*]` for certain: accepted, but not stored, or not in force yet. The driver records it and
+decides nothing by it. The reason of a refusal is for people: drivers have met three spellings of
+one.
 """
 
 import enum

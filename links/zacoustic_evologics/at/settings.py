@@ -1,11 +1,11 @@
-"""The settings of a modem that have a number: their limits, defaults and meanings.
+"""The numeric settings of a modem: limits, defaults and meanings.
 
-Where sources disagree the wider range stands here; the rest is answered `ERROR OUT OF RANGE`. A
-setting that is not in the table may exist; it is not checked.
+Where sources disagree, the table has the wider range; a value outside is answered `ERROR OUT OF
+RANGE`. A setting that is not in the table may exist; it is not checked.
 
-`prefix` is how the setting is written: `!` changes the modem (until the power goes, `AT&W` keeps
-it), `@` an option of the port that gets it. Only one port of a modem may change the modem
-itself: the one that sent `AT@CTRL`, with protocol id 0.
+`prefix` is the first character of the setting's command: `!` changes the modem (until it is
+switched off, unless `AT&W` stores it), `@` an option of the port that gets it. Only one port may
+change the modem itself: the one that sent `AT@CTRL`, with protocol id 0.
 """
 
 from typing import Final
@@ -13,7 +13,7 @@ from typing import Final
 import msgspec
 
 HIGHEST_ADDRESSES: Final = (2, 6, 14, 30, 62, 126, 254)
-"""What `AT!AM` can be; equal in all modems of a fleet, and not below any address in it."""
+"""Values of `AT!AM`; equal in all modems of a fleet, and not below any address in it."""
 
 
 class Setting(msgspec.Struct, frozen=True):
@@ -26,9 +26,9 @@ class Setting(msgspec.Struct, frozen=True):
     high: int
     """Highest value."""
     default: int
-    """Of a new modem, where a source has it; else a harmless value."""
+    """Of a new modem, if a source has it; otherwise a harmless value."""
     label: str = ""
-    """How `AT&V` calls it, empty where it does not show it."""
+    """Its name in `AT&V`; empty: not shown there."""
     prefix: str = "!"
     """`!` or `@`."""
     choices: tuple[int, ...] = ()

@@ -1,8 +1,8 @@
 """Positions of other modems: unsolicited messages of a modem with an ultra-short baseline head.
 
-Switched on for each port by `AT@ZU1`. The head's frame is x, y, z; with its attitude (roll, pitch,
-yaw) turned to east, north, up. The system clock counts from the start of the modem, or is Unix time
-if somebody has set it; it is not the modem's clock of 32 bits.
+`AT@ZU1` switches them on for each port. The head's frame is x, y, z; its attitude (roll, pitch,
+yaw) converts that to east, north, up. The system clock counts from the start of the modem, or is
+Unix time if somebody has set it; it is not the modem's clock of 32 bits.
 """
 
 from typing import TypeAlias
@@ -11,7 +11,7 @@ import msgspec
 
 
 class UsblLong(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the other modem is, measured by the answer to a message."""
+    """Position of the other modem, measured by the answer to a message."""
 
     clock_us: int
     """System clock at this notification, µs."""
@@ -48,7 +48,7 @@ class UsblLong(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class UsblAngles(msgspec.Struct, frozen=True, kw_only=True):
-    """From where a message came, without a range."""
+    """Direction of a received message, without a range."""
 
     clock_us: int
     """System clock at this notification, µs."""

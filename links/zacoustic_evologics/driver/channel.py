@@ -1,14 +1,14 @@
-"""One command in flight, and its answer distinguished from all other answers.
+"""One command in flight, and its answer distinguished from all others.
 
-Without packets an answer carries no name; only the order shows that it belongs to the last command.
-So a late answer is a danger: it may be taken for that of the next command. Therefore the channel
-puts a *fence* after each command without an answer: `AT?MODE`, whose answer (`NET`, `AT`) no other
-command gives. All answers that come before it are late; the caller gets them as `late`, and they
-end nothing. Without an answer to the fence the modem is gone.
+Outside of packets an answer carries no name; only the order relates it to the last command. So a
+late answer may be taken for that of the next command. Therefore the channel puts a *fence* after
+each unanswered command: `AT?MODE`, whose answer (`NET`, `AT`) no other command gives. All answers
+before that one are late; the caller gets them as `late`, and they complete no command. If the fence
+is not answered, the modem is gone.
 
-An impossible answer (a word where a number was asked) is not taken: ports are noisy.
+The channel ignores an impossible answer (a word to the query of a number): ports are noisy.
 
-Nothing is ever sent again from here: the caller decides what a missing answer means.
+The channel repeats nothing: the caller decides what a missing answer means.
 """
 
 from collections import deque
@@ -43,26 +43,26 @@ from zacoustic_evologics.at.replies import (
 from zacoustic_evologics.at.settings import SETTINGS
 
 FENCE: Final = Query("MODE")
-"""The question whose answer cannot be mistaken for any other."""
+"""The query whose answer cannot be mistaken for another."""
 FENCE_TICKET: Final = 0
-"""Ticket of the fences that the channel itself puts."""
+"""Ticket of the channel's own fences."""
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of a command."""
+    """The outcome of a command."""
 
     ticket: int
-    """The number that `ask` gave; FENCE_TICKET of the channel's own question."""
+    """The number returned by `ask`; FENCE_TICKET for the channel's own query."""
     command: Command
-    """What was asked."""
+    """The command."""
     reply: CommandReply | None
-    """The answer; None when none came in time."""
+    """The answer; None: none came in time."""
     late: bool = False
     """It came after None had been returned."""
 
 
 class _Pending(msgspec.Struct):
-    """A command that has been written and not been answered."""
+    """A command that is written and not answered yet."""
 
     ticket: int
     command: Command
@@ -74,8 +74,8 @@ class CommandChannel:
     """Writes commands one after the other.
 
     Args:
-        reply_ns: How long an answer may take, ns.
-        byte_ns: What each byte takes to reach the modem, ns; 0 on TCP.
+        reply_ns: Time limit of an answer, ns.
+        byte_ns: Time of each byte on the port, ns; 0 on TCP.
     """
 
     def __init__(self, *, reply_ns: int, byte_ns: int) -> None:
@@ -83,9 +83,9 @@ class CommandChannel:
         self.framing = Framing.LINES
         self.line_end = b"\n"
         self.stray_replies = 0
-        """Answers without a pending command."""
+        """Number of answers without a pending command."""
         self.missed_replies = 0
-        """Commands that were not answered in time."""
+        """Number of commands not answered in time."""
         self._reply_ns = reply_ns
         self._byte_ns = byte_ns
         self._waiting: deque[tuple[int, Command]] = deque()
@@ -100,7 +100,7 @@ class CommandChannel:
         return self._pending.due_at if self._pending else None
 
     def reset(self) -> None:
-        """Forget everything: the connection is new."""
+        """Discard all state: the connection is new."""
         self.interpreter = Interpreter.NET
         self.framing = Framing.LINES
         self._waiting.clear()
@@ -109,7 +109,7 @@ class CommandChannel:
         self._output.clear()
 
     def ask(self, command: Command, now: int) -> int:
-        """Send a command, behind those that wait; returns its ticket.
+        """Send a command after those that wait; return its ticket.
 
         Raises:
             ValueError: The command cannot be written.
@@ -122,7 +122,7 @@ class CommandChannel:
         return ticket
 
     def tell(self, command: Command) -> None:
-        """Send a command that is not answered; nothing else may be in flight."""
+        """Send a command that has no answer; no other may be in flight."""
         self.write(encode_command(command, self.framing, self.line_end))
 
     def write(self, raw: bytes) -> None:
@@ -134,7 +134,7 @@ class CommandChannel:
         return self._output.popleft() if self._output else None
 
     def handle_reply(self, reply: Reply, now: int) -> Answer | None:
-        """Take an answer, or one line of it; returns what it completes."""
+        """Take an answer, or one line of it; return what it completes."""
         pending = self._pending
         if pending is None or not _is_named_for(reply, pending.command):
             return self._be_late(reply)
@@ -197,7 +197,7 @@ def _is_named_for(reply: Reply, command: Command) -> bool:
 
 
 def _can_answer(command: Command, meaning: CommandReply) -> bool:
-    """Tell whether this can be the answer; else it is noise on the line, or of something else."""
+    """Tell whether this can be the answer; otherwise it is noise, or answers something else."""
     if isinstance(meaning, Refused):
         return command != FENCE
     match command:

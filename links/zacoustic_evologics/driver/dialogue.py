@@ -1,15 +1,15 @@
 """The dialogue with one modem, without a port and without a clock.
 
-The contract with the shell that has both (`link`): after any input or command call `poll_output`
-until None and write that, `poll_event` until None, and arm one timer with `poll_timeout`; `now`
-never decreases. Bytes from the modem never raise. States are in `states`, their actions in
-`startup_run` (PROBING to CONFIGURING) and `sending` (SENDING); both use one `channel`. Besides them
-there are *inquiries*: single questions that belong to no state, such as `AT?T` after an exchange.
-Their answers may come in any state, and a frame waits for at most one of them.
+Contract with the shell that has both (`link`): after any input or command, call `poll_output` until
+None and write the bytes, call `poll_event` until None, and arm one timer with `poll_timeout`; `now`
+never decreases. Bytes from the modem never raise. States are in `states`; their actions are in
+`startup` (PROBING to CONFIGURING) and `sending` (SENDING); both use one `channel`. Besides there
+are *inquiries*: single queries that belong to no state, such as `AT?T` after an exchange. Their
+answers may come in any state, and a frame waits for at most one of them.
 
-A modem that gives cause for doubt (it sends what only a restarted one sends, or nothing where it
-must answer) is not repaired bit by bit: the connection is given up and reopened, and the start-up
-finds out. There is one way to become READY.
+A doubtful modem (it sends what only a restarted one sends, or does not answer when it must) is not
+repaired step by step: the dialogue reopens the connection, and the start-up finds the cause. There
+is only one way to become READY.
 """
 
 from collections.abc import Callable
@@ -47,11 +47,11 @@ from zacoustic_evologics.driver.startup.startup import StartupError
 from zacoustic_evologics.driver.states import CONNECTED, TRANSITIONS, UP, Input, State
 
 SETTLING_S: Final = 0.5
-"""What comes so soon after connecting is dropped, s; the vendor's own middleware does the same."""
+"""Bytes this soon after connecting are dropped, s; the vendor's own middleware does the same."""
 HELD_LIMIT_S: Final = 1.0
-"""After so much silence the rest of a record will not come any more, s."""
+"""Silence after which the rest of a record will not come any more, s."""
 HOPELESS_PAUSE_S: Final = 10.0
-"""Pause before the next look at an unsuitable modem, s: somebody must change it."""
+"""Pause before an unsuitable modem is tried again, s: somebody must change it."""
 
 
 class AtDialogue:
@@ -60,7 +60,7 @@ class AtDialogue:
     Args:
         config: Settings of the driver.
         node_address: Acoustic address of this node, 1…254.
-        is_serial: The port is a serial one.
+        is_serial: The port is a serial port.
     """
 
     def __init__(self, config: EvologicsConfig, *, node_address: int, is_serial: bool) -> None:
@@ -80,12 +80,12 @@ class AtDialogue:
 
     @property
     def detail(self) -> str:
-        """The modem, or what the link waits for."""
+        """The modem, or what the link waits for; one line."""
         return self._outbox.detail
 
     @property
     def capabilities(self) -> LinkCapabilities:
-        """What the link can do; complete once it has been UP."""
+        """Capabilities of the link; complete once it has been UP."""
         return self._session.capabilities()
 
     def diagnostics(self) -> dict[str, int | float | str]:
@@ -101,7 +101,7 @@ class AtDialogue:
     # Inputs
 
     def handle_opened(self, now: int) -> None:
-        """A connection is there."""
+        """Note that a connection was made."""
         if self.state in CONNECTED:
             self._fall(Input.GONE, "connected anew", now)
         self._step(Input.OPENED)
@@ -111,11 +111,11 @@ class AtDialogue:
         self._outbox.down("looking for the modem")
 
     def handle_lost(self, reason: str, now: int) -> None:
-        """The connection is gone, or could not be made."""
+        """Note that the connection was lost, or could not be made."""
         self._fall(Input.GONE, reason, now)
 
     def handle_bytes(self, received: bytes, now: int) -> None:
-        """Bytes of the modem."""
+        """Take bytes of the modem."""
         if self.state is State.SETTLING:
             self._session.count("settling_bytes", len(received))
             return
@@ -124,7 +124,7 @@ class AtDialogue:
             self._take(self._decoder.feed(received), now)
 
     def handle_timeout(self, now: int) -> None:
-        """The instant that `poll_timeout` named has come."""
+        """Handle the instant that `poll_timeout` has returned."""
         if self._is_held_too_long(now):
             self._take(self._decoder.flush(), now)
         if self._due_at is not None and now >= self._due_at:
@@ -160,7 +160,7 @@ class AtDialogue:
             self._sending.start(now)
 
     def close(self, now: int) -> None:
-        """End; the frame that is outstanding is reported."""
+        """End the dialogue; an outstanding frame is reported."""
         if self._sending is not None:
             self._sending.handle_lost("link closed", now)
             self._report(self._sending)
@@ -175,7 +175,7 @@ class AtDialogue:
         return self._channel.poll_output()
 
     def poll_event(self) -> Event | None:
-        """Return what happened next."""
+        """Return the next event."""
         return self._outbox.poll()
 
     def poll_timeout(self) -> int | None:
@@ -249,13 +249,13 @@ class AtDialogue:
             case _:
                 pass
 
-    # What changes the state
+    # Changes of the state
 
     def _step(self, event: Input) -> None:
-        """Look the next state up.
+        """Look the next state up and enter it.
 
         Raises:
-            LocalError: The dialogue has a fault.
+            LocalError: The dialogue has a bug.
         """
         after = TRANSITIONS.get((self.state, event))
         if after is None:
@@ -277,7 +277,7 @@ class AtDialogue:
         self._startup.start(now)
 
     def _run(self, go_on: Callable[[int], list[Input]], now: int) -> None:
-        """Let the start-up go on."""
+        """Advance the start-up."""
         try:
             for reached in go_on(now):
                 self._step(reached)
@@ -296,7 +296,7 @@ class AtDialogue:
             self._give_up(f"the modem has changed to {reply.interpreter.value}", now)
 
     def _collect(self, now: int) -> None:
-        """See whether the frame is over."""
+        """Report the frame if it has ended."""
         sending = self._sending
         if sending is None or sending.report is None:
             return
@@ -311,7 +311,7 @@ class AtDialogue:
         self._inquiries.read_battery(now)
 
     def _give_up(self, reason: str, now: int, *, hint: str = "", is_hopeless: bool = False) -> None:
-        """Give up the connection; reopen it at once, or later where that changes nothing."""
+        """Give the connection up; reopen it at once, or later if that would not help."""
         self._session.count("restarts")
         self._fall(Input.GIVEN_UP, f"{reason} ({hint})" if hint else reason, now)
         if is_hopeless:
@@ -321,7 +321,7 @@ class AtDialogue:
             self._outbox.put([ConnectionUseless(reason)])
 
     def _fall(self, event: Input, reason: str, now: int) -> None:
-        """Leave any state for one without a modem: first DOWN, then the report."""
+        """Leave any state for one without a modem: report DOWN first, then the frame."""
         self._step(event)
         sending = self._sending
         self._clear(now)
@@ -331,7 +331,7 @@ class AtDialogue:
             self._report(sending)
 
     def _clear(self, now: int) -> None:
-        """End what the state had begun, and its timers."""
+        """End the work of the state, and its timers."""
         self._due_at = None
         self._startup = self._sending = None
         self._channel.reset()
@@ -345,13 +345,13 @@ class AtDialogue:
         self._outbox.report(sending.report)
 
     def _flush_at(self) -> int | None:
-        """When incomplete bytes will not be completed any more."""
+        """Return when incomplete bytes are given up."""
         if not self._decoder.held_bytes:
             return None
         return self._session.heard_at + seconds_to_ns(HELD_LIMIT_S)
 
     def _is_held_too_long(self, now: int) -> bool:
-        """Also when an answer is missing: it may be in bytes held behind a damaged length."""
+        """Tell whether bytes wait too long; a missing answer may be among them."""
         flush_at = self._flush_at()
         if flush_at is None:
             return False

@@ -17,11 +17,11 @@ class FrameHeard(msgspec.Struct, frozen=True):
     """A frame arrived."""
 
     frame: ReceivedFrame
-    """The frame, with what the modem measured on it."""
+    """The frame, with the modem's measurements."""
 
 
 class TransmissionEnded(msgspec.Struct, frozen=True):
-    """A transmission has ended; exactly one for each."""
+    """A transmission has ended; exactly one event for each."""
 
     report: TransmitReport
     """How it ended."""
@@ -31,41 +31,41 @@ class LinkChanged(msgspec.Struct, frozen=True):
     """The link went up or down, or waits for something else."""
 
     state: LinkState
-    """What it is."""
+    """The new state."""
     detail: str
     """The modem, or what the link waits for."""
     capabilities: LinkCapabilities | None = None
-    """With UP: what the link can do."""
+    """With UP: the capabilities of the link."""
 
 
 class CarrierChanged(msgspec.Struct, frozen=True):
-    """A sound that is not ours began or ended."""
+    """A sound of another node began or ended."""
 
     busy: bool
-    """It began."""
+    """Whether it began."""
 
 
 class Measured(msgspec.Struct, frozen=True):
     """The modem has measured another one, or reports values of itself."""
 
     measurement: Measurement
-    """What."""
+    """The values."""
 
 
 class ConnectionUseless(msgspec.Struct, frozen=True):
-    """Give up the connection and reopen it."""
+    """The connection is useless: reopen it."""
 
     reason: str
-    """Why."""
+    """The cause."""
 
 
 class OpeningHopeless(msgspec.Struct, frozen=True):
-    """The modem is there and cannot serve this node; waiting changes nothing, people do."""
+    """The modem answers but cannot serve this node; only people can change that."""
 
     reason: str
-    """What is wrong."""
+    """The fault."""
     hint: str
-    """What to do about it."""
+    """Its cure."""
 
 
 Event: TypeAlias = (
@@ -77,4 +77,4 @@ Event: TypeAlias = (
     | ConnectionUseless
     | OpeningHopeless
 )
-"""All of them."""
+"""All events."""

@@ -10,7 +10,7 @@
                    CLOSED ◄─CLOSED─ any       SENDING ◄─TRANSMIT─ READY ◄────┘
                                                  └─────ENDED────────►
 
-A state has its own timers, and leaving it ends them; READY has none.
+A state has its own timers, which end when it is left; READY has none.
 """
 
 import enum
@@ -18,53 +18,53 @@ from typing import Final
 
 
 class State(enum.Enum):
-    """Where a dialogue is."""
+    """The state of a dialogue."""
 
     # No connection has been made yet, or the link was closed.
     CLOSED = "closed"
-    # Connected just now: bytes may belong to another program's dialogue, and are dropped.
+    # Just connected: bytes may belong to another program's dialogue, and are dropped.
     SETTLING = "settling"
-    # Asks in every way until the modem answers: interpreter, mode and line end.
+    # Probes in every way until the modem answers: interpreter, mode and line end.
     PROBING = "probing"
-    # Brings the modem from where it was found to where it must be: data mode, listening, idle.
+    # Brings the modem into the required state: data mode, listening, idle.
     LEAVING = "leaving"
     # Reads address, firmware, settings.
     READING = "reading"
-    # Sets what the configuration changes.
+    # Sets the configured settings.
     CONFIGURING = "configuring"
     # The link is UP and idle.
     READY = "ready"
-    # A frame is with the modem, or waits for it.
+    # The modem has a frame, or a frame waits for it.
     SENDING = "sending"
-    # There is no connection, or the one there is of no use: waits for the next.
+    # There is no connection, or a useless one: waits for the next.
     LOST = "lost"
 
 
 class Input(enum.Enum):
-    """What changes the state."""
+    """An input of the dialogue."""
 
     OPENED = "opened"
-    """A connection is there."""
+    """A connection was made."""
     GONE = "gone"
-    """It is not there any more, or could not be made."""
+    """It was lost, or could not be made."""
     GIVEN_UP = "given up"
-    """It is there, and the modem does not answer, or with nonsense, or cannot serve."""
+    """It exists, but the modem does not answer, sends nonsense, or cannot serve."""
     CLOSED = "closed"
-    """The link is closed by its user."""
+    """The user has closed the link."""
     SETTLED = "settled"
-    """The time of dropping is over."""
+    """The time of dropping bytes is over."""
     FOUND = "found"
-    """The modem has answered: how it reads is known."""
+    """The modem has answered: its framing is known."""
     LEFT = "left"
-    """It is where it must be."""
+    """It is in the required state."""
     READ = "read"
     """All values are read."""
     CONFIGURED = "configured"
-    """All is set."""
+    """All settings are made."""
     TRANSMIT = "transmit"
     """A frame was given."""
     ENDED = "ended"
-    """It has been reported."""
+    """The frame was reported."""
 
 
 TRANSITIONS: Final[dict[tuple[State, Input], State]] = {
@@ -84,9 +84,9 @@ TRANSITIONS: Final[dict[tuple[State, Input], State]] = {
     (State.READY, Input.TRANSMIT): State.SENDING,
     (State.SENDING, Input.ENDED): State.READY,
 }
-"""What is not here is not allowed: the dialogue has a fault."""
+"""Other pairs are not allowed: the dialogue has a bug."""
 
 CONNECTED: Final = frozenset(State) - {State.CLOSED, State.LOST}
-"""Bytes are read."""
+"""States in which bytes are read."""
 UP: Final = frozenset({State.READY, State.SENDING})
-"""The link is UP."""
+"""States in which the link is UP."""

@@ -1,22 +1,22 @@
 """The verb `zacoustic emulate evologics`: modems on TCP ports and pseudo-terminals.
 
-With `--json` it prints an object a line. First where each modem is, before anything else::
+With `--json` it prints one object a line: first the place of each modem, before anything else::
 
     listening   address locator                   again for each further port of a modem
 
-then what happens on the channel, which no modem knows. Names as in `zacoustic medium --json`::
+then the events on the channel, which no modem knows. Names as in `zacoustic medium --json`::
 
     emission    at_s source sequence service      a signal begins; `source` is the modem's address
                 destination frame_bytes airtime_s in the scenario, `sequence` counts its signals
     reception   at_s source sequence service      … and has ended at another modem, `node`
                 node outcome snr_db propagation_s
 
-`service` is `im`, `ims` or `burst` of what hosts give; `frame_bytes` is the size of that. Signals
-that modems send by themselves have 0 bytes, unless a message goes with them: `ack`, `connect`,
-`accept`, `burst ack`, `probe`. `outcome` is `received`, or why not: `noise`, `collision`,
-`half_duplex` (the modem was sending itself), `deaf` (it followed another sound). It is that of the
-water: a modem that restarts meanwhile, or an acknowledgement that `--faults` takes, is not seen.
-`at_s` counts from the start, in the time of the modems.
+`service` is `im`, `ims` or `burst` for data of hosts, and `frame_bytes` is their size. Signals that
+modems send by themselves have 0 bytes, unless a message goes with them: `ack`, `connect`, `accept`,
+`burst ack`, `probe`. `outcome` is `received`, or the cause of the loss: `noise`, `collision`,
+`half_duplex` (the modem was transmitting), `deaf` (it followed another sound). It is the outcome on
+the channel: it does not show a modem that restarts meanwhile, or an acknowledgement lost by
+`--faults`. `at_s` counts from the start, in the time of the modems.
 
 With `--positions` another program steers the modems: see `zacoustic.link.positions`.
 """
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from zacoustic_evologics.emulator.serving.server import FleetServer, Place
 
 FIRST_PORT: Final = 9200
-"""Port of the first modem, as on a real one; the next modems have the next ports."""
+"""Port of the first modem, as on a real one; further modems have the next ports."""
 
 
 class EvologicsEmulation(Command):
@@ -137,21 +137,21 @@ async def _open_places(
 
 
 class _Reporter:
-    """Says what happens, as text or as JSON."""
+    """Prints events, as text or as JSON."""
 
     def __init__(self, writer: LineWriter, *, as_json: bool) -> None:
         self._writer = writer
         self._as_json = as_json
 
     def listening(self, place: "Place") -> None:
-        """Say where a modem is."""
+        """Print the place of a modem."""
         self._write(
             {"event": "listening", "address": place.address, "locator": place.locator},
             f"modem {place.address} at {place.locator}: --link evologics/{place.locator}",
         )
 
     def observe(self, observation: "Observation") -> None:
-        """Print what happens on the channel."""
+        """Print an event on the channel."""
         from zacoustic_evologics.emulator.observation import SignalEmitted
 
         signal = observation.signal

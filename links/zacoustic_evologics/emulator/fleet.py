@@ -6,16 +6,15 @@ r"""N emulated modems on one channel, in virtual time: no clock, no socket, `now
     port = fleet.open_port(1, now=0)
     fleet.handle_bytes(port, b"AT?AL\n", now=0)
     while (output := fleet.poll_output()) is not None: …     PortBytes, PortClosed, …
-    fleet.poll_timeout()                                     the next instant at which something is
-    fleet.handle_timeout(that)                               due, then `poll_output` again
+    fleet.poll_timeout()                                     the next due instant
+    fleet.handle_timeout(that)                               then `poll_output` again
 
-`now` is ns since the start of the scenario and never decreases. Each call first lets happen what
-was due before, at its own instant; but its results come afterwards, so a driver of virtual
-time calls `handle_timeout` exactly at `poll_timeout`. The same class runs on a loop in
-`running`.
+`now` is ns since the start of the scenario and never decreases. Each call first runs what was due
+before, at its own instant, but its results come afterwards. So a driver of virtual time calls
+`handle_timeout` exactly at `poll_timeout`. The same class runs on a loop in `running`.
 
-Signals and timers lie on one agenda, each station with the first instant that it names. A fleet in
-which nothing is under way has no timer.
+Signals and timers are on one agenda; each station is there with its first due instant. An idle
+fleet has no timer.
 """
 
 import random
@@ -41,21 +40,21 @@ from zacoustic_evologics.emulator.station.faults import NO_FAULTS, FaultPlan
 from zacoustic_evologics.emulator.station.station import FleetOutput, PortClosed, Station
 
 PORTS_LIMIT: Final = 64
-"""Open ports of one modem; more are refused."""
+"""Most open ports of one modem."""
 DEPTH_M: Final = 10.0
-"""Where `scenario_of` puts modems."""
+"""Depth of modems in `scenario_of`, m."""
 
 
 def scenario_of(modems: int, *, spacing_m: float = 500.0, seed: int = 1) -> Scenario:
     """Return a scenario of modems in a line eastwards, on a channel without random losses.
 
     Args:
-        modems: How many; their addresses are 1, 2, …
-        spacing_m: From each to the next.
-        seed: Of the scenario.
+        modems: Number of modems; their addresses are 1, 2, …
+        spacing_m: Distance between neighbours, m.
+        seed: Seed of the scenario.
 
     Raises:
-        ConfigError: More than there are addresses, or none.
+        ConfigError: More modems than addresses, or none.
     """
     if not 1 <= modems <= 254:
         raise ConfigError(f"{modems} modems; allowed: 1..254")
@@ -71,16 +70,16 @@ class EmulatedFleet:
 
     Args:
         scenario: The channel and its nodes; their addresses become those of the modems. A profile
-            decides about levels and errors, not about durations: those are the S2C's.
-        interpreter: Who reads on the ports.
-        faults: What goes wrong between modems and hosts.
+            decides levels and errors, not durations: those are the S2C's.
+        interpreter: Interpreter of the ports.
+        faults: Faults between modems and hosts.
         settings: Settings of all modems, and options of their ports, that differ from the usual
             ones, by name: `{"RI": 0, "ZX": 1}`.
-        behaviour: What sources disagree about.
+        behaviour: Choices where sources disagree.
         observer: Gets every transmission with its outcome; no modem knows it.
 
     Raises:
-        ConfigError: A setting that does not exist or cannot have that value.
+        ConfigError: A setting does not exist, or cannot have that value.
     """
 
     def __init__(
@@ -125,7 +124,7 @@ class EmulatedFleet:
 
     @property
     def now(self) -> int:
-        """Instant of the last call or of what has happened since, ns."""
+        """Instant of the last call or of a later event, ns."""
         return self._agenda.now
 
     @property
@@ -134,24 +133,24 @@ class EmulatedFleet:
         return tuple(self._stations)
 
     def move(self, address: int, position: Position, now: int) -> None:
-        """Tell where a modem is from now on: x east, y north, z down, m.
+        """Set the position of a modem from now on: x east, y north, z down, m.
 
         Raises:
-            ValueError: No such modem, or a coordinate that is no number of reach.
+            ValueError: No such modem, or a coordinate that is not a number or too large.
         """
         self._medium.move(address, position, now)
 
     def distance_m(self, address: int, other: int) -> float:
-        """Return how far apart two modems are now, m."""
+        """Return the present distance of two modems, m."""
         return self._medium.path(address, other, self.now).distance_m
 
     @property
     def remembered(self) -> int:
-        """Number of kept past and future items; bounded by what is under way."""
+        """Number of stored past and future items; bounded by what is under way."""
         return self._medium.remembered + len(self._agenda) + len(self._outputs)
 
     def is_up(self, address: int) -> bool:
-        """Whether a modem is there, and not restarting."""
+        """Whether a modem is running, not restarting."""
         return self._station(address).modem.is_up
 
     def open_port(
@@ -165,10 +164,10 @@ class EmulatedFleet:
         """Open a port of a modem.
 
         Args:
-            address: Of the modem, in the scenario.
-            now: Instant.
-            interpreter: Who reads there; None: as everywhere.
-            is_serial: A serial line, which outlives a restart of the modem.
+            address: Address of the modem in the scenario.
+            now: Instant, ns.
+            interpreter: Interpreter of the port; None: that of the fleet.
+            is_serial: A serial line, which stays during a restart of the modem.
 
         Returns:
             The number of the port.
@@ -204,15 +203,15 @@ class EmulatedFleet:
             self._settle(station)
 
     def handle_timeout(self, now: int) -> None:
-        """Do the due actions."""
+        """Run the due actions."""
         self._advance(now)
 
     def poll_timeout(self) -> int | None:
-        """Return when something is due, None when nothing is."""
+        """Return the next due instant, ns; None: none."""
         return self._agenda.next_at()
 
     def poll_output(self) -> FleetOutput | None:
-        """Return the next thing for a host, or None."""
+        """Return the next output for a host, or None."""
         return self._outputs.popleft() if self._outputs else None
 
     def _station(self, address: int) -> Station:
@@ -247,7 +246,7 @@ class EmulatedFleet:
         self._settle(station)
 
     def _arm(self, station: Station) -> None:
-        """See that a station is asked when something is due there, and at no other time."""
+        """Put a station on the agenda at its next due instant, and at no other."""
         due_at = station.poll_timeout()
         assert due_at is None or due_at >= self.now, "a timer in the past"
         armed_at, entry = self._armed.get(station.node, (None, None))

@@ -1,7 +1,7 @@
 """The channel between emulated modems: the medium of a scenario, with signals of any length.
 
-A modem has signals of several kinds, so their duration is given here, and the bytes only decide how
-vulnerable they are. The modem's source level lowers the received level everywhere.
+A modem has signals of several kinds, so their duration is an argument, and the bytes only decide
+how vulnerable they are. The modem's source level lowers the received level everywhere.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from zacoustic_evologics.emulator.observation import (
 )
 
 SOURCE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
-"""What `AT!L0`…`AT!L3` do to the level of the profile."""
+"""Source level by `AT!L0`…`AT!L3`, relative to the profile's, dB."""
 
 _RSSI_AT_ZERO_DB: Final = 204.0  # received level, dB re 1 µPa, that is 0 dB re 1 V
 _RSSI_LIMITS_DB: Final = (-100, -10)
@@ -36,10 +36,10 @@ class EmulatedMedium(Driver[Signal]):
     """The shared channel of one scenario.
 
     Args:
-        scenario: Who is where, with which modem, and what goes wrong.
-        agenda: What is to come.
-        begun: Told the node and the number of a sound that it notices.
-        heard: Told the node and its hearing when a sound has ended.
+        scenario: Positions, modems and faults of the nodes.
+        agenda: Pending actions.
+        begun: Takes the node and the number of a sound that it notices.
+        heard: Takes the node and its hearing when a sound has ended.
         observer: Gets every transmission with its outcome.
     """
 
@@ -59,11 +59,11 @@ class EmulatedMedium(Driver[Signal]):
         self._observe = observer
 
     def emit(self, node: int, signal: Signal) -> None:
-        """Let a node transmit a signal now.
+        """Begin a node's signal now.
 
         Args:
-            node: The sender's place in the scenario, which need not be its network address.
-            signal: What it sends.
+            node: The sender's address in the scenario, which may differ from its network address.
+            signal: The signal.
         """
         emission = self.medium.transmit(
             node,
@@ -80,15 +80,15 @@ class EmulatedMedium(Driver[Signal]):
         self.spread(emission, signal)
 
     def notices(self, arrival: Arrival) -> bool:
-        """Tell whether a modem that listens notices a sound."""
+        """Tell whether a listening modem notices a sound."""
         return self.medium.profile(arrival.node).notices(arrival.snr_db)
 
     def begin(self, arrival: Arrival, sent: Signal) -> None:
-        """Tell a modem that a sound begins."""
+        """Report the beginning of a sound to a modem."""
         self._begun(arrival.node, _sound_id(arrival))
 
     def end(self, reception: Reception, sent: Signal, is_noticed: bool) -> None:
-        """Tell a modem what it has heard."""
+        """Report a reception to a modem."""
         arrival = reception.arrival
         self._observe(
             SignalArrived(

@@ -1,7 +1,7 @@
-"""What happens on the channel between emulated modems, for an observer of all of them.
+"""Events on the channel between emulated modems, for an observer of all of them.
 
-No modem knows this: the outcome of a signal is known where it arrives, and a modem learns nothing
-of lost ones. An observer is called as it happens; it must not call the fleet.
+No modem knows them: the outcome of a signal is known where it arrives, and a modem learns nothing
+of lost ones. The observer is called as they happen; it must not call the fleet.
 """
 
 from collections.abc import Callable
@@ -14,16 +14,16 @@ from zacoustic_evologics.emulator.hardware.signals import Signal
 
 
 class SignalEmitted(msgspec.Struct, frozen=True, kw_only=True):
-    """A modem begins to send a signal."""
+    """A modem begins a signal."""
 
     at: int
     """Instant of the first sound, ns."""
     node: int
     """Address of the modem in the scenario."""
     sequence: int
-    """Counts the signals of that modem, from 0."""
+    """Number of the signal at that modem, from 0."""
     signal: Signal
-    """What it sends."""
+    """The signal."""
 
 
 class SignalArrived(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,22 +36,22 @@ class SignalArrived(msgspec.Struct, frozen=True, kw_only=True):
     source: int
     """Address of the sender in the scenario."""
     sequence: int
-    """That of the emission."""
+    """Number of the emission."""
     signal: Signal
-    """What was sent."""
+    """The signal."""
     outcome: Outcome
     """Its outcome on the channel."""
     snr_db: float
     """Level over noise, dB."""
     propagation_s: float
-    """How long the sound was on its way, s."""
+    """Propagation delay, one way, s."""
 
 
 Observation: TypeAlias = SignalEmitted | SignalArrived
 """All observations."""
 Observer: TypeAlias = Callable[[Observation], None]
-"""Takes each of them."""
+"""Takes observations."""
 
 
 def ignore(observation: Observation) -> None:
-    """Watch nothing."""
+    """Discard an observation."""

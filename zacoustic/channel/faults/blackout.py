@@ -1,7 +1,8 @@
 """Blackouts: times in which no sound passes between two nodes, or to and from one.
 
-Another vessel's sonar, a thermocline, a hull in the way: nothing is heard, so nothing collides with
-it and no carrier is sensed either. A frame is gone when any part of its arrival falls into one.
+The cause may be another vessel's sonar, a thermocline, or a hull in the way. Blocked sound is not
+heard, so it collides with nothing and no carrier is sensed. A frame is lost if any part of its
+arrival falls into a blackout.
 """
 
 from collections.abc import Iterable
@@ -27,10 +28,10 @@ class BlackoutSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     to_s: float
     """End, s, above `from_s`."""
     every_s: float | None = None
-    """Again after each such time, s, above the length; None: once."""
+    """Period of repetitions, s, above the length; None: once."""
 
     def __post_init__(self) -> None:
-        """Check the times and that it is about one node or two.
+        """Check the times, and that exactly one of node and pair is given.
 
         Raises:
             ValueError: A time outside its range, or not exactly one of node and pair.
@@ -50,11 +51,11 @@ class BlackoutSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     @property
     def nodes(self) -> tuple[int, ...]:
-        """Addresses that it is about."""
+        """Addresses of the affected nodes."""
         return (self.node,) if self.node is not None else self.pair or ()
 
     def concerns(self, source: int, node: int) -> bool:
-        """Tell whether it keeps sound of `source` from `node`."""
+        """Tell whether it blocks sound from `source` to `node`."""
         if self.pair is not None:
             return source in self.pair and node in self.pair
         return self.node in (source, node)
@@ -64,8 +65,8 @@ class Darkness:
     """All blackouts of one direction.
 
     Args:
-        specs: Those of this direction, and no others.
-        until_s: None of them has any effect later; None: they go on.
+        specs: The blackouts of this direction only.
+        until_s: End of their effect, s; None: no end.
     """
 
     def __init__(self, specs: Iterable[BlackoutSpec], until_s: float | None) -> None:
@@ -80,7 +81,7 @@ class Darkness:
         ]
 
     def covers(self, starts_at: int, ends_at: int) -> bool:
-        """Tell whether any part of the time between two instants, ns, is dark."""
+        """Tell whether any part of the time between two instants, ns, is blacked out."""
         if self._until is not None and starts_at >= self._until:
             return False
         return any(_meet(span, starts_at, ends_at) for span in self._spans)

@@ -1,7 +1,7 @@
-"""Everything that goes wrong in a scenario, apart from lost frames (`loss`).
+"""All faults of a scenario, apart from lost frames (`loss`).
 
-Some of it happens to frames that a modem has received: it hands them over damaged, late or twice.
-The medium decides which frames (`Reception.corrupt_seed`, `Reception.delay_s`,
+Some faults affect received frames: the modem delivers them damaged, late or twice. The medium
+decides which frames (`Reception.corrupt_seed`, `Reception.delay_s`,
 `Reception.duplicates_after_s`) and never sees their bytes; the driver, which has them, damages them
 here. Some faults are the channel's (`blackout`), others the nodes' (`nodefaults`).
 """
@@ -20,28 +20,28 @@ _MAX_FLIPPED_BITS: Final = 4  # few enough that a weak check can be fooled, whic
 
 
 class FaultSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What goes wrong."""
+    """The faults of a scenario."""
 
     corrupt: float = 0.0
     """Share of the received frames that arrive with flipped bits, 0…1."""
     duplicate: float = 0.0
     """Share of the received frames that are reported twice, 0…1."""
     duplicate_after_s: float | tuple[float, float] = 0.5
-    """Time between the two reports, s, 0…3600: always the same, or drawn between two."""
+    """Time between the two reports, s, 0…3600: fixed, or drawn between two limits."""
     jitter_s: float = 0.0
     """Received frames are reported late by up to this, s, 0…3600; one may overtake another."""
     blackouts: tuple[BlackoutSpec, ...] = ()
-    """Times when nodes do not hear each other."""
+    """Times when nodes cannot hear each other."""
     unplugged: tuple[SpanSpec, ...] = ()
     """Times when a node has no modem."""
     crashes: tuple[CrashSpec, ...] = ()
     """Nodes that crash and start again."""
     clocks: tuple[ClockSpec, ...] = ()
-    """Nodes whose clocks are wrong; all others' are right."""
+    """Nodes with wrong clocks; all others are right."""
     journal: JournalSpec = JournalSpec()
-    """How the nodes keep what must survive a crash."""
+    """How the journals of the nodes behave."""
     until_s: float | None = None
-    """From this instant on nothing of all this begins any more, s; None: it goes on."""
+    """No fault begins after this instant, s; None: no limit."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -67,7 +67,7 @@ class FaultSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     @property
     def touch_frames(self) -> bool:
-        """Something happens to received frames."""
+        """Whether a fault affects received frames."""
         return self.corrupt > 0.0 or self.duplicate > 0.0 or self.jitter_s > 0.0
 
     def nodes(self) -> Iterator[tuple[str, int]]:

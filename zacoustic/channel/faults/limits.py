@@ -1,17 +1,17 @@
-"""Range checks of the records that a scenario consists of: one wording for all of them."""
+"""Range checks for the records of a scenario, with one wording for all messages."""
 
 
 def check_range(key: str, value: float, low: float, high: float) -> None:
     """Check that a value lies within its limits, both included.
 
     Args:
-        key: What the message calls the value.
+        key: Name of the value in the message.
         value: The value; NaN is outside every range.
         low: Smallest allowed value.
         high: Largest allowed value.
 
     Raises:
-        ValueError: It does not; the message begins with the key.
+        ValueError: It is outside; the message begins with the key.
     """
     if not low <= value <= high:
         raise ValueError(f"{key} is {value!r}; allowed: {low:g}..{high:g}")

@@ -1,10 +1,10 @@
 """Named losses: frames that are lost at any level, one by one or in bursts.
 
-Gilbert and Elliott's chain has a good state, in which every frame passes, and a bad one, in which
-every frame is lost. It moves once per frame: from good to bad with probability p, back with r. The
-share of lost frames is p / (p + r), the mean run of lost frames 1 / r, and neighbouring frames are
-correlated by 1 − p − r. From a share L and a run b: r = 1/b, p = r L / (1 − L). Without a burst
-length frames are lost one by one, which is the chain with p + r = 1.
+The chain of Gilbert and Elliott has a good state, in which every frame passes, and a bad one, in
+which every frame is lost. It moves once per frame: from good to bad with probability p, back with
+r. The share of lost frames is p / (p + r), the mean run of lost frames 1 / r, and the correlation
+of consecutive frames 1 − p − r. For a share L and a run b: r = 1/b, p = r L / (1 − L). Without a
+burst length losses are independent, which is the chain with p + r = 1.
 
 Source:
     E. N. Gilbert, Bell Syst. Tech. J. 39 (1960) 1253; E. O. Elliott, Bell Syst. Tech. J. 42 (1963)
@@ -22,11 +22,11 @@ class LossSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Frames that are lost at any level."""
 
     frame: float = 0.0
-    """Share of the frames that is lost, 0…1."""
+    """Share of lost frames, 0…1."""
     burst_frames: float | None = None
-    """Mean length of a run of lost frames, ≥ 1; None: each frame on its own."""
+    """Mean length of a run of lost frames, ≥ 1; None: losses are independent."""
     until_s: float | None = None
-    """From this instant on none is lost any more, s; None: it goes on."""
+    """No frame is lost after this instant, s; None: no limit."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -65,12 +65,12 @@ class FrameLoss:
         else:
             self.to_good = 1.0 / spec.burst_frames
             self.to_bad = self.to_good * spec.frame / (1.0 - spec.frame)
-        # The first frame meets the stationary chain: as if the frame before it had been good or bad
-        # in that proportion.
+        # The first frame meets the stationary chain: the state before it is good or bad in that
+        # proportion.
         self._bad = rng.random() < spec.frame
 
     def next_is_lost(self, now: int) -> bool:
-        """Move on by one frame, which leaves at an instant, ns, and return whether it is lost."""
+        """Advance by one frame, which leaves at an instant, ns; return whether it is lost."""
         draw = self._rng.random()
         self._bad = draw >= self.to_good if self._bad else draw < self.to_bad
         return self._bad and (self._until is None or now < self._until)

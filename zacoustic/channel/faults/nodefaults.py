@@ -1,7 +1,7 @@
-"""What goes wrong inside of nodes: crashes, clocks, journals, modems that are unplugged.
+"""Faults inside of nodes: crashes, clocks, journals, unplugged modems.
 
-A medium has only modems and ignores all of it; `zacoustic.testing.VirtualNetwork`, and with it
-`zacoustic sim`, does what it says.
+A medium has only modems and ignores these faults; `zacoustic.testing.VirtualNetwork`, and with it
+`zacoustic sim`, applies them.
 """
 
 from typing import Final
@@ -41,13 +41,13 @@ class CrashSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     node: int
     """Address of the node."""
     at_s: tuple[float, ...] = ()
-    """Instants, s; or a rate. One at which the node is down anyway has no effect."""
+    """Instants, s; or a rate. An instant at which the node is already down has no effect."""
     every_s: float | None = None
     """Mean time from a start to the next crash, s, exponentially distributed; or instants."""
     to_s: float | None = None
-    """End of the crashes at a rate, s; None: they go on."""
+    """End of the crashes at a rate, s; None: no end."""
     restart_after_s: float = 10.0
-    """Time until the node is there again, s, ≥ 0."""
+    """Time until the node has restarted, s, ≥ 0."""
     reboots: bool = False
     """The whole computer reboots: its monotonic clock starts again."""
 
@@ -69,12 +69,12 @@ class CrashSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class JumpSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Somebody sets the wall clock of a node."""
+    """A step of a node's wall clock."""
 
     at_s: float
-    """When, s."""
+    """Instant, s."""
     by_s: float
-    """By how much, s; negative: back."""
+    """Size of the step, s; negative: back."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -87,22 +87,22 @@ class JumpSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class ClockSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The clocks of a node: both drift, only the wall clock is off and jumps.
+    """The clocks of a node: both drift; the wall clock also has an offset and steps.
 
-    Nodes without such a record have clocks that are right, and know it.
+    Nodes without such a record have right clocks, and know it.
     """
 
     node: int
     """Address of the node."""
     drift_ppm: float = 0.0
-    """How much too fast both clocks go, parts per million."""
+    """Drift of both clocks, parts per million; positive: fast."""
     offset_s: float = 0.0
-    """How far the wall clock is ahead at the beginning, s."""
+    """Lead of the wall clock at the beginning, s."""
     jumps: tuple[JumpSpec, ...] = ()
-    """When the wall clock is set."""
+    """Steps of the wall clock."""
     error_s: float | None = None
-    """How wrong the node believes its wall clock to be, s; drift adds to it. None: it does not
-    know, and its engine hears nothing of the wall clock."""
+    """Error that the node claims for its wall clock, s; drift adds to it. None: the error is
+    unknown, and the engine never gets the wall clock."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -120,15 +120,15 @@ class JournalSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The journals of all nodes."""
 
     keeps: bool | None = None
-    """Entries survive a crash; otherwise nothing but the boot epoch does. None: as the scenario's
-    config says, and without a config they survive."""
+    """Entries survive a crash; otherwise only the boot epoch does. None: as the scenario's config
+    says; without a config they survive."""
     commit_s: float = 0.0
     """Duration of a commit, s: a crash loses what is not committed."""
     untold: float = 0.0
-    """Share of the crashes in the middle of a commit after which it has all been written, although
-    the node never heard so, 0…1."""
+    """Share of the crashes during a commit after which the commit is complete although the node was
+    not told, 0…1."""
     fails: tuple[SpanSpec, ...] = ()
-    """Times when nothing can be written: the node learns it, and tries the commit again."""
+    """Times when commits fail: the node learns it and repeats them."""
 
     def __post_init__(self) -> None:
         """Check the ranges.

@@ -1,1 +1,1 @@
-"""Sound and modems as formulae, each with its source: speed, absorption, noise, error rates."""
+"""Formulae of sound and modems, each with its source: speed, absorption, noise, error rates."""

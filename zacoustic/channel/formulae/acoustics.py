@@ -19,12 +19,12 @@ import math
 from typing import Final
 
 DEFAULT_SOUND_SPEED_M_S: Final = 1500.0
-"""Round figure that simulators take, DESERT too; real water has 1400…1560 m/s."""
+"""Round figure of many simulators, DESERT included; real water has 1400…1560 m/s."""
 
 CYLINDRICAL: Final = 1.0
-"""Spreading factor of sound that is trapped between surface and bottom."""
+"""Spreading factor of sound trapped between surface and bottom."""
 PRACTICAL: Final = 1.5
-"""Spreading factor between the two laws, used where nothing is known."""
+"""Spreading factor between the two laws, for unknown conditions."""
 SPHERICAL: Final = 2.0
 """Spreading factor of the direct path, away from every boundary."""
 
@@ -226,14 +226,14 @@ def sum_of_levels_db(*levels_db: float) -> float:
 
 
 def combined_snr_db(*snrs_db: float) -> float:
-    """SNR that is left when the noises behind several SNRs add up, dB."""
+    """SNR that results when the noises of several SNRs add up, dB."""
     return -sum_of_levels_db(*(-snr for snr in snrs_db))
 
 
 def propagation_delay_s(
     distance_m: float, *, sound_speed_m_s: float = DEFAULT_SOUND_SPEED_M_S
 ) -> float:
-    """One-way travel time between two places that do not move, s.
+    """One-way travel time between two fixed places, s.
 
     Args:
         distance_m: Slant distance, m, ≥ 0.

@@ -1,9 +1,9 @@
-"""DESERT's own channel, apart from ours, so that its numbers can be reproduced and compared with.
+"""DESERT's own channel, apart from ours, to reproduce its numbers and compare them.
 
-What is special about it: Thorp's absorption, spreading 1.75, flat noise, a constant sound speed of
-1500 m/s, and above all that the SNR over the bandwidth is taken for Eb/N0 without regard to the bit
-rate, after a "penalty" (−10 dB by default, 0 in every sample that it ships). Interference enters as
-mean power; a receiver locks on the first frame above a threshold.
+It uses Thorp's absorption, spreading 1.75, flat noise and a constant sound speed of 1500 m/s. Its
+main peculiarity: it takes the SNR over the bandwidth for Eb/N0, without regard to the bit rate,
+after a "penalty" (−10 dB by default, 0 in every sample that it ships). Interference enters as mean
+power; a receiver locks on the first frame above a threshold.
 
 Source:
     DESERT Underwater, ``physical/uwphysical`` and the NSMIRACLE ``Underwater`` propagation classes;
@@ -24,11 +24,11 @@ from zacoustic.channel.formulae.noise import flat_noise_level_db
 from zacoustic.channel.formulae.soundspeed import coppens_sound_speed_m_s
 
 DESERT_SPREADING: Final = 1.75
-"""Its default spreading factor."""
+"""Default spreading factor of DESERT."""
 
 
 class DesertModulation(enum.Enum):
-    """Modulations by the names of that simulator."""
+    """Modulations by their names in DESERT."""
 
     BPSK = "BPSK"
     """Coherent."""
@@ -59,7 +59,7 @@ def desert_snr_db(
     wind_m_s: float = 0.0,
     shipping: float = 0.5,
 ) -> float:
-    """SNR over the bandwidth as that simulator computes it, defaults its own.
+    """SNR over the bandwidth as DESERT computes it, with its defaults.
 
     Args:
         distance_m: Slant distance, m.
@@ -81,7 +81,7 @@ def desert_snr_db(
 
 
 def desert_bit_error_rate(modulation: DesertModulation, snr: float) -> float:
-    """Bit error rate at an SNR in dB, which is taken for Eb/N0."""
+    """Bit error rate at an SNR in dB, taken for Eb/N0."""
     gamma = ratio(snr)
     match modulation:
         case DesertModulation.BPSK:
@@ -105,7 +105,7 @@ def desert_packet_error_rate(
         modulation: One of the enumeration.
         snr: SNR over the bandwidth, dB.
         bits: Bits of the packet, ≥ 1.
-        penalty_db: Added to the SNR, dB; its own default is −10, its samples set 0.
+        penalty_db: Added to the SNR, dB; DESERT's default is −10, its samples set 0.
 
     Returns:
         Probability, 0…1.
@@ -116,12 +116,12 @@ def desert_packet_error_rate(
 def desert_depth_sound_speed_m_s(
     temperature_c: float, depth_m: float, *, salinity_psu: float = 35.0
 ) -> float:
-    """Sound speed of its propagation module: Coppens at the surface, with a shorter depth term.
+    """Sound speed of DESERT's propagation module: Coppens at the surface, a shorter depth term.
 
     Args:
         temperature_c: °C.
         depth_m: m.
-        salinity_psu: Its own is always 35.
+        salinity_psu: Always 35 in DESERT.
 
     Returns:
         Sound speed, m/s.

@@ -1,7 +1,7 @@
 """Measured frame error rates: a few (SNR, rate) points with straight lines between them.
 
-For a modem whose coding no closed formula describes, the measured curve is the model. A curve holds
-for frames of one length; other lengths follow from independent errors along the frame: ``1 − (1 −
+For a modem whose coding has no closed formula, the measured curve is the model. A curve holds for
+frames of one length; other lengths follow from independent errors along the frame: ``1 − (1 −
 FER)^(n / n₀)``.
 """
 

@@ -1,7 +1,7 @@
 """From SNR to lost frames: error rates of the modems' modulations, with AWGN and with fading.
 
 γ is Eb/N0 as a ratio. For AWGN the closed forms are textbook ones. With fading two averages exist,
-and mixing them up is the usual mistake of simulators:
+which simulators often confuse:
 
 - *per bit*: each bit meets its own gain. The bit error rate is averaged over the fading, and a
   frame of 1000 bits practically never survives Rayleigh fading at 15 dB.
@@ -27,7 +27,7 @@ _BLOCK_STEPS: Final = 4000  # Simpson steps over the fade: five digits of the fr
 
 
 class Modulation(enum.Enum):
-    """How a modem turns bits into sound."""
+    """Modulation of a modem."""
 
     BPSK = "bpsk"
     """Coherent binary phase shift keying."""
@@ -148,12 +148,12 @@ def mfsk_symbol_error_rate(order: int, gamma_symbol: float) -> float:
 
 
 def mfsk_bit_error_rate(order: int, gamma_symbol: float) -> float:
-    """Bit error rate of non-coherent M-FSK: a wrong symbol has half of its bits wrong, nearly."""
+    """Bit error rate of non-coherent M-FSK: about half of the bits of a wrong symbol are wrong."""
     return order / 2.0 / (order - 1) * mfsk_symbol_error_rate(order, gamma_symbol)
 
 
 def packet_error_rate(ber: float, bits: int) -> float:
-    """Probability that at least one of that many independent bits is wrong.
+    """Probability that at least one of some independent bits is wrong.
 
     Args:
         ber: Bit error rate, 0…1; accurate also far below 1e-16.

@@ -1,11 +1,11 @@
 """Ambient noise of the sea: Wenz's curves in the parametrisation of Coates and Stojanovic.
 
-Four sources, each dominant in its part of the spectrum: turbulence (below 10 Hz), distant shipping
-(10…200 Hz), wind and waves (0.2…100 kHz), thermal agitation (above). Modems live in the third:
-there, wind decides. The sum is a density, dB re 1 µPa²/Hz; what a receiver sees is the level over
-its band, either flat (the density at the centre times the bandwidth, as most simulators do) or
-integrated. The flat rule is optimistic, by 0.04 dB over 22.5–27.5 kHz and 0.4 dB over 18–34 kHz,
-because the spectrum falls with frequency.
+Four sources dominate one part of the spectrum each: turbulence (below 10 Hz), distant shipping
+(10…200 Hz), wind and waves (0.2…100 kHz), thermal agitation (above). Modems use the third part, so
+wind decides. The sum is a density, dB re 1 µPa²/Hz. A receiver sees the level over its band, either
+flat (the density at the centre times the bandwidth, as in most simulators) or integrated. The flat
+rule is optimistic, by 0.04 dB over 22.5–27.5 kHz and 0.4 dB over 18–34 kHz, because the spectrum
+falls with frequency.
 
 Source:
     R. Coates, "Underwater Acoustic Systems" (1990); M. Stojanovic, ACM WUWNet 2006; after G. M.
@@ -77,7 +77,7 @@ def ambient_noise_db(frequency_hz: float, *, wind_m_s: float = 0.0, shipping: fl
 def flat_noise_level_db(
     frequency_hz: float, bandwidth_hz: float, *, wind_m_s: float = 0.0, shipping: float = 0.5
 ) -> float:
-    """Noise over a band, with the density of its centre everywhere.
+    """Noise over a band, assuming the density of its centre throughout.
 
     Args:
         frequency_hz: Centre of the band, Hz, > 0.

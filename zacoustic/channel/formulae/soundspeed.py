@@ -1,13 +1,12 @@
 """Speed of sound in sea water, after five authors, and the pressure that two of them need.
 
-They agree within 0.1 m/s in ordinary water, and the choice matters less than knowing the
-temperature: 1 °C is 3…4.6 m/s. `mackenzie_sound_speed_m_s` is the default wherever a profile is at
-hand; scenarios take a constant instead. `medwin` is the shortest, `coppens` covers brackish water,
-`del_grosso` and `chen_millero` are standards for calibration and take pressure, which
-`pressure_at_dbar` gives.
+They agree within 0.1 m/s in ordinary water. The choice matters less than an accurate temperature:
+1 °C is 3…4.6 m/s. `mackenzie_sound_speed_m_s` is the default if a profile is known; scenarios take
+a constant instead. `medwin` is the shortest, `coppens` covers brackish water, `del_grosso` and
+`chen_millero` are standards for calibration and take a pressure, which `pressure_at_dbar` computes.
 
 Temperature is in °C, salinity in practical salinity units (psu), depth in m, positive down.
-Validity ranges are stated, not enforced: outside them the polynomials go wrong slowly.
+Validity ranges are stated, not enforced: outside of them the errors grow slowly.
 """
 
 import math

@@ -1,1 +1,1 @@
-"""One sound from one node to another: path, level, fading, and what the receiver makes of it."""
+"""Sound from one node to another: path, level, fading, and its effect at the receiver."""

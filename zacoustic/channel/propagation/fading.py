@@ -1,8 +1,8 @@
-"""How the level varies although nothing moves: slow shadowing and a fast fade, drawn per frame.
+"""Variation of the level between fixed nodes: slow shadowing and a fast fade, drawn per frame.
 
-*Shadowing*: waves, internal waves and the drifting of the nodes change the paths slowly. In dB it
-is Gaussian, and its autocorrelation falls as exp(−Δt / τ); sampled at the frames, however they are
-spaced, that is a first-order recursion (``x ← ρ x + √(1 − ρ²) z``, ρ = exp(−Δt / τ)).
+*Shadowing*: waves, internal waves and drift of the nodes change the paths slowly. In dB it is
+Gaussian, and its autocorrelation falls as exp(−Δt / τ). Sampled at frames with any spacing, that is
+a first-order recursion (``x ← ρ x + √(1 − ρ²) z``, ρ = exp(−Δt / τ)).
 
 *Fast fade*: one steady path and many scattered ones add up with random phases, which is Rician with
 factor K, the steady power over the scattered. One gain holds for a frame (block fading); the next
@@ -24,7 +24,7 @@ from zacoustic.channel.propagation.randomness import gaussian_pair
 
 _NS_PER_S: Final = 1_000_000_000
 _GRID: Final = 16  # quantiles along each of three axes: 4096 fades
-_QUANTILES: Final = 128  # what remains of them, in equal shares
+_QUANTILES: Final = 128  # of those 4096, in equal shares
 
 
 class Fading(msgspec.Struct, frozen=True, kw_only=True):
@@ -39,7 +39,7 @@ class Fading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FadingProcess:
-    """The fades that the frames of one sender meet on their way to one node.
+    """The fades of one sender's frames on their way to one node.
 
     Args:
         fading: Statistics.
@@ -56,7 +56,7 @@ class FadingProcess:
         self._slow_at: int | None = None
 
     def next_gain_db(self, now: int) -> float:
-        """Return the gain over the mean that a frame meets, dB.
+        """Return the gain of a frame over the mean, dB.
 
         Args:
             now: Instant of the frame's start, ns, not before that of the previous frame.
@@ -77,7 +77,7 @@ class FadingProcess:
 
 @functools.lru_cache(maxsize=16)
 def fade_quantiles_db(fading: Fading) -> tuple[float, ...]:
-    """Return equally likely gains over the mean, dB, rising: for averages without drawing.
+    """Return equally likely gains over the mean, dB, rising: to average without drawing.
 
     Args:
         fading: Statistics; the shadowing time does not matter.

@@ -1,9 +1,9 @@
 """One direction between two nodes: turns an emission into the arrival that it causes.
 
-A hop knows the geometry (computed once when both ends are fixed), the channel model, the fades, and
-the named losses and faults of its direction. All random draws about a frame are made here, at the
-time it leaves and in the order of its sender, and travel in the `Arrival`; the receiver only judges
-what overlapped it.
+A hop knows the geometry (computed once if both ends are fixed), the channel model, the fades, and
+the named losses and faults of its direction. It makes all random draws of a frame when the frame
+leaves, in the order of its sender, and stores them in the `Arrival`; the receiver only decides the
+effect of overlaps.
 """
 
 from typing import Final
@@ -20,24 +20,24 @@ from zacoustic.channel.propagation.randomness import direction_random
 from zacoustic.channel.propagation.sea import ChannelModel
 
 _NS_PER_S: Final = 1_000_000_000
-_SEEDS: Final = 1 << 53  # what one uniform draw can tell apart
+_SEEDS: Final = 1 << 53  # number of distinct uniform draws
 
 
 class Hop:
-    """The way from one node to another.
+    """The direction from one node to another.
 
     Args:
-        seed: That of the scenario.
+        seed: Seed of the scenario.
         source: Address of the sender.
         node: Address of the receiver.
         channel: The channel model for frames of the sender's modem.
-        sender: Where the sender is.
-        receiver: Where the receiver is.
+        sender: Motion of the sender.
+        receiver: Motion of the receiver.
         sound_speed_m_s: Speed of sound, m/s.
         loss: Named loss of this direction.
-        faults: What the receiving modem does to frames, and blackouts.
+        faults: Faults of the receiving modem, and blackouts.
         gain_db: Gain of this direction over the channel model, dB.
-        propagation_s: Propagation delay, s, in place of the geometric one, or None.
+        propagation_s: Propagation delay, s, instead of the geometric one, or None.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Hop:
 
     @property
     def _is_fixed(self) -> bool:
-        """Nobody moves; that may change."""
+        """Whether both nodes stand still now; that may change."""
         return self._sender.is_fixed and self._receiver.is_fixed
 
     def path(self, now: int) -> Path:
@@ -91,7 +91,7 @@ class Hop:
         return self._path
 
     def is_dark(self, arrival: Arrival) -> bool:
-        """Tell whether a blackout keeps an arrival of this hop away."""
+        """Tell whether a blackout blocks an arrival of this hop."""
         darkness = self._darkness
         return darkness is not None and darkness.covers(arrival.starts_at, arrival.ends_at)
 
@@ -104,8 +104,8 @@ class Hop:
             sequence: Number of the emission, rising.
             frame_bytes: Length, bytes.
             now: Instant of its start, ns, not before that of the previous emission.
-            airtime_ns: How long it leaves, ns.
-            level_db: Source level over that of the channel model, dB.
+            airtime_ns: Duration at the sender, ns.
+            level_db: Source level relative to that of the channel model, dB.
         """
         if not self._is_fixed:
             self._measure(now)
@@ -154,7 +154,7 @@ class Hop:
     def _draw_faults(
         self, faults: FaultSpec, now: int
     ) -> tuple[int | None, float, tuple[float, ...]]:
-        # As many draws for every frame, so that the fate of later ones does not depend on shares.
+        # Equal numbers of draws for every frame, so that shares do not change later frames.
         rng = self._fault_rng
         is_corrupt = rng.random() < faults.corrupt
         corrupt_seed = int(rng.random() * _SEEDS)

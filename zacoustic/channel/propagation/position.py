@@ -1,12 +1,12 @@
-"""Where nodes are: fixed places and tracks, and how long sound takes between them.
+"""Positions of nodes: fixed places and tracks, and the travel time of sound between them.
 
 Positions are x east, y north, z down, in metres, in one flat frame; at the ranges of acoustic
-modems the earth is flat. A track is a list of way-points with times, and the node moves on straight
-lines between them; before the first and after the last it stands still. The times of a track count
-from instant 0 of the scenario. A track may also grow during the run: a caller that steers a
-node sets its position now and then (`Motion.move`), and sound goes to the last one.
+modems the earth is flat. A track is a list of way-points with times. The node moves on straight
+lines between them, and stands still before the first and after the last. The times of a track count
+from instant 0 of the scenario. A track may also grow during the run: a caller that steers a node
+sets its position now and then (`Motion.move`), and sound travels to the latest one.
 
-Between nodes that move, the delay is not distance / c: the receiver moves on while the sound is
+Between moving nodes the delay is not distance / c, because the receiver moves while the sound is
 under way. The delay solves ``|receiver(t + τ) − sender(t)| = c τ``, here by fixed-point steps, each
 of which shrinks the error by v/c (0.1 % at 1.5 m/s).
 """
@@ -23,12 +23,12 @@ Position: TypeAlias = tuple[float, float, float]
 
 _NS_PER_S: Final = 1_000_000_000
 _TOLD_MOST: Final = 64
-"""Places that are kept of a node that is steered: more than sound is under way."""
+"""Positions stored of a steered node: more than sound under way can need."""
 _DELAY_STEPS: Final = 3  # (v/c)³ of the delay: below a nanosecond at 2 m/s and 10 km
 
 
 class Waypoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where a node is at one time."""
+    """Position of a node at one time."""
 
     t: float
     """Time since the start of the scenario, s."""
@@ -37,7 +37,7 @@ class Waypoint(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class Path(msgspec.Struct, frozen=True, kw_only=True):
-    """How sound travels from one node to another at one instant."""
+    """The way of sound from one node to another at one instant."""
 
     distance_m: float
     """Slant distance that the sound covers, m."""
@@ -48,11 +48,11 @@ class Path(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Motion:
-    """The whereabouts of one node over time.
+    """The position of one node over time.
 
     Args:
-        waypoints: One for a fixed place, more for a track, times strictly increasing; not checked
-            here but in `scenario`.
+        waypoints: One for a fixed place, more for a track, times strictly increasing; `scenario`
+            checks them.
     """
 
     def __init__(self, waypoints: Sequence[Waypoint]) -> None:
@@ -65,7 +65,7 @@ class Motion:
         return cls([Waypoint(t=0.0, position=position)])
 
     def move(self, position: Position, at_s: float) -> None:
-        """Set the node's position from now on; later corners of the track are dropped.
+        """Set the node's position from now on; drop later way-points.
 
         Args:
             position: x east, y north, z down, m.
@@ -75,14 +75,14 @@ class Motion:
         kept = bisect_left(self._times_s, at_s)
         self._times_s[kept:], self._positions[kept:] = [at_s], [position]
         if kept == 0:
-            # It stood, or was still to begin: it has not been on its way since then.
+            # It stood still, or its track had not begun: it has not moved since then.
             self._times_s.insert(0, at_s - 1.0)
             self._positions.insert(0, before)
         del self._times_s[:-_TOLD_MOST], self._positions[:-_TOLD_MOST]
 
     @property
     def places(self) -> Sequence[Position]:
-        """The corners of its track: it never leaves the lines between them."""
+        """Corners of its track; it never leaves the lines between them."""
         return self._positions
 
     @property
@@ -121,10 +121,10 @@ def path_between(sender: Motion, receiver: Motion, now: int, *, sound_speed_m_s:
     """Return the path of sound that leaves the sender at an instant.
 
     Args:
-        sender: Where the sender is.
-        receiver: Where the receiver is.
+        sender: Motion of the sender.
+        receiver: Motion of the receiver.
         now: Instant of departure, ns since the start of the scenario.
-        sound_speed_m_s: Speed of sound, m/s, > 0, far above that of any node.
+        sound_speed_m_s: Speed of sound, m/s, > 0, far above the speed of any node.
 
     Returns:
         Distance, delay and range rate; the range rate is that at departure.

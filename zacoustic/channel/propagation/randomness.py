@@ -1,13 +1,13 @@
 """One random generator for each purpose of each direction between two nodes, from one seed.
 
-A channel whose draws depend on the order in which a driver happens to call it gives another sea for
-every driver. Here each (seed, source, node, purpose) owns a generator, and each frame of `source`
-draws from it the same number of times, whatever happens elsewhere: the fate of frame 17 from 1 to 2
-is the same on a virtual clock, on a wall clock, and when node 3 is added.
+If draws depended on the order of a driver's calls, every driver would simulate another sea. Here
+each (seed, source, node, purpose) has a generator, and each frame of `source` draws from it the
+same number of times, whatever happens elsewhere: the outcome of frame 17 from 1 to 2 is the same on
+a virtual clock, on a wall clock, and after node 3 is added.
 
-`random.Random` seeded with a string hashes it by SHA-512, and the sequence of its ``random()`` is
-promised to stay the same across versions of Python; Gaussian draws are made from it here, since
-those of the standard library carry no such promise.
+`random.Random` seeded with a string hashes it by SHA-512, and Python promises that the sequence of
+its ``random()`` stays the same across versions. It makes no such promise for Gaussian draws, so
+this module derives them from uniform ones.
 """
 
 import math

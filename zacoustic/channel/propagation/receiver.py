@@ -1,8 +1,8 @@
-"""The ear of one node: judges each arrival by what else sounded there meanwhile.
+"""The receiver of one node: decides the outcome of each arrival by what overlapped it.
 
-A receiver that is idle locks on the first arrival that it notices, and follows it to its end. What
+An idle receiver locks on the first arrival that it notices and follows it to its end. Sound that
 begins meanwhile is not received, even if it is stronger (`Outcome.DEAF`), but it disturbs. A
-half-duplex node hears nothing while it transmits, and gives up the arrival that it follows when it
+half-duplex node receives nothing while it transmits, and drops the arrival that it follows when it
 begins to. So an arrival passes these questions, in this order:
 
 1. Did the node transmit during any part of it?  ``HALF_DUPLEX``
@@ -13,15 +13,15 @@ begins to. So an arrival passes these questions, in this order:
      below it;
    - ``sinr``: the overlapping power, averaged over the frame, counts as noise, and the draw decides
      (the rule of DESERT's samples, "mean power");
-   - ``protocol``: any overlap destroys both, at any levels, and there is no locking: the
-     assumption behind the throughput formulae of ALOHA.
-5. Does noise destroy it, or a named loss of the scenario take it?  ``NOISE``
+   - ``protocol``: any overlap destroys both, at any levels, without locking: the assumption of the
+     throughput formulae of ALOHA.
+5. Does noise destroy it, or a named loss of the scenario drop it?  ``NOISE``
 
-Sound of a modem of another kind disturbs when its band overlaps, and is never received.
+Sound of a modem of another kind disturbs if its band overlaps, and is never received.
 
-An arrival is judged at its end. By then everything that can overlap it is known, because sound that
-is heard now was sent before. Entries are kept, sorted by their beginning, until nothing unjudged
-can overlap them; the list holds a handful.
+An arrival gets its outcome at its end. By then all sound that can overlap it is known, because it
+was sent before. Entries are stored, sorted by beginning, until they can overlap no arrival without
+an outcome; the list holds a handful.
 """
 
 import math
@@ -34,9 +34,9 @@ from zacoustic.channel.formulae.modulation import ratio
 from zacoustic.channel.propagation.sea import ChannelModel
 
 _FORGET_AFTER_NS: Final = 600 * 1_000_000_000
-"""The driver of a closed node asks no more: ten minutes later its arrivals are forgotten."""
+"""A closed node's driver asks for no outcome; its arrivals are forgotten after ten minutes, ns."""
 _TIDY_ABOVE: Final = 32
-"""Entries that may pile up before they are looked through without a judgement asking for it."""
+"""Number of entries above which old ones are removed even without a call of `judge`."""
 
 
 class _Entry:
@@ -54,7 +54,7 @@ class _Entry:
 
 
 class Receiver:
-    """What one node hears.
+    """The receiver of one node.
 
     Args:
         channel: Channel model of the node's modem.
@@ -65,25 +65,25 @@ class Receiver:
         self._channel = channel
         self.profile = channel.profile
         self._collisions = collisions
-        # Sorted by beginning; the sender and its counter make the order of equal beginnings
-        # independent of calls.
+        # Sorted by beginning; sender and counter make the order of equal beginnings independent of
+        # the order of calls.
         self._entries: list[tuple[int, int, int, _Entry]] = []
         self._emissions: list[tuple[int, int]] = []
         self._following: _Entry | None = None
 
     @property
     def remembered(self) -> int:
-        """Number of arrivals and emissions that are kept."""
+        """Number of stored arrivals and emissions."""
         return len(self._entries) + len(self._emissions)
 
     def expect(self, arrival: Arrival, now: int, *, is_decodable: bool) -> None:
-        """Take note of an arrival that is under way.
+        """Note an arrival that is under way.
 
         Args:
             arrival: The arrival, not yet begun or just beginning.
-            now: Instant at which it left, ns.
-            is_decodable: Whether it comes from a modem of the same kind; `judge` is called for
-                those only.
+            now: Instant of its departure, ns.
+            is_decodable: Whether it comes from a modem of the same kind; only then `judge` is
+                called for it.
         """
         if len(self._entries) >= _TIDY_ABOVE:
             self._forget(now)
@@ -91,17 +91,17 @@ class Receiver:
         insort(self._entries, (arrival.starts_at, arrival.source, arrival.sequence, entry))
 
     def transmits(self, started_at: int, ends_at: int) -> None:
-        """Take note that the node transmits itself, from one instant to another, ns."""
+        """Note a transmission of this node, from one instant to another, ns."""
         if self.profile.half_duplex:
             if len(self._emissions) >= _TIDY_ABOVE:
                 self._forget(started_at)
             self._emissions.append((started_at, ends_at))
 
     def judge(self, arrival: Arrival) -> Reception:
-        """Return what became of an arrival that has ended.
+        """Return the outcome of an arrival that has ended.
 
         Raises:
-            ValueError: The arrival was judged before, or is not known here.
+            ValueError: The arrival has an outcome already, or is unknown here.
         """
         entry = self._entry_of(arrival)
         overlaps: list[_Entry] = []
@@ -137,7 +137,7 @@ class Receiver:
         )
 
     def _follow_until(self, instant: int) -> None:
-        """Let the receiver lock on what it notices, by beginnings, up to an instant."""
+        """Lock on noticed arrivals, in order of their beginnings, up to an instant."""
         for starts_at, _, _, entry in self._entries:
             if starts_at > instant:
                 return
@@ -155,7 +155,7 @@ class Receiver:
         before = self._following
         if before is None or before.ends_at <= start:
             return True
-        # Following one: deaf, unless an own transmission made the receiver give it up.
+        # Following another one: deaf, unless an own transmission made the receiver drop it.
         return any(before.starts_at < began <= start for began, _ in self._emissions)
 
     def _outcome(self, entry: _Entry, overlaps: list[_Entry]) -> tuple[Outcome, float]:
@@ -204,7 +204,7 @@ class Receiver:
                 oldest = min(oldest, starts_at)
                 break
         entries = self._entries
-        # Almost always the first, and nothing else: look before copying.
+        # Usually only the first one can go: look before copying.
         if (entries and entries[0][3].ends_at <= oldest) or len(entries) >= _TIDY_ABOVE:
             self._entries = [item for item in entries if item[3].ends_at > oldest]
         if self._following is not None and self._following.ends_at <= oldest:

@@ -2,31 +2,32 @@
 
 ``sea`` (the default)
     A receiver decodes the *direct path*: spherical spreading, absorption after Francois and
-    Garrison, Wenz's noise over the band. Two things limit it, and both grow with range:
+    A receiver decodes the *direct path*: spherical spreading, absorption after Francois and
+    Garrison, Wenz's noise over the band. Two effects limit it, and both grow with range:
 
-    - noise by the sonar equation;
-    - distortion: the same frame arriving over surface and bottom. The direct path decays as 20 log
-      r, the trapped field of all the others as 10 log r, so their ratio falls by 10 log r, however
-      loud the sender is.
+    - noise, by the sonar equation;
+    - distortion: the same frame arrives over surface and bottom. The direct path decays as 20 log
+      r, the trapped field of all the others as 10 log r, so their ratio falls by 10 log r at any
+      source level.
 
-    The two add up to one effective SNR, and each frame has its own fade (`fading`:
-    Rician with K = 3, shadowing of 3 dB over 30 s). One rule fixes the scale, since no data sheet
-    says what a receiver loses against theory: *at its published range, in a wind of 5 m/s, a modem
-    brings through half of the frames, and noise and distortion have equal parts in that*. For the
-    S2C 18/34 and frames of 64 bytes that is a loss of 50 % at 3.5 km, about 10 % at 1.5 km, 2 % at
-    0.5 km and everything at 7 km; the implementation loss that follows is 16 dB. K, the deviation
-    and the time are within what modellers choose (K 3…10, 2…4 dB, tens of seconds).
+    The two add up to one effective SNR, and each frame has its own fade (`fading`: Rician with
+    K = 3, shadowing of 3 dB over 30 s). One rule fixes the scale, since no data sheet states the
+    loss of a receiver against theory: *at its published range, in a wind of 5 m/s, a modem delivers
+    half of the frames, and noise and distortion contribute equally*. For the S2C 18/34 and frames
+    of 64 bytes that is a loss of 50 % at 3.5 km, about 10 % at 1.5 km, 2 % at 0.5 km and everything
+    at 7 km; the resulting implementation loss is 16 dB. K, the deviation and the time are within
+    the modellers' choices (K 3…10, 2…4 dB, tens of seconds).
 
 ``awgn``
     Practical spreading, the same absorption and noise, no fade, no implementation loss, no
-    distortion: what the formulae promise. The S2C 18/34 loses nothing to 7 km with it, which is why
-    it is not the default.
+    distortion: the ideal of the formulae. With it the S2C 18/34 loses nothing up to 7 km, so it is
+    not the default.
 
 ``none``
-    Nothing is lost at random. Levels are those of ``awgn``, so that collisions have an outcome.
+    Without random losses. Levels are those of ``awgn``, so that collisions have an outcome.
 
 ``desert``
-    As DESERT computes it (see `desert`), BPSK without penalty, to compare with its runs.
+    The formulae of DESERT (see `desert`), BPSK without penalty, to compare with its runs.
 """
 
 import functools
@@ -56,7 +57,7 @@ from zacoustic.errors import ConfigError
 SEA_FADING: Final = Fading(k_factor=3.0, shadowing_db=3.0, shadowing_time_s=30.0)
 """Fades of the channel ``sea``."""
 
-_REFERENCE_WIND_M_S: Final = 5.0  # the sea state that published ranges are taken to mean
+_REFERENCE_WIND_M_S: Final = 5.0  # assumed sea state of published ranges
 _REFERENCE_SHIPPING: Final = 0.5
 _REFERENCE_FRAME_BYTES: Final = 64  # or the MTU, if smaller
 _HALF_DB: Final = 10.0 * math.log10(2.0)
@@ -75,7 +76,7 @@ class ChannelModel(ABC):
 
     Args:
         profile: The modem.
-        noise_level_db: See above.
+        noise_level_db: See the attribute.
         absorption_db_km: Absorption at the centre of the band, dB/km.
         spreading: Spreading factor.
     """
@@ -115,7 +116,7 @@ class ChannelModel(ABC):
         """Return the probability, 0…1, that a frame of this effective SNR (dB, faded) is lost."""
 
     def mean_frame_error_rate(self, distance_m: float, frame_bytes: int) -> float:
-        """Return the share of frames, 0…1, that is lost at a distance in m, over all fades."""
+        """Return the share of lost frames, 0…1, at a distance in m, over all fades."""
         mean_db = self.effective_snr_db(distance_m)
         if self.fading is None:
             return self.frame_error_rate(mean_db, frame_bytes)
@@ -126,7 +127,7 @@ class ChannelModel(ABC):
 
 
 class AwgnChannel(ChannelModel):
-    """AWGN: the sonar equation and the modulation only."""
+    """AWGN: only the sonar equation and the modulation."""
 
     def __init__(
         self,
@@ -153,7 +154,7 @@ class AwgnChannel(ChannelModel):
 
 
 class SilentChannel(AwgnChannel):
-    """Geometry, half-duplex and collisions, and no random loss at all."""
+    """Geometry, half-duplex and collisions, without random loss."""
 
     def __init__(self, profile: ModemProfile, *, wind_m_s: float, shipping: float) -> None:
         super().__init__(profile, wind_m_s=wind_m_s, shipping=shipping)
@@ -204,7 +205,7 @@ class DesertChannel(ChannelModel):
         )
 
     def frame_error_rate(self, effective_snr_db: float, frame_bytes: int) -> float:
-        """Return its packet error rate; 0 for the profile that loses nothing."""
+        """Return DESERT's packet error rate; 0 for the profile that loses nothing."""
         if self.profile.reception is Modulation.PERFECT:
             return 0.0
         return desert_packet_error_rate(DesertModulation.BPSK, effective_snr_db, 8 * frame_bytes)
@@ -213,7 +214,7 @@ class DesertChannel(ChannelModel):
 def create_channel(
     name: str, profile: ModemProfile, *, wind_m_s: float, shipping: float
 ) -> ChannelModel:
-    """Return the model of that name for one kind of modem.
+    """Return a model by name for one kind of modem.
 
     Args:
         name: ``sea``, ``awgn``, ``none`` or ``desert``.
@@ -239,7 +240,7 @@ def create_channel(
 
 @functools.lru_cache(maxsize=64)
 def _snr_of_half_the_frames_db(profile: ModemProfile) -> float:
-    """Mean SNR at which `SEA_FADING` lets half of the frames through, dB."""
+    """Return the mean SNR at which `SEA_FADING` lets half of the frames through, dB."""
     frame_bytes = min(_REFERENCE_FRAME_BYTES, profile.mtu_bytes)
     gains_db = fade_quantiles_db(SEA_FADING)
     low_db, high_db = _SNR_SEARCH_DB

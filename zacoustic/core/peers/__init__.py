@@ -1,1 +1,1 @@
-"""What this node knows of every other one: its life, its table, whether it is heard, its range."""
+"""What this node knows of each other node: its boot epoch, table, reachability and range."""

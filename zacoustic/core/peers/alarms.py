@@ -1,12 +1,14 @@
-"""What a sealed node tells the application of frames that it has refused.
+"""What a sealed node reports to the application about frames that it refused.
 
-A frame that does not open is counted, and mostly no more: it came twice, or its receiver is out of
-step for some frames. The application is told, once in a while, of what somebody has to look into: a
-node of which no frame opens has another key, or somebody speaks in its name; one that does not seal
-them has none; one that is authentic and speaks as in a former life has old records; and there may
-be another computer with the key and address of this node. A node of the fleet that says what it
-may not say (it is no publisher, no server, or nobody executes its commands) is named, too, with the
-stream.
+A frame that does not open is counted, and usually no more: it came twice, or its receiver is out of
+step for some frames. A rate-limited event reports what somebody has to look into:
+
+- no frame of a node opens: it has another key, or somebody uses its address;
+- a node does not seal its frames: it has no key;
+- an authentic node transmits with an earlier life: it has old records;
+- another computer may have this node's key and address;
+- an authentic node transmits what it may not (it is no publisher, no server, or nobody executes its
+  commands): the event then names the stream.
 """
 
 from collections.abc import Callable
@@ -18,29 +20,29 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.peers.sealing import LONG_EVERY, Refusal
 
 FORGERIES: Final = 1 << 20
-"""So many refusals of one source, and the odds that one was not refused are one in 4096."""
+"""After this many refusals of one source, a forgery was accepted with odds of 1 in 4096."""
 _TELL_EVERY_NS: Final = seconds_to_ns(600.0)
 _IN_A_ROW: Final = 2 * LONG_EVERY
-"""So many frames that do not open are no loss of step: one of them had a long head."""
+"""This many frames that do not open are no loss of step: one of them had a long head."""
 
 
 class SealAlarm(msgspec.Struct, frozen=True, kw_only=True):
-    """Frames were refused that say they are of a node, or something that was in one of its."""
+    """This node refused frames that claim to be of a node, or contents of its frames."""
 
     address: int
     """The node."""
     refusal: Refusal
     """Why."""
     frames: int
-    """How many for that reason since the start; where a stream is named, records of that."""
+    """Refused frames for that reason since the start; records, if a stream is named."""
     is_too_many: bool
-    """More than `FORGERIES`: the key is to be rotated."""
+    """More than `FORGERIES`: the key has to be rotated."""
     stream_id: int | None = None
-    """What the node may not say; None: whole frames were refused."""
+    """The stream that the node may not use in that way; None: whole frames were refused."""
 
 
 class SealAlarms:
-    """Counts refusals, and tells of them.
+    """Counts refusals and reports them.
 
     Args:
         emit: Takes a `SealAlarm`.
@@ -54,15 +56,15 @@ class SealAlarms:
         self._in_a_row: dict[int, int] = {}
 
     def opened(self, address: int) -> None:
-        """A frame of a node was opened."""
+        """Note that a frame of a node was opened."""
         self._in_a_row.pop(address, None)
 
     def refused(self, refusal: Refusal, address: int, now: int) -> None:
-        """Count a frame, and tell of it if nothing of the kind was told lately.
+        """Count a refused frame; report it unless the same was reported recently.
 
         Args:
             refusal: Why it was refused.
-            address: Of whom it says that it is, 1…254.
+            address: The source that it claims, 1…254.
             now: The instant.
         """
         frames = self._count(address, refusal, None)
@@ -74,11 +76,11 @@ class SealAlarms:
         self._tell(address, refusal, None, now)
 
     def forbidden(self, address: int, stream_id: int, now: int) -> None:
-        """Count what a node of the fleet has said and may not, and tell of it likewise.
+        """Count a record that a node of the fleet may not send, and report it likewise.
 
         Args:
             address: The node.
-            stream_id: Of what it was.
+            stream_id: The stream of the record.
             now: The instant.
         """
         self._count(address, Refusal.FORBIDDEN, stream_id)

@@ -1,4 +1,4 @@
-"""The boot epoch of a node: a new one in each life, journalled before the first frame uses it."""
+"""The boot epoch of a node: new at each start, journalled before the first frame uses it."""
 
 from collections.abc import Callable
 
@@ -12,9 +12,9 @@ class BootEpoch:
     """The boot epoch of one node.
 
     Args:
-        handshake: Says it to others.
-        journal: Keeps it.
-        seal: Has it in its nonces, as the life of the node; None: frames are not sealed.
+        handshake: Announces it to others.
+        journal: Stores it.
+        seal: Uses it in nonces, as the life of the node; None: frames are not sealed.
     """
 
     def __init__(
@@ -31,21 +31,21 @@ class BootEpoch:
 
     @property
     def may_speak(self) -> bool:
-        """The epoch is journalled: no other life of the node has it.
+        """The epoch is journalled, so no other start of the node uses it.
 
-        A store that cannot be written blocks nothing: the next life draws a number after this one.
-        That is good enough for agreement, and not for a nonce.
+        A journal that cannot be written blocks nothing: the next start draws a number after this
+        one. That is good enough for agreement, but not for a nonce.
         """
         if self._seal is not None:
             return not self._to_keep and self._seal.may_seal
         return not self._to_keep or bool(self._journal.failure)
 
     def outlast(self, is_calling: Callable[[], bool]) -> None:
-        """Register a check whether a call is under way; `renew` asks it."""
+        """Register a check whether a call is in progress; `renew` asks it."""
         self._is_calling.append(is_calling)
 
     def begin(self, now: int) -> None:
-        """Begin a new epoch; every confirmation of the old one is void."""
+        """Begin a new epoch; all confirmations of the old one become void."""
         self._handshake.table_changed(now)
         if self._seal is not None:
             self._seal.begin(self._handshake.epoch)
@@ -53,7 +53,7 @@ class BootEpoch:
         self.began(now)
 
     def renew(self, now: int) -> bool:
-        """Begin a new epoch unless a call is under way, which would not survive it.
+        """Begin a new epoch, unless a call is in progress: it would not survive that.
 
         Returns:
             Whether a new epoch has begun.

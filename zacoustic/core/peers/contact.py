@@ -1,16 +1,17 @@
 """Contact: a node shows the others that it is alive, and notices when another one falls silent.
 
-An idle fleet is silent, so silence does not tell whether a vehicle has nothing to say or is gone,
-nor does it tell a vehicle whether it should surface. Where that matters, two settings pay for the
-answer. A node transmits a *heartbeat*, the smallest frame there is, when it has sent nothing else
-for a time. A node counts as *lost* when no frame of it was heard for a time, until it is heard
-again. The configuration has both for each node; without them nothing is sent and no timer is armed.
+An idle fleet is silent. So silence does not tell whether a vehicle has nothing to say or is gone,
+and a vehicle cannot tell whether it should surface. Two settings answer that at a cost: a node
+transmits a *heartbeat*, the smallest possible frame, when it has sent nothing else for a time; and
+a node counts as *lost* when no frame of it was heard for a time, until it is heard again. The
+configuration has both per node. Without them nothing is sent and no timer is armed.
 
 - A frame to one node alone does not replace the heartbeat for the others.
 - Each pause is drawn anew, so heartbeats that collided do not collide again.
-- Any frame that can be opened is a sign of life of its source, whoever it was for. An answer of the
-  modem alone is not: the computer behind it may be dead.
-- A heartbeat carries HELLO or TAG until every node has confirmed this life: it shows a restart.
+- Any frame that can be opened is a sign of life of its source, whatever its destination. A modem's
+  acknowledgement alone is not: the computer behind the modem may be dead.
+- A heartbeat carries HELLO or TAG until every node has confirmed this boot epoch, so it shows a
+  restart.
 """
 
 from collections.abc import Callable
@@ -25,9 +26,9 @@ from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import REACHABILITY, Change, Reachability
 
 LEAST_HEARTBEAT_S: Final = 1.0
-"""Least time between two heartbeats, s: the smallest frame of a modem lasts a quarter of that."""
+"""Shortest pause between heartbeats, s: a modem's smallest frame lasts a quarter of that."""
 LEAST_MISSED: Final = 2
-"""A node is lost after this many missed heartbeats at least: any one of them may be lost."""
+"""Fewest missed heartbeats after which a node is lost: any single one may be lost."""
 
 
 class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,34 +39,34 @@ class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
     lost_after_s: dict[int, float] = {}
     """Address of a node → time without a frame of it after which it is lost, s."""
     others_lost_after_s: float | None = None
-    """The same for all other nodes, once they were heard; None: never."""
+    """The same for all other nodes that were heard at least once; None: never."""
 
 
 class Sighting(msgspec.Struct, frozen=True, kw_only=True):
     """Whether a node is lost."""
 
     state: Reachability
-    """Whether it is heard."""
+    """Whether this node hears it."""
     since: int
     """Instant at which this state began, ns."""
     heard_at: int | None
-    """Instant at which it was heard last, ns; None: not in this life."""
+    """Instant of its last frame, ns; None: none since the start of this node."""
 
     @property
     def is_lost(self) -> bool:
-        """Nothing was heard of it for the configured time."""
+        """No frame of it came for the configured time."""
         return self.state is Reachability.LOST
 
 
 class PeerLost(msgspec.Struct, frozen=True, kw_only=True):
-    """Nothing was heard of a node for the configured time."""
+    """No frame of a node came for the configured time."""
 
     address: int
     """The node."""
     heard_at: int | None
-    """Instant at which it was heard last, ns; None: not in this life."""
+    """Instant of its last frame, ns; None: none since the start of this node."""
     lost_at: int
-    """Instant at which it counts as lost, ns."""
+    """Instant from which it counts as lost, ns."""
 
 
 class PeerFound(msgspec.Struct, frozen=True, kw_only=True):
@@ -78,13 +79,13 @@ class PeerFound(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Contact:
-    """Which nodes this one misses, on whatever link it hears them.
+    """Which nodes this one has lost, over all its links.
 
     Args:
         address: Address of the node.
-        rules: What the config says.
+        rules: The settings.
         peers: The other nodes.
-        timers: Tell who has become lost.
+        timers: Fire when a node becomes lost.
         emit: Takes events.
     """
 
@@ -105,7 +106,7 @@ class Contact:
         peers.forgotten.connect(self._forget)
 
     def begin(self, now: int) -> None:
-        """Take note of the first instant of the life; no effect later on."""
+        """Note the first instant of the boot epoch; later calls have no effect."""
         if self._has_begun:
             return
         self._has_begun = True
@@ -117,7 +118,7 @@ class Contact:
                 self._arm(address)
 
     def heard(self, source: int, now: int) -> None:
-        """Take note of a frame of a node, whoever it is for."""
+        """Note a frame of a node, whatever its destination."""
         known = self._sightings.get(source)
         since = now if known is None or known.is_lost else known.since
         before = REACHABILITY.first if known is None else known.state
@@ -145,7 +146,7 @@ class Contact:
         return self._rules.lost_after_s.get(address, self._rules.others_lost_after_s)
 
     def _arm(self, address: int) -> None:
-        """Arm the timer after which a node that is heard becomes lost."""
+        """Arm the timer after which a silent node becomes lost."""
         lost_after_s, known = self._lost_after_s(address), self._sightings[address]
         if lost_after_s is not None:
             seen_at = known.since if known.heard_at is None else known.heard_at

@@ -1,18 +1,17 @@
-"""Doubt: this node may know less of its former lives than others have seen of them.
+"""Doubt: this node may have forgotten what it did before this start.
 
-A journal may be damaged, or an old copy of it may have been put back. The node goes on all the
-same, in a new epoch, with whatever is right in it. But it does not know what it did last, and must
-not do it again when it arrives again. A client repeats a call or goal for no longer than its
-time-out. Within that time after the start, a call or goal may be older than this life: the node
-answers that its outcome is *unknown*, which is true, and does not begin it. Remote commands are not
-held up, neither those that it gives nor those that it receives: they carry their age and do no harm
-twice.
+A journal may be damaged, or somebody may have restored an old copy. The node continues in a new
+epoch with what is valid in it. But it does not know what it did last, and must not do it again if
+it arrives again. A client repeats a call or goal no longer than its time-out. Within that time
+after the start, a call or goal may be older than this boot epoch: the node does not begin it and
+answers that its outcome is *unknown*, which is true. Remote commands are not held up in either
+direction: they carry their age and do no harm twice.
 
-The store detects most of this by itself and leaves an entry. Subscribers detect the rest
-(`zacoustic.core.transport.reliable.sending.contradictions`); the node is told in the same way. What
-they report may be forged or late, so it is believed when it comes a second time. Until then the
-node refuses nothing and begins nothing: it drops a call or goal that may be older than this life,
-and the client repeats it.
+The journal detects most of this by itself and leaves an entry. Subscribers detect the rest
+(`zacoustic.core.transport.reliable.sending.contradictions`) and report it to the node. A report may
+be forged or late, so the node believes it when it comes a second time. Until then it refuses
+nothing and begins nothing: it drops a call or goal that may be older than this boot epoch, and the
+client repeats it.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,24 +28,24 @@ _LEAST_NS: Final = seconds_to_ns(60)
 
 
 class JournalDoubted(msgspec.Struct, frozen=True, kw_only=True):
-    """The journal may lack the last writes: it is damaged, or an old copy was put back.
+    """The journal may lack the last writes: it is damaged, or an old copy was restored.
 
-    The node goes on with what is right in it. It does not repeat what came before and whose outcome
-    it does not know: see `zacoustic.core.peers.doubt`.
+    The node continues with what is valid in it. It does not repeat earlier work whose outcome it
+    does not know: see `zacoustic.core.peers.doubt`.
     """
 
     reason: str
-    """What was found, and who found it, one line."""
+    """What was found, and by whom, one line."""
 
 
 class Doubt:
-    """Whether the journal of one life is in doubt, and what is refused because of that.
+    """Whether the journal is in doubt, and what the node refuses because of that.
 
     Args:
         address: Address of the node.
         table: Its streams.
-        stored: What the journal had.
-        journal: Forgets the doubt when it does not matter any more.
+        stored: What the journal had at the start.
+        journal: Drops the entry when the doubt does not matter any more.
         emit: Takes events.
     """
 
@@ -63,7 +62,7 @@ class Doubt:
         self._journal = journal
         self._emit = emit
         self.reason = stored.get(DOUBT_KEY, b"").decode(errors="replace")
-        """Why it is in doubt, one line, for the whole life; empty: it is not."""
+        """Why the journal is in doubt, one line, for the whole boot epoch; empty: it is not."""
         self._is_stored = bool(self.reason)
         self._began_at: int | None = None
         self._suspected_until = 0
@@ -71,12 +70,12 @@ class Doubt:
             emit(JournalDoubted(reason=self.reason))
 
     def link_up(self, now: int) -> None:
-        """The link is up: from now on repetitions of others are heard."""
+        """Note that the link is up: from now on this node hears repetitions of others."""
         if self._began_at is None:
             self._began_at = now
 
     def covers(self, timeout_s: float, now: int) -> bool:
-        """Tell whether what arrives now may be older than this life, and done by a former one.
+        """Return whether an arriving call may be older than this boot epoch, and executed then.
 
         Args:
             timeout_s: For how long its sender repeats it, s.
@@ -85,7 +84,7 @@ class Doubt:
         return self._is_stored and self._may_be_older(timeout_s, now)
 
     def suspends(self, timeout_s: float, now: int) -> bool:
-        """Tell whether a suspicion is open that would cover what arrives now: it must not begin.
+        """Return whether an unconfirmed report would cover an arriving call: it must not begin.
 
         Args:
             timeout_s: For how long its sender repeats it, s.
@@ -95,14 +94,14 @@ class Doubt:
         return is_suspected and self._may_be_older(timeout_s, now)
 
     def suspect(self, until: int) -> None:
-        """Begin nothing that may be older than this life until then: a report contradicts it."""
+        """Begin nothing until then that may be older than this epoch: a report contradicts it."""
         self._suspected_until = max(self._suspected_until, until)
 
     def told(self, reason: str, now: int) -> None:
-        """Another node has shown that this one has forgotten something.
+        """Note that another node has shown that this one forgot something.
 
-        That holds from the beginning of this life: what may be older is refused as if the store had
-        reported it, in the next life as well.
+        It holds from the start of this boot epoch, and after the next start as well: the node
+        refuses what may be older, as if the journal had reported the damage.
         """
         if not self.reason:
             self.reason = reason
@@ -112,7 +111,7 @@ class Doubt:
         self._emit(JournalDoubted(reason=reason))
 
     def settle(self, now: int) -> None:
-        """Delete the doubt from the journal once nobody repeats anything from before this life."""
+        """Drop the journal entry once nobody repeats anything from before this boot epoch."""
         began_at = now if self._began_at is None else self._began_at
         if self._is_stored and now >= began_at + self._longest_ns:
             self._is_stored = False

@@ -1,51 +1,52 @@
-"""HELLO: two ends find out whether a stream id means the same to both, before anything is decoded.
+"""HELLO: before they decode anything, two nodes check that a stream id means the same to both.
 
 The problem: an id is one byte, and its meaning is in the tables of both ends. A node may restart
-with another table at any time, and any frame may be lost, the first one after the restart
-included. A sample decoded by the wrong table is worse than a lost one.
+with another table at any time, and any frame may be lost, including the first one after the
+restart. A sample decoded by the wrong table is worse than a lost one.
 
-The idea, from the sender's side. Each life of a node has a *boot epoch*. As long as one of the
-nodes that a frame is for has not confirmed the current epoch, the frame begins with a HELLO
-(epoch and digest of the table, 8 bytes) or with a TAG (the epoch alone, 3 bytes). Unicast frames
-carry the HELLO wherever it fits, broadcast ones in one frame of eight. When
-all have confirmed, frames begin with nothing: that is the state in which a sample costs one byte.
+The sender's side: each start of a node has a *boot epoch*. While any receiver of a frame has not
+confirmed the current epoch, the frame begins with a HELLO (epoch and digest of the table, 8 bytes)
+or with a TAG (the epoch alone, 3 bytes). Unicast frames carry the HELLO wherever it fits, broadcast
+frames in one of eight. When all have confirmed, frames begin with nothing: in that state a sample
+costs one byte.
 
-From the receiver's side, three rules:
+The receiver's side has three rules:
 
 1. A frame *without* HELLO or TAG is decoded only if the source's table is known to equal ours. A
-   node confirms only what it knows to be equal, so a source that omits the TAG has been told so
-   by us in its present life.
-2. A frame *with* one is decoded only if its epoch is the one whose HELLO we have heard: all of it
+   node confirms only a table that it knows to be equal, so a source that omits the TAG has our
+   confirmation of its current boot epoch.
+2. A frame *with* one is decoded only if it has the epoch of the HELLO that we heard last: all of it
    if the tables are equal, else those streams whose digests (TABLE rows) are known and equal.
 3. Everything else is dropped as ``unconfirmed``, and the source is asked (ASK) for what is missing.
-   A TAG of an epoch that we have no HELLO of wipes out what we knew of the source.
+   A TAG of an epoch without a known HELLO erases what we knew of the source.
 
 So a restarted node with a new table marks its frames with a new epoch until we know it (rule 2),
 and a restarted receiver knows nothing and drops (rule 1), whichever frames are lost. Tables contain
-the list of nodes, so "all have confirmed" means the same to both. A node that is in the water and
-in nobody's list is marked for once it has introduced itself; one that keeps silent is not protected
-from a new table's broadcasts, and has to be restarted with it.
+the list of nodes, so "all have confirmed" means the same to both ends. Frames are also marked for a
+node that is in no list, once it has introduced itself. If it stays silent, it is not protected from
+the broadcasts of a new table and has to be restarted with that table.
 
-Frames may also come twice, the second time within a *settling time* (`SETTLING_UNITS`). What
-carries an epoch does no harm then. A frame without one may be from a life that is over, so for
-that time after a new epoch was heard no such frame is decoded, and the epoch is not confirmed
-either: when the source omits its TAG, everything of its former lives has arrived, HELLOs included.
+Frames may also come twice, the second time within a *settling time* (`SETTLING_UNITS`). A duplicate
+with an epoch does no harm. One without may be from an earlier boot epoch. So for a settling time
+after a new epoch was heard, this node decodes no such frame and does not confirm the epoch: when
+the source begins to omit its TAG, all frames of its earlier epochs have arrived, HELLOs included.
 
-Silence: what is owed to a peer (a confirmation, an answer, a question) rides on frames that go
-anyway; only after a random pause does it get a frame of its own, and each repetition doubles the
-pause. Nothing of this happens unless a frame was received, so an idle system stays silent. Ends
-that differ can never confirm each other: they introduce themselves unasked until the pause has
-grown to its longest, and then only when asked.
+Silence: what a node owes a peer (a confirmation, an answer, a question) rides on frames that go
+anyway. It gets a frame of its own only after a random pause, and each repetition doubles the pause.
+Only received frames cause any of this, so an idle system stays silent. Nodes with different tables
+can never confirm each other: they introduce themselves unasked until the pause has grown to its
+maximum, and then only when asked.
 
-A CONFIRM that finds no frame to ride on goes behind the next frame of its peer: then no other one
-is on its way. At any other instant one may be, and would be lost where this node transmits; so a
-CONFIRM that no such frame has called forth waits until the peer has been silent for long.
+A CONFIRM without a frame to ride on goes right after the next frame of its peer, because the peer
+then has no other frame on its way. At any other instant it may have one, which would be lost while
+this node transmits. So a CONFIRM that no such frame triggers waits until the peer has been silent
+for a long time.
 
 A *provisional confirm* is a CONFIRM that does not wait for the settling time
-(`zacoustic.core.peers.introducing`). What it says is true when it is said; only a late HELLO of a
-former life of the hearer can undo it. The hearer knows how old it is itself, and that nothing of a
-former life is under way any more: then it is a confirmation, from when its sender decodes frames
-without a TAG. It is told so at once.
+(`zacoustic.core.peers.introducing`). It is true at that instant; only a late HELLO from an earlier
+boot epoch of its receiver can undo it. The receiver knows how long it has been running. Once no
+frame of an earlier epoch can be on its way, it treats the provisional confirm as a confirmation,
+valid from when its sender decodes frames without a TAG, and answers with its own CONFIRM.
 """
 
 import random
@@ -80,11 +81,11 @@ from zacoustic.core.wire.agreement import (
 from zacoustic.core.wire.frame import LAST_STREAM_ID
 
 SETTLING_UNITS: Final = 4
-"""A duplicate that a modem or the channel makes arrives within this many units. A few is what
-modems do; four is generous."""
+"""A duplicate that a modem or the channel makes arrives within this many units. Modems need a few;
+four is generous."""
 PATIENCE_UNITS: Final = 16
-"""So long the next frame of a peer is awaited to confirm its epoch behind it: with 64 bytes over
-1000 m 24 s, longer than from one report of a vehicle to the next."""
+"""A confirmation waits this long for the peer's next frame: with 64 bytes over 1000 m 24 s, longer
+than the time between two reports of a vehicle."""
 _ASK_HELLO: Final = 0
 
 
@@ -95,29 +96,29 @@ def unit_ns(capabilities: LinkCapabilities) -> int:
 
 
 class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
-    """A node told its epoch for the first time, or it restarted."""
+    """A node announced its epoch for the first time, or it restarted."""
 
     address: int
     """The node."""
     epoch: int
     """Its boot epoch."""
     same_table: bool
-    """Its table has the digest of ours."""
+    """Its table has the same digest as ours."""
     wire_version: int
-    """The version it speaks; another than ours is not understood."""
+    """Its wire version; this node does not understand any other version than its own."""
 
 
 class StreamsDiffer(msgspec.Struct, frozen=True, kw_only=True):
-    """A node defines a stream in another way: it is stopped between the two, the others go on."""
+    """A node defines a stream differently: the stream stops between the two, others continue."""
 
     address: int
     """The node."""
     stream_id: int
-    """The stream that differs, or that one of the two does not have."""
+    """The stream that differs, or that one of the two lacks."""
 
 
 class Handshake:
-    """Introduces this node to its peers, and decides what of theirs may be decoded.
+    """Introduces this node to its peers, and decides which of their records may be decoded.
 
     Args:
         address: Address of this node.
@@ -125,7 +126,7 @@ class Handshake:
         table: Its stream table.
         peers: The other nodes.
         rng: Draws the pauses before frames of its own.
-        policy: How much is said and answered for the sake of agreement.
+        policy: Policy of the agreement on tables.
     """
 
     def __init__(
@@ -143,22 +144,22 @@ class Handshake:
         self._peers = peers
         self._policy = policy
         self.is_sealed = policy.is_sealed
-        """Which life and which table a frame is of is said by its seal."""
+        """The seal identifies the boot epoch and the table of a frame."""
         self.introductions = Introductions(address, epoch, table, peers, self._policy)
         self._units_ns: dict[str, int] = {}
         """Of each link that was up."""
         self._unit_ns = seconds_to_ns(1)
         self.patience_ns = PATIENCE_UNITS * self._unit_ns
-        """How long the next frame of a peer is awaited, ns."""
+        """How long a confirmation waits for the next frame of a peer, ns."""
         self.settling_ns = SETTLING_UNITS * self._unit_ns
         """Time within which a duplicate of a frame can still arrive, ns."""
         self._began_at: int | None = None
         self.news: list[PeerSeen | StreamsDiffer] = []
-        """What happened, for the engine to pass on."""
+        """Events for the engine to pass on."""
 
     @property
     def epoch(self) -> int:
-        """The present boot epoch of this node."""
+        """The current boot epoch of this node."""
         return self.introductions.epoch
 
     @property
@@ -167,19 +168,19 @@ class Handshake:
         return self.introductions.digest
 
     def begin(self, now: int) -> None:
-        """This is the first instant of the life; no effect later on."""
+        """Note the first instant of the boot epoch; later calls have no effect."""
         if self._began_at is None:
             self._began_at = now
 
     def use_link(self, link: str, capabilities: LinkCapabilities, now: int) -> None:
         """Scale the pauses to a link: a unit is the time in which the largest frame arrives.
 
-        What is known of a node holds on all links, so it is the unit of the slowest one.
+        Knowledge of a node holds on all links, so the unit is that of the slowest one.
         """
         self._units_ns[link] = unit_ns(capabilities)
         longest_ns = max(self._units_ns.values())
         if len(self._units_ns) > 1 and longest_ns > self._unit_ns and not self.is_sealed:
-            for peer in self._peers.values():  # of a former life frames may come by that link
+            for peer in self._peers.values():  # that link may bring frames of an earlier epoch
                 peer.settled_at = max(peer.settled_at, now + SETTLING_UNITS * longest_ns)
         self._unit_ns = longest_ns
         self.introductions.unit_ns = self._unit_ns
@@ -187,7 +188,7 @@ class Handshake:
         self.settling_ns = SETTLING_UNITS * self._unit_ns
 
     def table_changed(self, now: int) -> None:
-        """Begin a new epoch, because the table is not what peers have confirmed."""
+        """Begin a new epoch, because peers have confirmed another table."""
         self._began_at = now
         self.introductions.table_changed()
         for peer in self._peers.values():
@@ -206,7 +207,7 @@ class Handshake:
     def owed(
         self, link: str, destination: int, room_bytes: int, now: int
     ) -> list[tuple[Cause, bytes]]:
-        """Take what is owed to the hearers of a frame and fits in it; a HELLO excepted."""
+        """Take what is owed to the receivers of a frame and fits in it, except a HELLO."""
         taken: list[tuple[Cause, bytes]] = []
         hearers = [destination]
         if destination == BROADCAST:
@@ -228,12 +229,12 @@ class Handshake:
         return taken
 
     def due_at(self, link: str, now: int) -> int | None:
-        """Return the instant from which a frame goes that only says what is owed, ns, or None."""
+        """Return when a frame that carries only owed statements may go, ns, or None."""
         speak = self._speak_next(link)
         return speak and speak[0]
 
     def offer(self, link: str, now: int) -> Offer | None:
-        """Offer what found no room in time: it goes before what else waits."""
+        """Offer what found no other frame in time: it goes before other waiting data."""
         speak = self._speak_next(link)
         if speak is None or speak[0] > now:
             return None
@@ -241,7 +242,7 @@ class Handshake:
         return Offer(destination=destination, owed_first=True, rides=True)
 
     def _speak_next(self, link: str) -> tuple[int, int] | None:
-        """Return ``(instant, address)`` of the next frame that only says what is owed, or None."""
+        """Return ``(instant, address)`` of the next frame with owed statements only, or None."""
         waiting = [
             (peer.speak_at, address)
             for address, peer in self._peers.items()
@@ -250,7 +251,7 @@ class Handshake:
         return min(waiting, default=None)
 
     def spoken(self, link: str, destination: int, now: int) -> None:
-        """Note that a frame went to a peer, or to all; what did not fit is said in a next one."""
+        """Note that a frame went to a peer, or to all; what did not fit goes in a later one."""
         if destination != BROADCAST:
             peer = self._peers.get(destination)
             if peer is not None:
@@ -261,7 +262,7 @@ class Handshake:
                     self._spoken(peer, now)
 
     def answers_within(self, address: int, duration_ns: int) -> None:
-        """Say to a node no sooner again what may have an answer under way by then.
+        """Wait this long for answers of a node before repeating anything to it.
 
         Args:
             address: The node.
@@ -272,7 +273,7 @@ class Handshake:
     # What this node hears
 
     def begin_frame(self, source: int, size_bytes: int, now: int, *, unicast: bool) -> None:
-        """A frame arrived, with so many bytes in its envelope; what it says follows."""
+        """Begin to read a frame of this many bytes, envelope included; its items follow."""
         peer = self._peers[source]
         if not self._table.lists(source):
             peer.credit_bytes = (peer.credit_bytes or 0) + size_bytes
@@ -282,12 +283,12 @@ class Handshake:
         peer.ripen(now)
 
     def authentic(self, source: int, life: int, digest: bytes, now: int) -> None:
-        """A sealed frame was opened.
+        """Note that a sealed frame was opened.
 
         Args:
-            source: Who has sent it.
-            life: Which life of it.
-            digest: Of its table; empty: that was not said.
+            source: Its sender.
+            life: Its sender's life.
+            digest: Of its sender's table; empty: the frame does not contain it.
             now: The instant.
         """
         peer = self._peers[source]
@@ -309,10 +310,10 @@ class Handshake:
             self._peers.restarted(source, life, now)
 
     def heard_hello(self, source: int, hello: Hello, now: int, *, unicast: bool = False) -> None:
-        """A HELLO arrived: remember it, and answer if it is new."""
+        """Remember a HELLO, and answer it if it is new."""
         peer = self._peers[source]
         peer.is_assured &= not unicast
-        # What another version calls a digest means nothing to us.
+        # A digest of another wire version means nothing to us.
         digest = hello.digest if hello.version == WIRE_VERSION else b""
         peer.missed_epoch = None
         peer.questions.pop(_ASK_HELLO, None)
@@ -339,7 +340,7 @@ class Handshake:
             self._peers.restarted(source, hello.epoch, now)
 
     def heard_tag(self, source: int, epoch: int, now: int, *, unicast: bool = False) -> None:
-        """A TAG arrived: its sender does not know that we know it."""
+        """Note a TAG: its sender does not know that we know it."""
         peer = self._peers[source]
         peer.is_assured &= not unicast
         if peer.epoch == epoch:
@@ -348,66 +349,66 @@ class Handshake:
         peer.missed_epoch = epoch
         is_asked = _ASK_HELLO in peer.questions
         self._note_restart(peer)
-        # What is known of it may be of a life that is over: better to know nothing.
+        # Our knowledge of it may be of an earlier epoch: better to have none.
         peer.begin_life(Change.STRAY_TAG)
         peer.epoch, peer.digest = None, b""
         if is_asked or self._policy.asks(peer.marked, unicast=unicast):
             self._ask(peer, _ASK_HELLO, now)
 
     def heard_too_short(self, source: int, now: int) -> None:
-        """A record takes this node for assured, which it is not any more: tell its source so."""
+        """Introduce this node to the source, whose record relies on an agreement that is gone."""
         if not self.is_sealed:
             self._introduce_soon(self._peers[source], now)
 
     def heard_too_long(self, source: int, now: int) -> None:
-        """A record does not take this node for assured: if it is, tell its source so."""
+        """Confirm the source again, whose record does not rely on our agreement."""
         peer = self._peers[source]
         if peer.confirmed_us:
             self._answer_introduction(peer, now)
 
     def ask(self, address: int, now: int) -> None:
-        """Ask for the HELLO of a node: what is known of it does not hold."""
+        """Ask a node for its HELLO: what is known of it does not hold."""
         self._ask(self._peers[address], _ASK_HELLO, now)
 
     def is_present(self, epoch: int | None) -> bool:
-        """Tell whether an epoch is that of this life, which somebody says to have heard.
+        """Return whether an epoch that a frame repeats is the current one of this node.
 
-        Who says so in a frame has heard this node since it was started: it is no frame of a former
-        life, and of nobody who only guesses. Of a sealed frame that is known without.
+        The sender of such a frame has heard this node since its start: the frame is not from an
+        earlier epoch, and its sender does not guess. For a sealed frame the seal already shows it.
         """
         return self.is_sealed or (epoch == self.epoch and self.introductions.is_told)
 
     def heard_epoch(self, address: int) -> int | None:
-        """Return the epoch of a node, to show it that it was heard; None: it is not shown."""
+        """Return the epoch of a node, to prove that this node heard it; None: no proof needed."""
         return None if self.is_sealed else self._peers[address].epoch
 
     def heard_introduced(self, source: int, epoch: int, now: int, *, unicast: bool) -> None:
-        """Records arrived behind a HELLO or TAG: the source still waits for an answer to it."""
+        """Note records behind a HELLO or TAG: the source still waits for an answer to it."""
         peer = self._peers[source]
         if peer.epoch == epoch and self._policy.answers(unicast=unicast):
             self._answer_introduction(peer, now)
 
     def confirms_us(self, confirm: Confirm, *, unicast: bool) -> bool:
-        """Tell whether a CONFIRM says that its sender knows our present epoch."""
+        """Return whether the sender of a CONFIRM knows our current epoch."""
         return self._is_present(confirm) and self._is_about_us(confirm, unicast=unicast)
 
     def heard_introduction(self, source: int) -> None:
-        """A frame for us alone confirms us, and introduces its source: it waits for an answer.
+        """Note a unicast frame that confirms us and introduces its source: it waits for an answer.
 
-        It has heard us, so the way back is open, and as long as it is not answered each of its
-        frames begins so. On broadcast, where others may be silent for ever, that is no haste.
+        The source has heard us, so the way back is open, and each of its frames begins so until we
+        answer. On broadcast there is no haste: others may stay silent for ever.
         """
         self._peers[source].answer_pause.reset()
 
     def heard_confirm(
         self, source: int, confirm: Confirm, now: int, *, unicast: bool = False
     ) -> None:
-        """A peer says that it knows and shares our table."""
+        """Note that a peer knows our table and has the same."""
         if not self._is_about_us(confirm, unicast=unicast):
             return
         peer = self._peers[source]
         if not self._is_present(confirm):
-            # It takes us for a former life, perhaps by a late duplicate of that one's HELLO.
+            # It takes us for an earlier epoch, perhaps because of a late duplicate of its HELLO.
             peer.take(Change.DOUBT)
             self._introduce_soon(peer, now)
             return
@@ -420,11 +421,11 @@ class Handshake:
             if now >= peer.settled_at:
                 peer.is_assured, peer.owes_confirm = True, False
         elif unicast and peer.shares(self.digest):
-            # It has not heard our own CONFIRM; that rides, since it may have nothing to say.
+            # It has not heard our own CONFIRM; let that ride, since the peer may have no data.
             self._owe_confirm(peer)
 
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
-        """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""
+        """Note that a peer wants our HELLO or a table row; True if it asked this node."""
         if ask.address != self._address:
             self._heard_question(ask, now)
             return False
@@ -434,12 +435,12 @@ class Handshake:
             self._owe_hello(peer)
         else:
             self._owe_row(peer, ask.stream_id)
-        # Whoever asks has made its own pause; a second one here would grow with every loss.
+        # The peer has already waited before it asked; a second pause would grow with every loss.
         self._speak_soon(peer, now)
         return True
 
     def heard_row(self, source: int, row: TableRow, now: int, *, unicast: bool = False) -> None:
-        """A row of a peer's table arrived."""
+        """Take a row of a peer's table."""
         peer = self._peers[source]
         if not 1 <= row.stream_id <= LAST_STREAM_ID:
             return
@@ -447,7 +448,7 @@ class Handshake:
             self._ask(peer, _ASK_HELLO, now)
             return
         if peer.shares(self.digest):
-            return  # of equal tables no row differs, whoever says so
+            return  # equal tables have equal rows, whatever the frame says
         known = peer.rows.get(row.stream_id)
         is_answer = self.is_sealed or row.stream_id in peer.asked_rows
         differs = row.digest != self._row(row.stream_id)
@@ -480,7 +481,7 @@ class Handshake:
             now: The instant.
 
         Returns:
-            None when it may, else the reason for the statistics: ``unconfirmed`` or ``differs``.
+            None: it may; else the reason for the statistics, ``unconfirmed`` or ``differs``.
         """
         peer = self._peers[source]
         peer.ripen(now)
@@ -496,14 +497,14 @@ class Handshake:
                 return None if row.digest == self._row(stream_id) else "differs"
             self._ask(peer, stream_id, now)
             return "unconfirmed"
-        # Without HELLO or TAG the source takes us for confirmed, from a life of ours that is over
-        # or by a CONFIRM that came late: the question tells it so.
+        # Without HELLO or TAG the source takes us for confirmed, because of an earlier epoch of
+        # ours or of a late CONFIRM: the question corrects it.
         if epoch is None or _ASK_HELLO in peer.questions:
             self._ask(peer, _ASK_HELLO, now)
         return "unconfirmed"
 
     def may_measure(self, source: int, stream: Stream) -> bool:
-        """Tell whether a record of a node ends where this node's table says, in a sealed frame."""
+        """Return whether a sealed record ends where this node's table says, as far as known."""
         peer = self._peers.get(source)
         row = None if peer is None else peer.rows.get(stream.stream_id)
         return (
@@ -514,21 +515,21 @@ class Handshake:
         )
 
     def misses_reference(self, source: int, now: int) -> None:
-        """Tell a node that something of it is not held here, which it takes to be.
+        """Tell a node that this one lacks a dense reference which the node assumes it has.
 
-        Without a seal it would not be understood at all before both know of each other.
+        Without a seal the message would only be understood when both know each other.
         """
         if self.is_sealed:
             self._ask(self._peers[source], _ASK_HELLO, now)
 
     def differs(self, address: int, stream_id: int) -> bool:
-        """Tell whether a node is known to define a stream in another way."""
+        """Return whether a node is known to define a stream differently."""
         peer = self._peers.get(address)
         row = peer.rows.get(stream_id) if peer else None
         return row is not None and row.is_sure and row.digest != self._row(stream_id)
 
     def verdict_dense(self, source: int, epoch: int | None, now: int) -> str | None:
-        """Decide whether a dense block may be decoded: that takes the whole table.
+        """Decide whether a dense block may be decoded: that needs the whole table.
 
         Args and returns as `verdict`.
         """
@@ -538,33 +539,33 @@ class Handshake:
         return self.verdict(source, epoch, _ASK_HELLO, now)
 
     def knows_difference(self, address: int) -> bool:
-        """Tell whether a node is known to hold another table."""
+        """Return whether a node is known to have another table."""
         peer = self._peers.get(address)
         return peer is not None and peer.differs_from(self.digest)
 
     def peer(self, address: int) -> Peer:
-        """Return what is known of a node, and what is owed to it."""
+        """Return the knowledge of a node and what is owed to it."""
         return self._peers[address]
 
     def peers(self) -> dict[int, Peer]:
-        """Return what is known of each node heard so far, by address."""
+        """Return the knowledge of each node heard so far, by address."""
         return dict(self._peers)
 
     # Below the methods above
 
     def _note_restart(self, peer: Peer) -> None:
-        """A node that was known begins another life, and knows nothing of this one."""
+        """Note that a known node restarted and knows nothing of this one."""
         if peer.epoch is not None and self._policy.speaks_to_all:
             self.introductions.restarted(peer.link)
 
     def _heard_question(self, ask: Ask, now: int) -> None:
-        """Somebody asks another node: if that answers to all, this node need not ask as well."""
+        """Note a question to another node: if its answer goes to all, this node need not ask."""
         peer = self._peers.get(ask.address)
         if self._policy.speaks_to_all and peer is not None and ask.stream_id in peer.questions:
             del peer.questions[ask.stream_id]
             peer.ask_pause.use(now, self._unit_ns)
             if ask.stream_id != _ASK_HELLO:
-                peer.asked_rows.add(ask.stream_id)  # the answer to that is one for this node
+                peer.asked_rows.add(ask.stream_id)  # that answer serves this node as well
 
     def _spoken(self, peer: Peer, now: int) -> None:
         if not peer.is_owed:
@@ -572,12 +573,12 @@ class Handshake:
         elif peer.sayable_at <= now:
             peer.speak_at = now
         elif peer.speak_at is None or peer.speak_at <= now:
-            # The instant was that of something that has been said.
+            # That instant was for something that was sent since.
             confirm_at = peer.confirm_at + self.patience_ns
             peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
 
     def _is_present(self, confirm: Confirm) -> bool:
-        """Tell whether a CONFIRM is of this life; one before has perhaps had the same epoch."""
+        """Return whether a CONFIRM is of this start; an earlier one may have had the same epoch."""
         return confirm.epoch == self.epoch and self.introductions.is_told
 
     def _is_about_us(self, confirm: Confirm, *, unicast: bool) -> bool:
@@ -586,13 +587,13 @@ class Handshake:
         )
 
     def _heard_provisional_confirm(self, peer: Peer, now: int) -> None:
-        """A peer confirms us for now: if this life is older than what was late then, that holds."""
+        """Take a provisional confirm: it holds if this node has run long enough by then."""
         is_old = self._began_at is not None and now >= self._began_at + 2 * self.settling_ns
         if is_old and peer.agreement is Agreement.UNCONFIRMED:
             peer.take(Change.EARLY_CONFIRM)
             peer.holds_at = now + self.settling_ns
             if peer.shares(self.digest):
-                # It introduces itself in every frame until it is told.
+                # It introduces itself in every frame until it gets the answer.
                 self._owe_confirm(peer)
                 self._speak_soon(peer, max(peer.holds_at, peer.confirm_at))
 
@@ -607,7 +608,7 @@ class Handshake:
             earliest = now if peer.confirm_at <= now else peer.confirm_at + self.patience_ns
             self._speak_soon(peer, earliest)
         elif not peer.answer_pause.is_longest:
-            # It will never confirm us, so nothing tells that it has heard; a few times are enough.
+            # It will never confirm us, so nothing shows that it has heard; a few times are enough.
             self._introduce_soon(peer, now)
 
     def _introduce_soon(self, peer: Peer, now: int) -> None:
@@ -620,7 +621,7 @@ class Handshake:
         peer.questions[stream_id] = None
         self._speak_soon(peer, max(now, peer.ask_pause.not_before))
 
-    # A stranger is owed no more bytes than it has spent.
+    # This node sends a stranger no more bytes than the stranger has sent.
 
     def _owe_hello(self, peer: Peer) -> bool:
         peer.owes_hello = peer.owes_hello or peer.spend(HELLO_BYTES)
@@ -637,7 +638,7 @@ class Handshake:
         return True
 
     def _speak_soon(self, peer: Peer, earliest: int) -> None:
-        """Give what is owed a frame of its own, unless one goes anyway before."""
+        """Give what is owed a frame of its own, unless another frame goes before."""
         to_all = self._policy.speaks_to_all and not peer.heard_alone
         shortest_ns, longest_ns = self._unit_ns // 2, 2 * self._unit_ns
         if to_all:

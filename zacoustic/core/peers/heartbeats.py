@@ -1,4 +1,4 @@
-"""Heartbeats of one node on one link; `zacoustic.core.peers.contact` says why."""
+"""Heartbeats of one node on one link; `zacoustic.core.peers.contact` gives the reason."""
 
 import random
 from typing import Final
@@ -10,7 +10,7 @@ from zacoustic.core.base.stats import Cause
 from zacoustic.core.streams.table import StreamTable
 
 _EARLIEST: Final = 0.75
-"""Part of the pause that is fixed; the rest is drawn."""
+"""Fixed part of the pause; the rest is random."""
 
 
 class Heartbeats:
@@ -18,8 +18,8 @@ class Heartbeats:
 
     Args:
         address: Address of the node.
-        table: Its table; what it lists are the nodes there are.
-        heartbeat_s: How often the node is to be heard at least, s; None: no heartbeats.
+        table: Its table, with the list of nodes.
+        heartbeat_s: Longest time between two frames of the node, s; None: no heartbeats.
         rng: Draws the pauses.
     """
 
@@ -33,7 +33,7 @@ class Heartbeats:
         self._pause_ns = 0
 
     def begin(self, now: int) -> None:
-        """Take note of the first instant of the life; no effect later on."""
+        """Note the first instant of the boot epoch; later calls have no effect."""
         if not self._said_at:
             self._said_at = dict.fromkeys(self._hearers, now)
             self._draw_pause()
@@ -52,7 +52,7 @@ class Heartbeats:
         return Offer(destination=BROADCAST, rank=FIRST_BUT_URGENT, must_go=Cause.HEARTBEAT)
 
     def transmitted(self, destination: int, now: int) -> None:
-        """Take note of a frame to a node, or to all."""
+        """Note a frame to a node, or to all."""
         if destination == BROADCAST:
             self._said_at = dict.fromkeys(self._hearers, now)
             self._draw_pause()

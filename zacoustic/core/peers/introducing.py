@@ -1,19 +1,19 @@
-"""What a frame begins with, so that its hearers know by which table it is written.
+"""How a frame begins, so that its receivers know which table it uses.
 
 It begins with nothing where the policy of the fleet (`zacoustic.core.peers.agreementpolicy`) allows
-that, mostly because all hearers have confirmed this life of the node; else:
+that, mostly because all receivers have confirmed this node's boot epoch. Otherwise:
 
 =========  ============================  ===========================================================
-HELLO      epoch, digest; 8 bytes        who hears it may never have heard of us, or asks for it
-TAG and    epoch; the hearer's epoch; 7  a node whose HELLO we have, with our digest: that we know
-CONFIRM                                  its table, and share it, says what ours is
-TAG        epoch; 3                      the hearer has heard the rest, or will in another frame
+HELLO      epoch, digest; 8 bytes        for a receiver that may not know us, or asks for it
+TAG and    epoch; the receiver's epoch;  for a node whose HELLO we have, with our digest: "we share
+CONFIRM    7                             your table" also says what ours is
+TAG        epoch; 3                      the receiver has heard the rest, or will in another frame
 =========  ============================  ===========================================================
 
-A CONFIRM is what a node may rely on from then on, so it waits until nothing of a former life of the
-hearer can arrive (`zacoustic.core.peers.handshake`). A *provisional
-confirm* has not waited: it holds for the frame that it is in, and only a hearer that has been alive
-for long may make more of it.
+A node relies on a CONFIRM from then on, so a CONFIRM waits until no frame of an earlier epoch of
+its receiver can arrive (`zacoustic.core.peers.handshake`). A *provisional confirm* does not wait:
+it holds for the frame that contains it, and only a receiver that has been running for long may
+treat it as a confirmation.
 """
 
 from collections import Counter
@@ -38,14 +38,14 @@ from zacoustic.core.wire.agreement import (
 
 
 class Introductions:
-    """Introduces one node to the hearers of its frames.
+    """Introduces one node to the receivers of its frames.
 
     Args:
         address: Address of the node.
         epoch: Its boot epoch, 0…65535.
         table: Its stream table.
         peers: What is known of the others.
-        policy: Says when that is needed.
+        policy: Says when an introduction is needed.
     """
 
     def __init__(
@@ -61,20 +61,20 @@ class Introductions:
         self._peers = peers
         self._policy = policy
         self._since_hello = PerPeer(peers, Counter[str])
-        """Marked frames since the last HELLO, that included, by destination and link."""
+        """Marked frames since the last HELLO, including its frame, by destination and link."""
         self._hellos = PerPeer(peers, Counter[str])
         """Frames of this epoch with a HELLO, by destination and link."""
         self._newcomers: set[str] = set()
-        """Links on which somebody has restarted since the last HELLO to all."""
+        """Links on which a node has restarted since the last HELLO to all."""
         self.unit_ns = 0
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
         self.digest = table.digest
         self.is_told = False
-        """This life has said HELLO: before, nobody can know its epoch."""
+        """A HELLO of this epoch was sent: before that, nobody can know the epoch."""
 
     def table_changed(self) -> None:
-        """Begin a new epoch, because the table is not what peers have confirmed."""
+        """Begin a new epoch, because peers have confirmed another table."""
         self.epoch = (self.epoch + 1) & 0xFFFF
         self.digest = self._table.digest
         self._since_hello.clear()
@@ -82,24 +82,24 @@ class Introductions:
         self.is_told = False
 
     def restarted(self, link: str) -> None:
-        """Somebody has forgotten this node: say HELLO in the next frame to all on that link."""
+        """Note that a node restarted: say HELLO in the next broadcast frame on that link."""
         self._newcomers.add(link)
 
     def begin_frame(self, destination: int) -> None:
-        """Nothing has been said in the frame that is composed now."""
+        """Begin to compose a frame; it contains nothing yet."""
         if destination != BROADCAST:
             self._peers[destination].is_being_confirmed = False
 
     def introduction(
         self, link: str, destination: int, room_bytes: int, now: int, *, urgent: bool = False
     ) -> bytes:
-        """Return what a frame to `destination` begins with.
+        """Return how a frame to `destination` begins.
 
         Args:
             link: Name of the link that it goes by.
             destination: Address, or `BROADCAST`.
             room_bytes: What the frame has left beside its first record; a HELLO that does not fit
-                is sent without it.
+                goes in a frame without it.
             now: The instant.
             urgent: The record must be in this frame: never displace it by a HELLO.
         """
@@ -127,22 +127,22 @@ class Introductions:
         return Hello(WIRE_VERSION, self.epoch, self.digest).encode()
 
     def introduces(self, link: str, destination: int) -> bool:
-        """Tell whether a hearer of frames to `destination` waits for a HELLO, records or not."""
+        """Return whether a receiver of frames to `destination` waits for a HELLO in any case."""
         if destination == BROADCAST:
             return any(peer.owes_hello and peer.link == link for peer in self._peers.values())
         return self._peers[destination].owes_hello
 
     def is_due(self, link: str, destination: int) -> bool:
-        """Tell whether a sealed frame to `destination` is to say which table this node has."""
+        """Return whether a sealed frame to `destination` has to state this node's table."""
         if not self._policy.is_sealed:
             return False
         receivers = [self._peers[destination]] if destination != BROADCAST else []
         return self._opening(link, destination, receivers) is Opening.HELLO
 
     def reaches_others(self, destination: int) -> bool:
-        """Tell whether somebody who hears frames to `destination` is known to have another table.
+        """Return whether a receiver of frames to `destination` is known to have another table.
 
-        Of a sealed frame they find out; where its records end they do not.
+        In a sealed frame receivers find out the table, but not where records end.
         """
         if not self._policy.is_sealed:
             return False
@@ -151,7 +151,7 @@ class Introductions:
         return any(peer.differs_from(self.digest) for peer in self._peers.values())
 
     def is_unconfirmed(self, destination: int, now: int) -> bool:
-        """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
+        """Return whether a receiver of frames to `destination` may yet confirm our table."""
         if self._policy.is_sealed:
             return False
         receivers = self._receivers(destination, now)
@@ -161,13 +161,13 @@ class Introductions:
         )
 
     def concerns_others(self, destination: int) -> bool:
-        """Tell whether there are nodes of the fleet that a frame to one node is not for."""
+        """Return whether the fleet has nodes beside the receiver of a frame to one node."""
         return any(each not in (self._address, destination) for each in self._fleet)
 
     # Below the methods above
 
     def _introduced(self, link: str, destination: int, now: int) -> None:
-        """Take note that whoever waits for a HELLO gets one."""
+        """Note that the receivers that wait for a HELLO get one."""
         to_all = destination == BROADCAST
         for peer in self._peers.values() if to_all else (self._peers[destination],):
             if peer.owes_hello and (not to_all or peer.link == link):
@@ -175,7 +175,7 @@ class Introductions:
                 peer.answer_pause.use(now, self.unit_ns)
 
     def _opening(self, link: str, destination: int, receivers: list[Peer]) -> Opening:
-        """Return what a frame begins with; a HELLO that was asked for goes in any case."""
+        """Return how a frame begins; a HELLO that was asked for goes in any case."""
         is_for_newcomers = destination == BROADCAST and link in self._newcomers
         if is_for_newcomers or self.introduces(link, destination):
             return Opening.HELLO
@@ -187,8 +187,8 @@ class Introductions:
         )
 
     def _hearers(self, destination: int, receivers: list[Peer]) -> Hearers:
-        """Return what those that a frame is for know of this node."""
-        # Without a list nobody knows who hears a broadcast, whoever has confirmed.
+        """Return what the receivers of a frame know of this node."""
+        # Without a list nobody knows who hears a broadcast, even if some have confirmed.
         if not receivers or (destination == BROADCAST and not self._table.nodes):
             return Hearers.UNKNOWN
         if self._policy.is_sealed:
@@ -204,7 +204,7 @@ class Introductions:
         return Hearers.TOLD if is_told else Hearers.UNKNOWN
 
     def _early_confirm(self, address: int, peer: Peer, now: int) -> bytes:
-        """Say to a node that we know its table, and share it."""
+        """Return a CONFIRM for a node whose table we know and share."""
         peer.is_being_confirmed = True
         named = PROVISIONAL
         if now >= peer.settled_at:
@@ -214,9 +214,9 @@ class Introductions:
 
     @property
     def _fleet(self) -> Iterable[int]:
-        """The listed nodes; without a list all that have introduced themselves.
+        """Return the listed nodes; without a list all that have introduced themselves.
 
-        Beside a list nobody is introduced to for having said a HELLO: anybody can.
+        With a list, a HELLO alone does not make a node count: anybody can send one.
         """
         heard = (each for each, peer in self._peers.items() if peer.epoch is not None)
         return self._table.nodes or heard

@@ -1,13 +1,14 @@
-"""Which lives of other nodes are over, so that a call recorded in one of them runs no more.
+"""Which boot epochs of other nodes are over, so that a recorded call of one is not executed again.
 
-A server names a call by the boot epoch of its client, and forgets it when nobody repeats it any
-more. Whoever plays back the frames of a former life of the client later, its HELLO before them,
-would have the call executed once more. So a node keeps the last boot epochs of each other one, in
-its journal if it has one. An epoch counts when a frame with it shows by a CONFIRM that its sender
-has heard this node in its present life: a forged HELLO makes no life of another node a former one.
+A server identifies a call by the boot epoch of its client, and forgets it when nobody repeats it
+any more. An attacker could play back frames from an earlier epoch of the client, HELLO first, and
+the server would execute the call once more. So a node keeps the last boot epochs of each other
+node, in its journal if it has one. An epoch counts when a frame with it shows by a CONFIRM that its
+sender has heard this node since this node's start: a forged HELLO does not end an epoch.
 
-Who listens can forge that, too, or play it back. So a life that seemed to be over goes on when it
-is shown again, but not before a settling time is over: a frame cannot say so for itself.
+An attacker that listens can forge that CONFIRM or play it back. So an epoch that seemed to be over
+becomes valid when it is shown again, but only after a settling time: a frame is no proof of
+itself.
 """
 
 from collections.abc import Mapping
@@ -19,17 +20,17 @@ from zacoustic.core.streams.table import StreamTable
 
 _JOURNAL: Final = "lives"
 _LIVES: Final = 9
-"""So many are kept of a node, the present one included."""
+"""Epochs kept of a node, including the current one."""
 _EPOCH_BYTES: Final = 2
 
 
 class Lives:
-    """The boot epochs of the nodes for which one node may do something.
+    """The boot epochs of nodes for which this node may execute something.
 
     Args:
         table: Its streams.
-        stored: What the journal has kept.
-        journal: Keeps the rest.
+        stored: What the journal had at the start.
+        journal: Stores changes.
         peers: The other nodes.
     """
 
@@ -43,9 +44,9 @@ class Lives:
         self._journal = journal
         self._table = table
         self._of: dict[int, tuple[int, ...]] = {}
-        """Boot epochs by node, the last one first."""
+        """Boot epochs by node, latest first."""
         self._again: dict[int, tuple[int, int]] = {}
-        """``(epoch, instant)``: a life that goes on from then on, by node."""
+        """``(epoch, instant)``: an epoch that is valid again from then on, by node."""
         for name, value in stored.items():
             head, _, node = name.partition("/")
             if head == _JOURNAL:
@@ -55,12 +56,12 @@ class Lives:
         peers.forgotten.connect(self._forget)
 
     def proved(self, address: int, epoch: int, settled_at: int) -> None:
-        """A frame has shown that its sender has heard this node.
+        """Note a frame that shows that its sender has heard this node.
 
         Args:
             address: Its sender.
-            epoch: The boot epoch in it.
-            settled_at: When all frames that were sent before have arrived, ns.
+            epoch: Its boot epoch.
+            settled_at: When all frames sent earlier have arrived, ns.
         """
         if not self._table.lists(address):
             return
@@ -70,7 +71,7 @@ class Lives:
             self._again[address] = epoch, settled_at
 
     def is_over(self, address: int, epoch: int, now: int) -> bool:
-        """Tell whether a life of a node is known to be over."""
+        """Return whether a boot epoch of a node is known to be over."""
         again, at = self._again.get(address, (None, 0))
         if again == epoch and now >= at:
             self._begin(address, epoch)

@@ -1,7 +1,7 @@
-"""Measurements of the modem: the newest of each quantity, of each peer and of itself.
+"""Measurements of the modem: the newest of each quantity, of each peer and of the modem itself.
 
-They come on frames and between them, field by field and out of order: a position comes half a
-second after the exchange that it was measured in. Values that only make sense together are kept
+They come with frames and between them, field by field and out of order: a position comes half a
+second after the exchange in which it was measured. Values that only make sense together are kept
 together with their instant: a `Range`, a `Position`, a `Direction`. An older value never replaces a
 newer one.
 """
@@ -23,19 +23,19 @@ class Range(msgspec.Struct, frozen=True, kw_only=True):
     propagation_s: float
     """Propagation delay, one way, s."""
     range_m: float | None
-    """Slant distance, m; None where the device does not know the sound speed."""
+    """Slant distance, m; None: the device does not know the sound speed."""
     integrity: float | None = None
     """Signal quality in the modem's own scale; None: the modem does not report it."""
     measured_at: int
     """Instant of the measurement, ns on the monotonic clock."""
 
     def age_s(self, now: int) -> float:
-        """Return how old it is at an instant, s; in a program `now` is `time.monotonic_ns()`."""
+        """Return its age at an instant, s; a program passes `time.monotonic_ns()` as `now`."""
         return ns_to_seconds(now - self.measured_at)
 
 
 class Position(msgspec.Struct, frozen=True, kw_only=True):
-    """Where another node is, relative to this one."""
+    """The position of another node, relative to this one."""
 
     address: int
     """The node."""
@@ -46,7 +46,7 @@ class Position(msgspec.Struct, frozen=True, kw_only=True):
     up_m: float
     """Upwards, m: negative where it is deeper."""
     accuracy_m: float | None = None
-    """Uncertainty, m, as the device says."""
+    """Uncertainty as the device reports it, m."""
     measured_at: int
     """Instant of the measurement, ns on the monotonic clock."""
 
@@ -61,7 +61,7 @@ class Direction(msgspec.Struct, frozen=True, kw_only=True):
     elevation_rad: float
     """Above the horizontal, -π/2…π/2."""
     accuracy_rad: float | None = None
-    """Uncertainty, rad, as the device says."""
+    """Uncertainty as the device reports it, rad."""
     measured_at: int
     """Instant of the measurement, ns on the monotonic clock."""
 
@@ -82,7 +82,7 @@ class _Measured:
 
 
 class Measurements:
-    """The newest measurements of all peers, and of the own modems.
+    """The newest measurements of all peers, and of this node's modems.
 
     Args:
         peers: The other nodes.
@@ -101,7 +101,7 @@ class Measurements:
             self.modems[link] = measurement
 
     def note(self, address: int, metrics: LinkMetrics, at: int) -> None:
-        """Keep a measurement of a peer, on a frame or by itself.
+        """Keep a measurement of a peer, with a frame or alone.
 
         Args:
             address: The peer.
@@ -135,11 +135,11 @@ class Measurements:
             measured.direction = _newest(measured.direction, direction)
 
     def addresses(self) -> list[int]:
-        """Return the peers of which anything was measured, in order."""
+        """Return the peers with any measurement, in order."""
         return sorted(self._measured)
 
     def metrics(self, address: int) -> LinkMetrics | None:
-        """Return the newest value of each field; None: nothing was measured yet."""
+        """Return the newest value of each field; None: no measurement yet."""
         measured = self._measured.get(address)
         return measured.metrics if measured else None
 

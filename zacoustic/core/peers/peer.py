@@ -1,4 +1,4 @@
-"""What this node knows of another one, and what it owes to it; `handshake` has the rules."""
+"""What this node knows of another one, and what it owes to it; see `handshake` for the rules."""
 
 from typing import Final
 
@@ -11,15 +11,15 @@ from zacoustic.core.peers.states import AGREEMENT, Agreement, Change, Life
 _FIRST_PAUSE_UNITS: Final = 2
 _LONGEST_ANSWER_PAUSE_UNITS: Final = 256
 _LONGEST_QUESTION_PAUSE_UNITS: Final = 64
-"""A question goes to a node whose frames are of no use here. It costs little, and until it is
-answered all of those frames are lost."""
+"""A question goes to a node whose frames cannot be decoded here. It costs little, and all those
+frames are lost until it is answered."""
 
 
 class Pause:
-    """A pause that doubles with each use: no question is repeated faster than answers can come.
+    """A pause that doubles with each use: nobody repeats a question faster than answers can come.
 
     Args:
-        longest_units: Where it stops to grow, units.
+        longest_units: Its maximum, units.
     """
 
     __slots__ = ("_longest_units", "_units", "not_before")
@@ -40,21 +40,21 @@ class Pause:
 
     @property
     def is_longest(self) -> bool:
-        """It does not grow any more."""
+        """The pause has reached its maximum."""
         return self._units == self._longest_units
 
 
 class Row(msgspec.Struct, frozen=True):
-    """What a node says of a stream of its table."""
+    """A row of a node's table, as announced by it."""
 
     digest: bytes
     """The digest."""
     is_sure: bool
-    """It has answered a question of ours: anybody can say a row once under its address."""
+    """It answered a question of ours: anybody can announce a row under its address."""
 
 
 class Peer:
-    """What this node knows of another one, and what it owes to it."""
+    """The knowledge of another node, and what this node owes to it."""
 
     def __init__(self) -> None:
         self.epoch: int | None = None
@@ -63,29 +63,29 @@ class Peer:
         self.missed_epoch: int | None = None
         """The epoch of its last TAG, if no HELLO of that epoch was heard."""
         self.marked = 0
-        """How many frames had that TAG."""
+        """Number of frames with that TAG."""
         self.settled_at = 0
         self.credit_bytes: int | None = None
-        """A stranger is answered with so many bytes at most; None: it is one of the fleet."""
+        """Bytes that this node may still send to a stranger; None: it is one of the fleet."""
         self.rows: dict[int, Row] = {}
         self.rows_now: set[int] = set()
-        """Rows in the frame that is read now."""
+        """Rows in the frame that is being read."""
         self.asked_rows: set[int] = set()
-        """Rows that it was asked for, and has not told since."""
+        """Rows that it was asked for and has not announced since."""
         self.agreement = AGREEMENT.first
-        """Whether it has confirmed us; changed by `take` only."""
+        """Whether it has confirmed us; only `take` changes it."""
         self.knows_us = False
-        """In its present life it has confirmed the present epoch of this node once. A question of
-        it revokes its agreement, but not this: an epoch that was known is known."""
+        """It confirmed the current epoch of this node at least once since it started. A question of
+        it revokes its agreement but not this: it still knows the epoch."""
         self.holds_at = 0
         """Instant from which a provisional agreement holds, ns."""
         self.link = ONE_LINK
-        """Name of the link on which it was heard last, or on which a record for it is repeated:
-        what this node owes to it goes there."""
+        """Name of the link of its last frame, or of the repetitions of a record for it: what this
+        node owes to it goes there."""
         self.is_assured = False
         """It knows that we have confirmed it."""
         self.confirms_now = False
-        """The frame that is being read shows that it knows our present epoch and shares our
+        """The frame that is being read shows that it knows our current epoch and shares our
         table."""
         self.heard_alone = False
         """The frame that is being read is for this node alone."""
@@ -98,7 +98,7 @@ class Peer:
         self.questions: dict[int, None] = {}
         self.speak_at: int | None = None
         self.speaks_to_all = False
-        """What is said at that instant goes to all."""
+        """The frame at that instant goes to all."""
         self.answers_within_ns = 0
         """How long its answers take behind a device that decides when it transmits, as measured,
         ns."""
@@ -109,12 +109,12 @@ class Peer:
 
     @property
     def present_epoch(self) -> int:
-        """Epoch of a node whose record was just allowed."""
+        """Epoch of a node whose record has just been allowed."""
         assert self.epoch is not None
         return self.epoch
 
     def shares(self, digest: bytes) -> bool:
-        """Tell whether it is known to hold the table of a digest."""
+        """Return whether it is known to have the table with a digest."""
         return self.epoch is not None and self.digest == digest
 
     @property
@@ -123,13 +123,13 @@ class Peer:
         return self.agreement is Agreement.CONFIRMED
 
     def life(self, now: int) -> Life:
-        """Return what is known of its present life."""
+        """Return the state of its current boot epoch."""
         if self.epoch is None:
             return Life.UNKNOWN
         return Life.SETTLED if now >= self.settled_at else Life.SETTLING
 
     def take(self, event: Change) -> None:
-        """Change its agreement as an event says."""
+        """Apply an event to its agreement."""
         self.agreement = AGREEMENT.after(self.agreement, event)
         self.knows_us |= self.confirmed_us
 
@@ -139,7 +139,7 @@ class Peer:
             self.take(Change.HELD)
 
     def differs_from(self, digest: bytes) -> bool:
-        """Tell whether it is known to hold another table than that of a digest."""
+        """Return whether it is known to have another table than the one with a digest."""
         return self.epoch is not None and self.digest != digest
 
     @property
@@ -149,19 +149,19 @@ class Peer:
 
     @property
     def confirm_at(self) -> int:
-        """Instant from which it may be confirmed, ns."""
+        """Earliest instant at which it may be confirmed, ns."""
         return max(self.settled_at, self.answer_pause.not_before, self.answered_at)
 
     @property
     def sayable_at(self) -> int:
-        """Earliest instant at which some of what it is owed may go, ns; only if it `is_owed`."""
+        """Earliest instant at which a part of what it is owed may go, ns; only if it `is_owed`."""
         instants = [self.confirm_at] if self.owes_confirm else []
         if self.questions:
             instants.append(self.ask_pause.not_before)
         return 0 if self.owes_hello or self.owed_rows else min(instants)
 
     def said(self, cause: Cause, now: int, unit_ns: int) -> None:
-        """Take note that the next item of one kind has been sent to it."""
+        """Note that the next item of one kind was sent to it."""
         if cause is Cause.CONFIRM:
             self.owes_confirm = False
             self.answer_pause.use(now, unit_ns)
@@ -176,7 +176,7 @@ class Peer:
                 self.ask_pause.use(now, unit_ns)
 
     def spend(self, size_bytes: int) -> bool:
-        """Tell whether it may be answered with so many bytes more, and count them."""
+        """Return whether it may get this many bytes more, and count them."""
         if self.credit_bytes is None:
             return True
         is_enough = self.credit_bytes >= size_bytes
@@ -184,7 +184,7 @@ class Peer:
         return is_enough
 
     def doubt(self, event: Change) -> None:
-        """Forget all agreement on tables, because of an event."""
+        """Forget all agreement on tables because of an event."""
         self.take(event)
         self.knows_us = self.is_assured = self.confirms_now = False
         self.owes_confirm = False
@@ -194,7 +194,7 @@ class Peer:
         self.told_differing.clear()
 
     def begin_life(self, event: Change) -> None:
-        """Begin a new life of it: it knows nothing of us, and we know nothing of its table."""
+        """Begin a new epoch of it: it knows nothing of us, and we know nothing of its table."""
         self.doubt(event)
         self.owed_rows.clear()
         self.questions.clear()

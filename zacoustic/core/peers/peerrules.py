@@ -1,4 +1,4 @@
-"""What the config says of how a node treats the others, whatever the link."""
+"""Settings of how a node treats the others, on all links."""
 
 import msgspec
 
@@ -7,9 +7,9 @@ from zacoustic.core.peers.contact import ContactRules
 
 
 class PeerRules(msgspec.Struct, frozen=True, kw_only=True):
-    """How the others are told of this node, and when it misses them."""
+    """How the node introduces itself to others, and when it counts one as lost."""
 
     contact: ContactRules = ContactRules()
-    """How often the node is to be heard, and when it misses others."""
+    """Heartbeats, and the time after which others are lost."""
     agreement: AgreementMethod = AgreementMethod.CONFIRM
-    """How much is said and answered to agree on tables."""
+    """Policy of the agreement on tables."""

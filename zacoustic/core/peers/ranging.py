@@ -1,16 +1,16 @@
 """Ranges on demand: an exchange with a peer, and what the modem measures in it.
 
-A modem measures a propagation delay only if an answer comes back, so a peer has to be asked
-something. Any unicast frame will do, if it asks the peer's modem for an acknowledgement. So a
-request for a range waits for the next frame to that peer. If there is none, the composer makes one,
-with what is owed to the peer or with one byte of padding: the smallest frame there is, which
-introduces nobody and causes no answer but the modem's. While a modem waits for an acknowledgement
-it transmits nothing. So frames that are sent several times in a row ask for no range, and none is
-asked for while they may still have to be repeated, unless a schedule is late by a period.
+A modem measures a propagation delay only if an answer comes back, so this node has to ask the peer
+something. Any unicast frame will do if it requests an acknowledgement from the peer's modem. So a
+range request waits for the next frame to that peer. If there is none, the composer makes one, with
+what is owed to the peer or with one byte of padding: the smallest possible frame, which introduces
+nobody and causes no answer but the modem's. While a modem waits for an acknowledgement it transmits
+nothing. So frames that go several times in a row do not measure ranges, nor does a frame whose data
+may still have to be repeated, unless a schedule is late by a period.
 
-Time alone assigns answers to requests: a measurement counts for all requests made before it, in
-whatever exchange it was made, and never for a later one. So two requests share an exchange, and a
-delay that the modem remembers from before is never taken.
+Only time assigns answers to requests: a measurement answers all requests made before it, whichever
+exchange it comes from, and never a later one. So two requests share an exchange, and a delay that
+the modem remembers from before is never used.
 
 The states of a peer whose range is wanted::
 
@@ -47,10 +47,10 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LocalError, RangeUnavailableError
 
 LEAST_PERIOD_S: Final = 1.0
-"""Least time between two ranges of a schedule, s: an exchange over 1500 m takes 3 s, one over 100 m
-half a second."""
+"""Shortest period of a schedule, s: an exchange over 1500 m takes 3 s, one over 100 m half a
+second."""
 LONGEST_PERIOD_S: Final = 86_400.0
-"""Most time between two, s: a day."""
+"""Longest period of a schedule, s: a day."""
 _LONGEST_PAUSE_UNITS: Final = 64
 """As for questions of the handshake: two minutes with messages of 64 bytes over 1500 m."""
 _FIRST_SHARE: Final = 4
@@ -61,9 +61,9 @@ class RangeFailure(enum.Enum):
     """Why there is no range."""
 
     TIMED_OUT = "timed_out"
-    """No measurement before the time was over."""
+    """No measurement came in time."""
     UNAVAILABLE = "unavailable"
-    """The link measures none."""
+    """The link cannot measure ranges."""
 
 
 class RangeMeasured(msgspec.Struct, frozen=True, kw_only=True):
@@ -85,7 +85,7 @@ class RangeFailed(msgspec.Struct, frozen=True, kw_only=True):
     failure: RangeFailure
     """Why."""
     text: str
-    """One line for people."""
+    """One line of text."""
 
 
 class Ranging:
@@ -93,10 +93,10 @@ class Ranging:
 
     Args:
         address: Address of this node.
-        table: Its table; what it lists are the nodes there are.
-        timers: Fail requests.
+        table: Its table, with the list of nodes.
+        timers: Fire when the time of a request is over.
         rng: Draws when a schedule begins.
-        emit: Takes what became of requests.
+        emit: Takes events about requests.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Ranging:
             timeout_s: How long it may take, s, above 0.
 
         Raises:
-            LocalError: No such node, this node itself, or a time that is none.
+            LocalError: No such node, this node itself, or an invalid time.
             RangeUnavailableError: The link measures no ranges, or none to that address.
         """
         if not 0 < timeout_s < math.inf:
@@ -145,24 +145,24 @@ class Ranging:
         return range_id
 
     def cancel(self, range_id: int) -> None:
-        """Give up a request; no event follows."""
+        """Cancel a request; no event follows."""
         self._timers.cancel((Due.RANGE, range_id))
         for address, quest in tuple(self._quests.items()):
             if quest.requests.pop(range_id, None) is not None:
                 self._forget_if_idle(address)
 
     def peer_forgotten(self, address: int, now: int) -> None:
-        """Forget a node: its range is not measured any more."""
+        """Forget a node: stop to measure its range."""
         quest = self._quests.pop(address, None)
         for range_id in quest.requests if quest is not None else ():
             self._timers.cancel((Due.RANGE, range_id))
 
     def repeat(self, address: int, every_s: float, now: int) -> None:
-        """Measure the range of a peer again and again; replaces an earlier schedule for it.
+        """Measure the range of a peer periodically; replaces an earlier schedule for it.
 
         Any measurement counts: an exchange for something else postpones the next one. Results are
         `PeerMeasured` events. The link's capabilities are unknown until it is up for the first
-        time; if it then measures no ranges, a `RangeFailed` without id reports that.
+        time; if it cannot measure ranges, a `RangeFailed` without id reports it then.
 
         Args:
             address: The peer.
@@ -181,10 +181,10 @@ class Ranging:
         quest.every_ns = seconds_to_ns(every_s)
         quest.scheduled_at = now + self._rng.randrange(quest.every_ns // _FIRST_SHARE + 1)
 
-    # What the link tells
+    # From the link
 
     def use_link(self, capabilities: LinkCapabilities) -> None:
-        """Scale the pauses to a link, and see whether it measures ranges."""
+        """Scale the pauses to a link, and check whether it measures ranges."""
         self._capabilities = capabilities
         propagation_ns = seconds_to_ns(capabilities.propagation_s)
         self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
@@ -198,7 +198,7 @@ class Ranging:
             self._forget_if_idle(address)
 
     def measured(self, measurement: PeerMeasured) -> None:
-        """Take a measurement of a peer: answer the requests that were made before."""
+        """Take a measurement of a peer: it answers the requests made before it."""
         address = measurement.address
         quest = self._quests.get(address)
         found = range_in(address, measurement.metrics, measurement.measured_at)
@@ -231,13 +231,13 @@ class Ranging:
         return Offer(destination=due[1], must_go=Cause.RANGE)
 
     def exchange(self, address: int, now: int, *, gives_way: bool = False) -> Part | None:
-        """Return the part of a frame that measures a range; None: this frame shall not.
+        """Return the part of a frame that measures a range; None: this frame measures none.
 
         Args:
             address: Its destination.
             now: The instant.
-            gives_way: What the frame carries may have to go again before its modem has waited for
-                an acknowledgement: not unless a schedule is behind by a period.
+            gives_way: The frame's data may have to go again before its modem has stopped waiting
+                for an acknowledgement: measure only if a schedule is late by a period.
         """
         quest = self._quests.get(address)
         if quest is None or self._objection(address):
@@ -295,11 +295,11 @@ class Ranging:
             )
 
     def _objection(self, address: int, *, is_known: bool = True) -> str:
-        """Return why no range of that peer can be measured; empty: it can.
+        """Return why the range of a peer cannot be measured; empty: it can.
 
         Args:
             address: The peer.
-            is_known: What the link can do has to be known.
+            is_known: Require that the link's capabilities are known.
         """
         told = self._capabilities
         if told is None:
@@ -340,14 +340,14 @@ class _Quest:
         """The schedule is postponed to this instant, ns."""
         self.pause = Pause(_LONGEST_PAUSE_UNITS)
         self.is_under_way = False
-        """A frame for it is with the link, and has not ended."""
+        """The link has a frame for it that has not ended."""
         self.is_answered = False
-        """It has brought a range."""
+        """That frame has brought a range."""
         self.words = "nothing could be sent"
         """Outcome of the last exchange."""
 
     def transmitted(self, now: int) -> None:
-        """Take note of a frame that may bring a range."""
+        """Note a frame that may bring a range."""
         self.is_under_way, self.is_answered = True, False
         if self.every_ns is not None:
             self.scheduled_at = now + self.every_ns
@@ -365,6 +365,6 @@ class _Quest:
 
 def _words_of(report: TransmitReport) -> str:
     if report.outcome is TransmitOutcome.DELIVERED:
-        return "acknowledged, but the modem tells no delay"
+        return "acknowledged, but the modem reports no delay"
     words = report.outcome.value.replace("_", " ")
     return f"{words} ({report.detail})" if report.detail else words

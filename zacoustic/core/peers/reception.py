@@ -1,10 +1,10 @@
 """Reception: dispatches the items of a frame to the components that registered for them.
 
-A frame is read in two passes. The first takes what the frame says of its sender, wherever it
-stands: who it is, and whether both know each other's tables. That gives the verdict on the rest.
-The second pass takes controls and records in their order, according to the verdict.
+A frame is read in two passes. The first takes the statements about the sender, at any position: who
+it is, and whether both ends know each other's tables. They decide which of the rest may be decoded.
+The second pass takes controls and records in order and applies that verdict.
 
-Of a frame for another node only what concerns everybody is read.
+From a frame for another node only the items that concern everybody are read.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from zacoustic.core.wire.objects import ListenHint
 
 
 class HearingPort(Protocol):
-    """The port on which a frame came."""
+    """The port that received a frame."""
 
     def handle_control(
         self, source: int, control: AccessControl, frame: ReceivedFrame, now: int
@@ -33,13 +33,13 @@ class HearingPort(Protocol):
 
 
 class Heard:
-    """A frame that is being read, and what it says of its sender.
+    """A frame that is being read, with the statements about its sender.
 
     Args:
         source: Address of its sender.
-        frame: The frame, with its own destination.
-        port: On which it came.
-        handshake: Knows what is agreed with its sender.
+        frame: The frame, including its destination.
+        port: The port that received it.
+        handshake: Knows the agreement with its sender.
         now: The instant.
     """
 
@@ -66,11 +66,11 @@ class Heard:
         self.tagged: int | None = None
         """Boot epoch in its TAG; None: it has none."""
         self.is_strong = False
-        """It was sealed with the long tag."""
+        """It has the long tag of the seal."""
         self.is_foreign = False
         """It has a HELLO of another wire version."""
         self.streams: list[int] = []
-        """Streams of its items; 0 for an item of no stream."""
+        """Streams of its items; 0 for an item without a stream."""
 
     @property
     def is_unicast(self) -> bool:
@@ -86,12 +86,12 @@ class Heard:
         return self._handshake.verdict_dense(self.source, self.epoch, self.now)
 
     def misses_reference(self) -> None:
-        """Have its sender told that this node does not hold what it takes to be held here."""
+        """Report to its sender that this node lacks the reference that the frame assumes."""
         self._handshake.misses_reference(self.source, self.now)
 
 
 Take = Callable[[Heard, Any], str | None]
-"""Takes an item of a frame; returns why it is dropped, one word, or None."""
+"""Takes an item of a frame; returns why it drops it, one word, or None."""
 TakeRecord = Callable[[Heard, Stream, Record], str | None]
 """The same for a record of a stream that both ends define in the same way."""
 TakeExtension = Callable[[Heard, bytes], str | None]
@@ -99,7 +99,7 @@ TakeExtension = Callable[[Heard, bytes], str | None]
 
 
 class Reception:
-    """Who takes what."""
+    """The components that take items, by kind."""
 
     def __init__(self) -> None:
         self._of_sender: dict[type[Item], Take] = {}
@@ -111,17 +111,17 @@ class Reception:
         self.read = Signal[int, int]()
         """``(address, now)``: a frame of a node has been read."""
         self.came_again = Signal[int]()
-        """``(address)``: a node repeats what has come before: it has not got the answer."""
+        """``(address)``: a node repeats an earlier record: it did not get the answer."""
         self.on(Extension, self._extension)
 
-    # Who takes what
+    # Registration
 
     def of_sender(self, kind: type[Item], take: Take) -> None:
         """Register for a control that describes its sender; taken in the first pass."""
         self._of_sender[kind] = take
 
     def on(self, kind: type[Item], take: Take) -> None:
-        """Register for a control of the second pass, behind those that registered before."""
+        """Register for a control of the second pass, after earlier registrations."""
         self._takers[kind] = (*self._takers.get(kind, ()), take)
 
     def overhear(self, kind: type[Item], take: Take) -> None:
@@ -129,13 +129,13 @@ class Reception:
         self._overhearers[kind] = take
 
     def on_records(self, spec: type, take: TakeRecord, take_ack: TakeRecord | None = None) -> None:
-        """Register for the records of a kind of streams.
+        """Register for the records of one kind of stream.
 
         Args:
             spec: Class of the streams' specs.
             take: Takes a record that may be decoded.
-            take_ack: Takes an acknowledgement: whoever sends one has read records of this node, so
-                it needs no verdict.
+            take_ack: Takes an acknowledgement; it needs no verdict, because its sender has read
+                records of this node.
         """
         self._records[spec] = take
         if take_ack is not None:
@@ -145,7 +145,7 @@ class Reception:
         """Register for an extension.
 
         Raises:
-            ValueError: The code is none of an extension, or somebody takes it already.
+            ValueError: It is no code of an extension, or it is already taken.
         """
         if not FIRST_EXTENSION <= code <= LAST_EXTENSION or code in self._extensions:
             raise ValueError(
@@ -154,10 +154,10 @@ class Reception:
             )
         self._extensions[code] = take
 
-    # What is taken
+    # Dispatch
 
     def first(self, heard: Heard, item: Item) -> str | None:
-        """Dispatch what a frame says of its sender; returns why it is dropped, or None."""
+        """Dispatch a statement about the sender; returns why it is dropped, or None."""
         take = self._of_sender.get(type(item))
         return None if take is None else take(heard, item)
 

@@ -1,25 +1,25 @@
 """Replay windows: every sealed frame is opened once, in whatever order frames arrive.
 
-A window belongs to one `Way`: a source, a destination, a port, a strength. It keeps the *start* of
-the source (`start_of`: the generation of its key, and its life), the highest counter that was
-opened in it, and which of the 63 before that were. A frame of a former start, a counter that was
-opened, or one further behind is refused.
+A window belongs to one `Way`: a source, a destination, a port, a strength. It stores the *start* of
+the source (`start_of`: the generation of its key, and its life), the highest counter opened, and
+which of the 63 counters before it were opened. It refuses a frame of an earlier start, a counter
+that was opened, and one further behind.
 
-A short head tells six bits of the counter. The window guesses the rest: of the 64 counters from 15
-before its highest one on, the one with these bits; if that fails, the one 64 later. Where nothing
-was opened yet of the present start of a source, and that start is known from another window, the
-counters from 0 on are tried. Whoever has lost more than that in a row waits for a long head.
+A short head contains six bits of the counter, and the window guesses the rest: the matching one of
+the 64 counters that begin 15 before the highest; if that fails, the one 64 later. If the window has
+opened nothing of the current start of a source, and another window knows that start, it tries the
+counters from 0. A receiver that lost more than that in a row waits for a long head.
 
-**Power cuts.** What a receiver has opened must not be opened again by its next life, and a write to
-the disk for every frame would wear it out. So windows have two ways to be kept:
+**Power cuts.** The next life of a receiver must not open again what this one has opened, and a disk
+write per frame would wear the disk out. So there are two ways to store windows:
 
-- *exact*: highest counter and what is open before it are on the disk before the frame is handed on.
-  So are strong frames, and those that come rarely: after a power cut the next command is heard.
-- *ahead*: the disk has a mark that is up to `AHEAD` above the highest. The next life refuses all up
-  to the mark; it loses at most so many frames that it never had.
+- *exact*: the highest counter and the window behind it are on disk before the frame is handed on.
+  This is for strong frames and rare ones: after a power cut the next command is heard.
+- *ahead*: the disk has a mark up to `AHEAD` above the highest counter. The next life refuses
+  everything up to the mark; it loses at most that many frames that were never opened.
 
-The newest start of each source is a floor for all its windows: a port on which a source was never
-heard takes no frame of a start that is over.
+The newest start of each source is a floor for all its windows: a port that never heard a source
+refuses frames of an earlier start.
 """
 
 from collections.abc import Iterator
@@ -30,18 +30,18 @@ import msgspec
 from zacoustic.core.wire.seal import LAST_COUNTER, LOW_COUNTERS, LongHead, ShortHead
 
 WINDOW: Final = 64
-"""Counters that a window tells apart, the highest included."""
+"""Counters that a window can tell apart, including the highest."""
 BEHIND: Final = 16
-"""Counters of a short head begin so many before the next one that is expected."""
+"""Short heads cover counters from this many before the next expected one."""
 AHEAD: Final = 16
-"""How far a mark runs ahead of what was opened."""
+"""How far a mark runs ahead of the opened counters."""
 
 _ALL: Final = (1 << WINDOW) - 1
 _LIFE_BITS: Final = 16
 
 
 def start_of(generation: int, life: int) -> int:
-    """Return a number that grows with each start of a node, also over a new key."""
+    """Return a number that grows with each start of a node, also across keys."""
     return generation << _LIFE_BITS | life
 
 
@@ -51,7 +51,7 @@ def life_of(start: int) -> int:
 
 
 class Mark(msgspec.Struct, frozen=True, array_like=True):
-    """What the disk knows of a window."""
+    """The part of a window that is on disk."""
 
     start: int
     highest: int
@@ -59,11 +59,11 @@ class Mark(msgspec.Struct, frozen=True, array_like=True):
     """Bit n: counter ``highest − n`` was opened."""
 
     def covers(self, window: "Window", more: int = 0) -> bool:
-        """Tell whether a life that finds this refuses all that a window has opened.
+        """Return whether a life that reads this mark refuses all that a window has opened.
 
         Args:
-            window: What was opened.
-            more: And so many counters after it.
+            window: The window.
+            more: Number of later counters that the mark has to cover as well.
         """
         if self.start != window.start or self.highest < min(window.highest + more, LAST_COUNTER):
             return False
@@ -72,10 +72,10 @@ class Mark(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Window:
-    """What was opened of one way.
+    """The opened frames of one way.
 
     Args:
-        mark: What a former life of this node has kept; None: nothing was ever opened.
+        mark: What an earlier life of this node stored; None: nothing was ever opened.
     """
 
     __slots__ = ("highest", "seen", "start")
@@ -87,18 +87,18 @@ class Window:
 
     @property
     def mark(self) -> Mark:
-        """All of it, for the disk."""
+        """The exact mark, for the disk."""
         return Mark(self.start, self.highest, self.seen)
 
     def candidates(
         self, head: ShortHead | LongHead, generation: int, newest: int = -1
     ) -> Iterator[tuple[int, int]]:
-        """Return the starts and counters that a frame may have: one, two or none.
+        """Return the starts and counters that a frame may have: two, one or none.
 
         Args:
             head: Of the frame.
-            generation: Of the key that it was sealed with, the whole number.
-            newest: The newest start of its source that is known from any window; -1: none is.
+            generation: Complete generation of the key that sealed it.
+            newest: The newest start of its source that any window knows; -1: none.
         """
         if isinstance(head, LongHead):
             yield start_of(generation, head.life), head.counter
@@ -114,14 +114,14 @@ class Window:
                     yield self.start, each
 
     def is_new(self, start: int, counter: int) -> bool:
-        """Tell whether a frame can be one that was not opened before."""
+        """Return whether a frame may be one that was not opened before."""
         if start != self.start:
             return start > self.start
         behind = self.highest - counter
         return behind < 0 or (behind < WINDOW and not self.seen >> behind & 1)
 
     def note(self, start: int, counter: int) -> None:
-        """Note that an authentic frame was opened, one that `is_new`."""
+        """Note that an authentic frame was opened, after `is_new` has allowed it."""
         if start != self.start:
             self.start, self.highest, self.seen = start, counter, 1
             return

@@ -1,20 +1,20 @@
 """The seal of one node: its own counters, and a replay window for each way that ends here.
 
-Outgoing, a frame has a *long head* where a short one might not be understood: it is the first of a
-life or key to its destination, it is strong, whoever composes it asks for one (a repetition, or
-what is `real_time`), it is one of `LONG_EVERY`, or the last long head to that destination is older
-than `LONG_EVERY_S`. So nothing has to be asked for: after any outage a receiver is in step again
+An outgoing frame has a *long head* if the receiver might not understand a short one: it is the
+first of a life or key to its destination; it is strong; its composer asks for it (a repetition, or
+`real_time` data); it is one of `LONG_EVERY`; or the last long head to that destination is older
+than `LONG_EVERY_S`. So nobody has to ask for anything: after any outage a receiver is in step again
 within 16 frames or five minutes.
 
-Incoming, a frame is opened, or refused with a word for the statistics. **Nothing is ever
-transmitted because of a frame that was refused**: else a stranger could drain a battery.
+An incoming frame is opened, or refused with a word for the statistics. **A refused frame never
+causes a transmission**: otherwise a stranger could drain a battery.
 
-The table of its sender is found out by trying: the digest of this node's own table, the one that
-was announced by this source, and `NO_TABLE`.
+The node finds the table of the sender by trial: the digest of its own table, the one that the
+source has announced, and `NO_TABLE`.
 
-A frame of this node's own address is an echo where it is of a life and a counter that were used
-here. One that is ahead of them was sealed by another computer with the same key and address: two of
-them would share nonces, so the one that notices seals nothing from then on.
+A frame from this node's own address is an echo if this node has used its life and counter. A frame
+ahead of them was sealed by another computer with the same key and address. Two computers would
+share nonces, so the one that notices stops sealing.
 """
 
 from collections.abc import Callable, Mapping
@@ -47,7 +47,7 @@ LONG_EVERY: Final = 16
 LONG_EVERY_S: Final = 300.0
 _LONG_EVERY_NS: Final = seconds_to_ns(LONG_EVERY_S)
 _RARE_NS: Final = seconds_to_ns(5.0)
-"""Frames that come no closer have marks that are exact."""
+"""Ways whose frames are at least this far apart have exact marks."""
 _MARK_PREFIX: Final = "seal/"
 _MARK = msgspec.msgpack.Decoder(Mark)
 
@@ -60,25 +60,25 @@ class Refusal(Enum):
     FORGED = "forged"
     """No key of the fleet made its tag; or its receiver is out of step."""
     OUT_OF_STEP = "out_of_step"
-    """A short head of a node of which no long one has come."""
+    """A short head of a node that has not sent a long one yet."""
     REPLAYED = "replayed"
     """It was opened before, or is too far behind."""
     FORMER_LIFE = "former_life"
-    """Authentic, and of a life of its source that is over."""
+    """Authentic, but of a life of its source that is over."""
     CLONE = "clone"
-    """Authentic, and of this node's address, but it has not sent it."""
+    """Authentic and of this node's address, but another computer sent it."""
     FORBIDDEN = "forbidden"
-    """Authentic, but a record in it, or its command, is not for its source to give."""
+    """Authentic, but its source may not send such a record or command."""
 
 
 class Inside(msgspec.Struct, frozen=True, kw_only=True):
-    """What was in a sealed frame."""
+    """The contents of a sealed frame."""
 
     records: bytes
     digest: bytes
-    """Of the sender's table; `NO_TABLE`: to be read without one."""
+    """Digest of the sender's table; `NO_TABLE`: the records need no table."""
     life: int
-    """Of the sender."""
+    """Life of the sender."""
     strong: bool
 
 
@@ -90,21 +90,21 @@ class _Sending:
     def __init__(self) -> None:
         self.counter = 0
         self.generation = 0
-        """Of the last long head."""
+        """Generation of the last long head."""
         self.since_long = 0
         self.long_at: int | None = None
 
 
 class Seal:
-    """Seals the frames of one node, and opens those that are for it.
+    """Seals the frames of one node, and opens those for it.
 
     Args:
         address: This node, 1…254.
-        life: Of this start; no start before or after has the same.
+        life: Of this start; no other start has the same.
         cipher: Has the keys.
-        journal: Keeps the windows.
-        stored: What former lives have kept there.
-        announced: Tells the digest of a node's table, as it has announced it; empty: it has not.
+        journal: Stores the windows.
+        stored: What earlier lives stored there.
+        announced: Returns the digest of a node's table as announced by it; empty: none yet.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Seal:
         self._sending: dict[Way, _Sending] = {}
         self._windows: dict[Way, Window] = {}
         self._given: dict[Way, Mark] = {}
-        """Marks that were given to the journal,"""
+        """Marks that the journal has got,"""
         self._given_at: dict[Way, int] = {}
         self._safe: dict[Way, Mark] = {}
         """and those of them that it has written."""
@@ -138,7 +138,7 @@ class Seal:
 
     @property
     def may_seal(self) -> bool:
-        """A frame can be sealed: this life is none beyond the last, and nobody else has it."""
+        """A frame can be sealed: lives are not used up, and no other computer has this one's."""
         return not self.failure
 
     @property
@@ -147,7 +147,7 @@ class Seal:
         if self.is_cloned:
             return "another computer has the key and the address of this node"
         if self._life > LAST_LIFE:
-            return "there is no life of this node that a frame may be sealed in"
+            return "this node has no life in which it may seal frames"
         return ""
 
     @property
@@ -156,18 +156,18 @@ class Seal:
         return any(each.counter > LAST_COUNTER for each in self._sending.values())
 
     def begin(self, life: int) -> None:
-        """Begin another life: counters begin anew."""
+        """Begin another life; counters start anew."""
         self._life = life
         self._sending.clear()
 
     def reintroduce(self, address: int) -> None:
-        """Have what goes to a node begin with a long head: it may know nothing of this one."""
+        """Use a long head in the next frame to a node, which may know nothing of this one."""
         for way, sending in self._sending.items():
             if way.destination in (address, BROADCAST):
                 sending.long_at = None
 
     def needs_long(self, destination: int, now: int, *, port: int = 0) -> bool:
-        """Tell whether the next frame needs a long head, whatever is in it."""
+        """Return whether the next frame needs a long head, whatever its contents."""
         return self._needs_long(Way(self._address, destination, port), now)
 
     def seal(
@@ -181,7 +181,7 @@ class Seal:
         strong: bool = False,
         long: bool = False,
     ) -> bytes:
-        """Make a sealed frame; its counter is used up, whatever becomes of it.
+        """Make a sealed frame; it uses up its counter, even if the frame is never transmitted.
 
         Args:
             records: What to seal.
@@ -224,16 +224,16 @@ class Seal:
         now: int,
         then: Callable[[Inside, int], None],
     ) -> Refusal | None:
-        """Open a frame that is for this node.
+        """Open a frame for this node.
 
         Args:
             frame: What arrived.
-            way: Whence and whither, as the link or the envelope says, and by which port; a wrong
-                one opens nothing. The frame itself says whether it is strong.
+            way: Source, destination and port, from the link or the envelope; a wrong way opens
+                nothing. The frame itself tells whether it is strong.
             own_digest: Of this node's table.
             now: The instant.
-            then: Takes the records, and the instant, when nothing can make a later life of this
-                node open them again: in this call, or when the journal has written.
+            then: Takes the records and the instant once no later life of this node can open them
+                again: during this call, or when the journal has written.
 
         Returns:
             Why it was not opened; None: it was.
@@ -246,7 +246,7 @@ class Seal:
         floor = self._floors.get(way.source, -1)
         refusal = Refusal.OUT_OF_STEP
         generation = self._cipher.generation
-        generation -= (generation ^ sealed.head.generation) & 1  # this one, or that before
+        generation -= (generation ^ sealed.head.generation) & 1  # this one, or the previous one
         for start, counter in window.candidates(sealed.head, generation, floor):
             number = nonce(way, life_of(start), counter)
             opened = self._try(sealed, way, number, life_of(start), own_digest)
@@ -265,11 +265,11 @@ class Seal:
         return refusal
 
     def overhear_own(self, frame: bytes, way: Way, own_digest: bytes) -> Refusal | None:
-        """Look at a frame of this node's own address: an echo, a forgery, or that of a clone.
+        """Examine a frame of this node's own address: an echo, a forgery, or a clone's frame.
 
         Args:
             frame: What arrived.
-            way: Whence and whither.
+            way: Its source, destination and port.
             own_digest: Of this node's table.
         """
         sealed = parse_sealed(frame)
@@ -308,7 +308,7 @@ class Seal:
         return None
 
     def _keep(self, way: Way, window: Window, then: Callable[[int], None], now: int) -> None:
-        """Have a window written as it has to be, and go on when that is safe."""
+        """Write the mark of a window as its kind needs, and call `then` when that is safe."""
         if way.strong:
             self._write(way, window.mark, then)
             return
@@ -326,7 +326,7 @@ class Seal:
             if waits is not None:
                 return
         elif safe is None or not safe.covers(window):
-            # A mark that covers it is on its way to the disk: behind that, the same once more.
+            # A mark that covers it is being written: write the same again behind it.
             self._write(way, given, then)
             return
         then(now)

@@ -1,8 +1,8 @@
-"""What a frame says of its sender, and of what that knows of this node: the first pass over it.
+"""The first pass over a frame: statements about the sender, and what it knows of this node.
 
-HELLO and TAG say which life of it speaks, CONFIRM that it knows the table of this node, ASK and
-TABLE what one of the two does not know. `Handshake` has the rules; here stands which control means
-what.
+HELLO and TAG give its boot epoch, CONFIRM says that it knows the table of this node, and ASK and
+TABLE concern what one of the two does not know. `Handshake` has the rules; this module maps each
+control to a rule.
 """
 
 from zacoustic.core.peers.handshake import Handshake
@@ -16,10 +16,10 @@ class Statements:
     """Takes the controls of agreement.
 
     Args:
-        handshake: Is told.
-        peers: Signal what others have to know of it.
-        lives: Are told who has heard this node.
-        reception: Gives them out.
+        handshake: Gets the statements.
+        peers: Signal those that concern other components.
+        lives: Learns who has heard this node.
+        reception: Dispatches the controls.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Statements:
         return None
 
     def _sealed_hello(self, heard: Heard, hello: Hello) -> str | None:
-        """Take which table its sender has: which life of it speaks is said by the seal."""
+        """Take the digest of the sender's table; the seal already gives the boot epoch."""
         if hello.epoch != heard.epoch or hello.version != WIRE_VERSION:
             return "version"
         self._handshake.authentic(heard.source, hello.epoch, hello.digest, heard.now)
@@ -60,7 +60,7 @@ class Statements:
         source, now, unicast = heard.source, heard.now, heard.is_unicast
         is_ours = self._handshake.confirms_us(confirm, unicast=unicast)
         if is_ours and heard.tagged is not None:
-            # A TAG, and that its sender shares our table: as good as a HELLO.
+            # A TAG, and the statement that its sender shares our table, together make a HELLO.
             hello = Hello(WIRE_VERSION, heard.tagged, self._handshake.digest)
             self._handshake.heard_hello(source, hello, now, unicast=unicast)
             if unicast:

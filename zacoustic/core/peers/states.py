@@ -1,7 +1,7 @@
-"""The states of another node: three transition tables, printed in the wire page.
+"""The states of another node: three transition tables, which `docs/wire.md` prints.
 
-Each table maps a state and an event to the next state; an event that is not in the row of a state
-changes nothing. The rest of what an event entails is where it is handled.
+Each table maps a state and an event to the next state; an event without an entry for a state
+changes nothing. Other effects of an event are where it is handled.
 """
 
 import enum
@@ -12,7 +12,7 @@ State = TypeVar("State", bound=enum.Enum)
 
 
 class Agreement(enum.Enum):
-    """Whether a node has confirmed the present boot epoch of this one, and so its table."""
+    """Whether a node has confirmed the current boot epoch of this one, and so its table."""
 
     UNCONFIRMED = "unconfirmed"
     """No: frames to it begin with HELLO or TAG."""
@@ -23,23 +23,23 @@ class Agreement(enum.Enum):
 
 
 class Life(enum.Enum):
-    """What is known of the present life of a node."""
+    """Knowledge of the current boot epoch of a node."""
 
     UNKNOWN = "unknown"
-    """No HELLO was heard, or it has begun another life since."""
+    """No HELLO was heard since its last restart."""
     SETTLING = "settling"
-    """Its epoch is known; frames of the former life may still arrive."""
+    """Its epoch is known; frames of an earlier one may still arrive."""
     SETTLED = "settled"
-    """No frame of the former life can arrive any more."""
+    """No frame of an earlier epoch can arrive any more."""
 
 
 class Reachability(enum.Enum):
     """Whether a node is heard."""
 
     UNHEARD = "unheard"
-    """Not yet in this life of ours."""
+    """Not yet since the start of this node."""
     HEARD = "heard"
-    """A frame of it came, recently enough."""
+    """A frame of it came recently enough."""
     LOST = "lost"
     """None came for the configured time."""
 
@@ -63,7 +63,7 @@ class Transitions(Generic[State]):
     """One table.
 
     Args:
-        first:The initial state.
+        first: The initial state.
     """
 
     def __init__(self, first: State, table: Mapping[tuple[State, Change], State]) -> None:
@@ -75,7 +75,7 @@ class Transitions(Generic[State]):
         return self._table.get((state, event), state)
 
     def rows(self) -> list[tuple[str, str, str]]:
-        """Return state, event and next state of each entry, as they are printed."""
+        """Return state, event and next state of each entry, as printed."""
         return [
             (str(state.value), event.value, str(following.value))
             for (state, event), following in self._table.items()
@@ -108,7 +108,7 @@ LIFE: Final = Transitions(
         (Life.SETTLED, Change.STRAY_TAG): Life.UNKNOWN,
     },
 )
-"""Life of a node, as far as it is known here."""
+"""Boot epoch of a node, as far as it is known here."""
 
 REACHABILITY: Final = Transitions(
     Reachability.UNHEARD,
@@ -119,4 +119,4 @@ REACHABILITY: Final = Transitions(
         (Reachability.LOST, Change.FRAME): Reachability.HEARD,
     },
 )
-"""Whether a node is heard; only where the configuration says when it is lost."""
+"""Whether a node is heard; only with a configured time after which it is lost."""

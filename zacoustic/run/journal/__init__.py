@@ -1,12 +1,13 @@
-"""The journal: what a node must know after a restart.
+"""The journal: the state of a node that must survive a restart.
 
 - `port`: the contract of a store, and how a boot epoch follows from the one before;
-- `memory`: a store that keeps nothing beyond the process;
-- `sqlite`: a store in a file, which survives ``kill -9`` and the loss of power; `file`: how it is
-  written; `image`, `mark`, `inspection`: its contents, and whether they are proved;
-- `backup`: copies, and the state of a file;
-- `thread`: commits in its own thread, in groups, and again while they fail;
-- `forgotten`: what a node without a lasting store forgets, for people.
+- `memory`: a store that lasts as long as the process;
+- `sqlite`: a store in a file, which survives ``kill -9`` and a power cut; `file`: how it writes;
+  `image`, `mark`, `inspection`: its contents, and whether they are proved;
+- `lives`: a journal whose boot epochs are lives of the seal;
+- `backup`: copies, and the report on a journal's files;
+- `thread`: commits in a thread of its own, in groups, repeated while they fail;
+- `forgotten`: what a node without a lasting store forgets, in words.
 """
 
 from zacoustic.run.journal.memory import MemoryJournal

@@ -1,9 +1,9 @@
-"""A copy of a journal, also of one in use; and the state of a journal's files.
+"""Copies of a journal, even of one in use, and a report on a journal's files.
 
-The files of a running node change while they are read. A copy counts only when it is whole by its
-own checks (`inspection`), so that all of it is of one instant; otherwise it is made again. A copy
-is marked as one: a node that finds it in the place of its journal starts in an epoch that knows
-that it has forgotten something.
+The files of a running node change while they are read. A copy is valid only if its own checks prove
+it whole (`inspection`), so that all of it is of one instant; otherwise the copy is repeated. Copies
+are marked as such: a node that finds one in the place of its journal begins its boot epoch with the
+knowledge that commits are missing.
 """
 
 import os
@@ -31,18 +31,18 @@ class JournalReport(msgspec.Struct, frozen=True, kw_only=True):
     path: str
     """The file."""
     address: int | None
-    """Address of its node; None: it has none."""
+    """Address of its node; None: unknown."""
     commits: int
-    """How many commits there were."""
+    """Number of commits."""
     entries: dict[str, int]
-    """How many entries are right, by the first part of their key."""
+    """Number of valid entries by the first part of their key."""
     is_backup: bool
-    """It is a copy that `backup` has made."""
+    """The file is a copy made by `backup`."""
     doubt: str
-    """Why it lacks the node's last writes; empty: it does not, or it is an intact copy."""
+    """Why it lacks the node's last commits; empty: it does not, or it is an intact copy."""
 
     def lines(self) -> list[str]:
-        """Return it as lines for people."""
+        """Return the report as lines of text."""
         node = "a node that it does not name" if self.address is None else f"node {self.address}"
         kind = "copy of the journal" if self.is_backup else "journal"
         verdict = f"IN DOUBT: {self.doubt}" if self.doubt else "in order"
@@ -54,14 +54,14 @@ class JournalReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def check(path: Path, address: int | None = None) -> JournalReport:
-    """Look at the files of a journal; changes nothing, whether a node runs on it or not.
+    """Report on the files of a journal; changes nothing, even while a node uses it.
 
     Args:
         path: The file.
         address: The expected node; None: any.
 
     Raises:
-        ConfigError: There is no such file, or it cannot be read.
+        ConfigError: The file does not exist or cannot be read.
     """
     found = _look(path, address)
     is_backup = found.node is not None and found.node.is_backup
@@ -76,15 +76,15 @@ def check(path: Path, address: int | None = None) -> JournalReport:
 
 
 def backup(path: Path, copy: Path) -> JournalReport:
-    """Make a copy of a journal in one file, also while its node runs; return its contents.
+    """Copy a journal into one file, even while its node runs; return the report on the copy.
 
     Args:
         path: File of the journal.
-        copy: The copy; must not be there yet.
+        copy: The copy; must not exist yet.
 
     Raises:
-        ConfigError: There is no such journal, or there is something in the place of the copy.
-        BackupError: It is damaged, or cannot be copied.
+        ConfigError: The journal does not exist, or the copy does.
+        BackupError: The journal is damaged or cannot be copied.
     """
     if copy.exists():
         raise ConfigError(f"{copy}: is there already", hint="name a file that is not")
@@ -120,7 +120,7 @@ def _look(path: Path, address: int | None) -> Found:
     try:
         marked = read_mark(path)
         found = inspect(path, address, marked)
-        if found.doubt and read_mark(path) != marked:  # a commit came between the two files
+        if found.doubt and read_mark(path) != marked:  # a commit came between the two reads
             found = inspect(path, address, marked)
     except OSError as error:
         raise ConfigError(f"journal {path}: cannot be read: {error.strerror or error}") from error

@@ -1,22 +1,22 @@
 """The file of a journal: how it is made, opened and written.
 
-An SQLite database with two tables: `entry`, with a check of its own in each row, since SQLite has
-none on its pages; and `node`, one row: which node, how many commits, and the sum of the checks of
-all entries, so that a part that is missing or old is seen (`inspection`). `application_id` says
-that it is a journal, `user_version` in which format.
+It is an SQLite database with two tables. `entry` has a check in each row, since SQLite has none on
+its pages. `node` has one row: address, number of commits, and the sum of the checks of all entries,
+which reveals a missing or outdated part (`inspection`). `application_id` marks the file as a
+journal, `user_version` is its format.
 
-How it is written, and why:
+The settings of SQLite, and why:
 
 - `journal_mode` WAL. A commit appends to one file and waits for the disk once; the rollback journal
-  needs three or four waits, each tens of milliseconds on the cards of small computers. Each frame
-  of the log carries a running check, so a log that was cut short or torn by a loss of power ends
-  with its last whole commit.
-- `synchronous` FULL: the wait is at the end of each commit, not at the next checkpoint. On macOS
-  also the disk's own cache is flushed.
-- ``psow=0``: each commit is filled up to the end of a disk sector. So no later write touches a
-  sector that holds an earlier commit: a loss of power may damage a sector that is being written.
-- `locking_mode` EXCLUSIVE: a second process is refused, the kernel takes the lock away with the
-  process, and no memory is shared, which file systems of networks cannot.
+  waits three or four times, each tens of milliseconds on the cards of small computers. Each frame
+  of the log has a running check, so a log that a power cut has truncated or torn ends with its last
+  whole commit.
+- `synchronous` FULL: wait at the end of each commit, not at the next checkpoint. On macOS also
+  flush the disk's own cache.
+- ``psow=0``: pad each commit to the end of a disk sector, because a power cut may damage the sector
+  that is being written; no later write then touches a sector of an earlier commit.
+- `locking_mode` EXCLUSIVE: refuse a second process. The kernel releases the lock when the process
+  ends, and no shared memory is needed, which network file systems lack.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ from zacoustic.run.journal.inspection import APPLICATION_ID, FORMAT, Node, added
 from zacoustic.run.privatefile import keep_private
 
 LIMIT_BYTES: Final = 64 * 1024 * 1024
-"""Size that a file may have; its log may have as much again while a commit that large runs."""
+"""Largest size of a file; its log may need as much again during a commit of that size."""
 
 _SCHEMA: Final = (
     "CREATE TABLE node (address INTEGER NOT NULL, identity BLOB NOT NULL,"
@@ -57,14 +57,14 @@ class JournalFile:
     """The file of a journal, open and locked.
 
     Args:
-        path: The file; made if it is not there, with nothing in it before the first commit.
+        path: The file; made if it is missing, empty until the first commit.
         node: Its description of itself; None: it is new.
         address: The node.
-        commits: How many commits there were at least, in any file.
-        limit_bytes: Size beyond which it does not grow.
+        commits: Least number of commits, known from any file.
+        limit_bytes: Largest size.
 
     Raises:
-        sqlite3.Error: It cannot be opened, or is in use.
+        sqlite3.Error: The file cannot be opened, or is in use.
     """
 
     def __init__(
@@ -80,10 +80,10 @@ class JournalFile:
         self._is_made = node is not None
         node = node or Node(address, secrets.token_bytes(_IDENTITY_BYTES), 0, 0, False)
         self.node = msgspec.structs.replace(node, commits=max(node.commits, commits))
-        """Its description of itself."""
-        keep_private(path)  # SQLite gives its log the mode of the file
+        """The file's description of itself."""
+        keep_private(path)  # SQLite copies the mode of the file to its log
         with contextlib.ExitStack() as unless_ready:
-            # Transactions are begun by hand; each call may be on another thread, one at a time.
+            # Transactions begin explicitly; calls come from any thread, one at a time.
             self._store = store = sqlite3.connect(
                 f"{path.absolute().as_uri()}?psow=0",
                 uri=True,
@@ -93,7 +93,7 @@ class JournalFile:
             )
             unless_ready.callback(store.close)
             store.execute("PRAGMA locking_mode = EXCLUSIVE")
-            # Takes the lock at once: of two that start together one has to have it.
+            # Takes the lock at once, so that one of two processes started together gets it.
             store.execute("BEGIN EXCLUSIVE")
             store.execute("ROLLBACK")
             store.execute(f"PRAGMA page_size = {PAGE_BYTES}")
@@ -105,10 +105,10 @@ class JournalFile:
             unless_ready.pop_all()
 
     def commit(self, values: Mapping[str, bytes | None], *, is_backup: bool = False) -> None:
-        """Write these entries, all or none; None deletes one.
+        """Write these entries, all or none; None deletes an entry.
 
         Raises:
-            sqlite3.Error, UnicodeError: None of them was written.
+            sqlite3.Error, UnicodeError: Nothing was written.
         """
         with self._transaction():
             if not self._is_made:
@@ -136,12 +136,12 @@ class JournalFile:
         self.node, self._is_made = node, True
 
     def into_one_file(self) -> None:
-        """Take the log into the file, and delete it."""
+        """Merge the log into the file and delete it."""
         self._store.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         self._store.execute("PRAGMA journal_mode = DELETE")
 
     def room(self) -> tuple[int, int]:
-        """Return how many bytes are in use, and how many may be."""
+        """Return the bytes in use and the limit."""
         (pages,) = self._store.execute("PRAGMA page_count").fetchone()
         (page_bytes,) = self._store.execute("PRAGMA page_size").fetchone()
         (most,) = self._store.execute("PRAGMA max_page_count").fetchone()
@@ -169,14 +169,14 @@ class JournalFile:
             yield
             self._store.execute("COMMIT")
         except BaseException:
-            # SQLite has rolled back by itself after some errors.
+            # After some errors SQLite has rolled back already.
             with contextlib.suppress(sqlite3.Error):
                 self._store.execute("ROLLBACK")
             raise
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, so that a loss of power does not take it away again.
+    """Make a folder and sync it, so that it survives a power cut.
 
     Raises:
         OSError: It cannot be made.
@@ -188,8 +188,8 @@ def make_folder(folder: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk."""
-    if not hasattr(os, "O_DIRECTORY"):  # Windows: folders are not opened, nor synced
+    """Sync the directory entries of a folder to the disk."""
+    if not hasattr(os, "O_DIRECTORY"):  # Windows cannot open or sync folders
         return
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

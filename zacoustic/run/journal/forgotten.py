@@ -1,4 +1,4 @@
-"""What a node without a journal forgets when it is restarted, in one line for people."""
+"""What a node without a journal forgets at a restart, as one line of text."""
 
 from zacoustic.core.base.qos import Durability
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
@@ -7,7 +7,7 @@ from zacoustic.core.streams.wireprofile import WireProfile
 
 
 def forgotten(table: StreamTable, address: int) -> str:
-    """Say what this node does not keep over a restart without a journal.
+    """Name what this node loses at a restart without a journal.
 
     Args:
         table: The streams.
@@ -19,7 +19,7 @@ def forgotten(table: StreamTable, address: int) -> str:
         of them.
     """
     if table.wire is WireProfile.RMW_DESERT:
-        return ""  # a journal would keep nothing either: it is sent once
+        return ""  # samples that are sent once are not journalled anyway
     services, topics, actions, demanded, latched = [], [], [], [], []
     for stream in table:
         spec = stream.spec
@@ -43,7 +43,7 @@ def forgotten(table: StreamTable, address: int) -> str:
     if topics:
         parts.append(f"samples of {', '.join(topics)}")
     if demanded:
-        parts.append(f"who wants {', '.join(demanded)} (until they hear anything of this node)")
+        parts.append(f"the subscribers of {', '.join(demanded)} (until they hear this node)")
     if latched:
         parts.append(f"what late joiners of {', '.join(latched)} get (until the next sample)")
     return f"no journal, so a restart forgets {' and '.join(parts)}" if parts else ""

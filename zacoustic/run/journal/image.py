@@ -1,9 +1,9 @@
-"""The contents of the two files of a database, without opening them: nothing is changed on disk.
+"""The contents of a database's two files, read without opening the database.
 
-SQLite writes a log of pages beside the file, and copies them into the file now and then. To open a
-database lets it do that, and so destroys the evidence if one of the two is damaged. So the pages of
-the log are laid over those of the file in memory, by SQLite's own rules: frames count as long as
-salt and running check are right, up to the last one that ends a commit.
+SQLite writes a log of pages beside the file and copies them into the file now and then. Opening the
+database triggers that copy, and so destroys evidence if one of the two is damaged. So this module
+overlays the pages of the log on those of the file in memory, by SQLite's own rules: frames count
+while salt and running check are right, up to the last frame that ends a commit.
 """
 
 import struct
@@ -17,21 +17,21 @@ _FRAME_HEADER: Final = struct.Struct(">6I")
 _MAGIC: Final = 0x377F0682
 """The lowest bit is the byte order of the running check: 1 is big-endian."""
 _CHECKED_BYTES: Final = 24, 8
-"""Of the header of the log, and of each frame, so much is in the check."""
+"""How many bytes of the log's header, and of each frame header, the check covers."""
 _VERSIONS_AT: Final = slice(18, 20)
-"""Offset of a database's flag for its log."""
+"""Where a database's header says whether it uses a log."""
 _MOST_PAGES: Final = 1 << 18
-"""A gigabyte: a damaged log with a larger size is not believed."""
+"""A gigabyte: a log that claims more is damaged."""
 _MASK: Final = 0xFFFFFFFF
 
 
 def image_of(main: bytes, log: bytes, *, strict: bool = True) -> bytes:
-    """Return a database of one file, without a log; damage of the two stays in it.
+    """Return the database as one file without a log; damage stays in it.
 
     Args:
         main: The file.
-        log: The log; empty: there is none.
-        strict: The running check of the log counts; otherwise all that has the right salt.
+        log: The log; empty: none.
+        strict: Frames need a right running check; otherwise the right salt is enough.
     """
     pages, pages_count = _committed(log, strict=strict)
     image = bytearray(main)
@@ -82,7 +82,7 @@ def _committed(log: bytes, *, strict: bool) -> tuple[dict[int, bytes], int | Non
 
 
 def _check(order: str, data: bytes, before: tuple[int, int]) -> tuple[int, int]:
-    """Go on with the running check."""
+    """Continue the running check over more data."""
     first, second = before
     words = struct.unpack(f"{order}{len(data) // 4}I", data)
     for even, odd in zip(words[::2], words[1::2], strict=True):

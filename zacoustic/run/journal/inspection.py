@@ -1,10 +1,10 @@
 """The contents of a journal, and whether they are proved; inspection changes nothing.
 
-A journal is *whole* when each entry has its check, and all entries together have the sum that the
-last commit has written beside their number: so no page is of another instant than the rest. It is
-*current* when no commit is missing that its mark has counted, and it is no restored backup. A whole
-and current journal is this node's last state. Of any other one the valid entries are found here as
-well, with a line that names the fault.
+A journal is *whole* if each entry matches its check, and all checks add up to the sum that the last
+commit has written beside its number: then all pages are of one instant. It is *current* if it has
+all commits that its mark has counted and is not a restored backup. A whole and current journal is
+the node's last state. Of any other journal the inspection returns the valid entries, with a line
+that names the fault.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ from zacoustic.run.journal.image import image_of
 from zacoustic.run.journal.mark import Marked
 
 APPLICATION_ID: Final = 0x7A61636A  # "zacj"
-"""Says in the file's header that it is a journal of zacoustic."""
+"""Marks the file, in its header, as a journal of zacoustic."""
 FORMAT: Final = 2
 """Version of the tables."""
 
@@ -34,13 +34,13 @@ class Node(msgspec.Struct, frozen=True):
     address: int
     """The node."""
     identity: bytes
-    """Eight bytes, drawn when the file was made."""
+    """Eight random bytes, drawn when the file was made."""
     commits: int
-    """How many commits there were."""
+    """Number of commits."""
     entries_sum: int
     """Sum of the checks of all entries."""
     is_backup: bool
-    """It is a copy of a journal."""
+    """The file is a copy of a journal."""
 
     @property
     def check(self) -> int:
@@ -59,16 +59,15 @@ class Found(msgspec.Struct, kw_only=True):
     node: Node | None = None
     """The file's description of itself; None: nothing valid, or no file."""
     entries: dict[str, bytes] = {}
-    """The entries that are right."""
+    """The valid entries."""
     fault: str = ""
     """Why it is not whole; empty: it is, or there is no file."""
     doubt: str = ""
-    """Why it is not what this node has written last: the fault, or that it is an older copy;
-    empty: it is."""
+    """Why it is not the node's last state: the fault, or that it is an older copy; empty: it is."""
     has_file: bool = True
-    """There is a file with something in it."""
+    """A file exists and is not empty."""
     is_whole: bool = False
-    """All its checks are right, each and together."""
+    """All checks are right, each and in sum."""
 
 
 def check_of(key: str, value: bytes) -> int:
@@ -80,12 +79,12 @@ def check_of(key: str, value: bytes) -> int:
 
 
 def added(entries_sum: int, *checks: int) -> int:
-    """Return the sum of the checks of more entries; those that leave are negative."""
+    """Return the sum with further checks; those of removed entries are negative."""
     return (entries_sum + sum(checks)) % _SUMS
 
 
 def inspect(path: Path, address: int | None, marked: Marked | None) -> Found:
-    """Look at the files of a journal.
+    """Inspect the files of a journal.
 
     Args:
         path: The file.
@@ -93,13 +92,13 @@ def inspect(path: Path, address: int | None, marked: Marked | None) -> Found:
         marked: Its mark.
 
     Raises:
-        OSError: A file is there and cannot be read.
+        OSError: A file exists and cannot be read.
     """
     main, log = read_file(path), read_file(log_path(path))
     found = _look(image_of(main, log))
     found.doubt = _age(found, marked)
     if found.doubt and log:
-        # The entries that their own checks prove, with or without the log's; or the earlier ones.
+        # Entries that their own checks prove, with a lenient reading of the log or without the log.
         others = [_look(image_of(main, log, strict=False)), _look(image_of(main, b""))]
         best = max(found, *others, key=_rank)
         if best is not found:
@@ -116,13 +115,13 @@ def inspect(path: Path, address: int | None, marked: Marked | None) -> Found:
 
 
 def commits_of(found: Found, marked: Marked | None) -> int:
-    """Return how many commits there were at least, from all known parts of a journal."""
+    """Return the least number of commits that the parts of a journal prove."""
     of_file = 0 if found.node is None else found.node.commits
     return max(of_file, 0 if marked is None else marked.commits)
 
 
 def read_file(path: Path) -> bytes:
-    """Return the bytes of a file; nothing, if it is not there."""
+    """Return the bytes of a file; empty if it does not exist."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -130,7 +129,7 @@ def read_file(path: Path) -> bytes:
 
 
 def log_path(path: Path) -> Path:
-    """Return the log that belongs to the file of a journal."""
+    """Return the log file of a journal."""
     return path.with_name(f"{path.name}-wal")
 
 
@@ -143,10 +142,10 @@ def one_line(text: object) -> str:
 
 
 def _age(found: Found, marked: Marked | None) -> str:
-    """Return why this lacks the last writes; empty: it does not."""
+    """Return why the last commits are missing; empty: they are not."""
     node = found.node
     if not found.has_file:
-        # The mark of a new journal is there before its first commit, of which it may be killed.
+        # A new journal has its mark before its first commit, and may be killed between the two.
         return "it is missing" if marked is not None and marked.commits else ""
     if not found.is_whole or node is None:
         return found.fault
@@ -163,13 +162,13 @@ def _age(found: Found, marked: Marked | None) -> str:
 
 
 def _rank(found: Found) -> tuple[bool, int, int]:
-    """Sort key of the readings: whole, new, much."""
+    """Sort key of readings: whole, then newest, then most entries."""
     commits = found.node.commits if found.is_whole and found.node is not None else 0
     return found.is_whole, commits, len(found.entries)
 
 
 def _look(image: bytes) -> Found:
-    """Read the tables of an image."""
+    """Read the tables of a database image."""
     if not image:
         return Found(has_file=False)
     found = Found()
@@ -191,7 +190,7 @@ def _faults(store: sqlite3.Connection, found: Found) -> str:
     (application_id,) = store.execute("PRAGMA application_id").fetchone()
     (version,) = store.execute("PRAGMA user_version").fetchone()
     (tables,) = store.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    if (application_id, tables) == (0, 0):  # it was killed while it was made
+    if (application_id, tables) == (0, 0):  # killed while the file was made
         found.has_file = False
         return ""
     if application_id != APPLICATION_ID:

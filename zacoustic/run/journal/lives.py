@@ -1,14 +1,13 @@
-"""`LifeJournal`: a journal whose boot epochs are lives of the seal, kept apart from it.
+"""`LifeJournal`: a journal whose boot epochs are lives of the seal, recorded apart from it.
 
-A boot epoch that comes twice costs a handshake. A life that comes twice costs the key: two frames
-under one nonce. So where frames are sealed, the number of the life is on the disk in the files of
-`zacoustic.seal.lives` before the journal says that the epoch is, and a journal that was lost, or
-put back from an old copy, changes nothing about it.
+A repeated boot epoch costs a handshake. A repeated life costs the key: two frames under one nonce.
+So a node that seals writes each life into the files of `zacoustic.seal.lives` before the journal
+records the epoch, and a lost or restored journal cannot repeat a life.
 
-Each is the witness of the other. The journal is told first which life is going to begin, so it is
-never behind the files. One that is, is *old*: it does not know which frames were opened, and what
-was executed, in the lives since then; that is told, and doubted like a damaged journal. Files that
-are behind the journal are old themselves, and the next life begins behind that of the journal.
+Each record checks the other. The journal gets the next life first, so it is never behind the files.
+If it is behind them, it is an *old* journal: it lacks the frames opened and the commands executed
+in the lives since then. That is reported, and such a journal is doubted like a damaged one. If the
+files are behind the journal, they are old, and the next life follows the journal's.
 """
 
 import contextlib
@@ -23,30 +22,30 @@ from zacoustic.run.journal.thread import NO_WRITE
 from zacoustic.seal.lives import LifeError, Lives, Start
 
 START_KEY: Final = "sealed"
-"""Key of the last start that the journal knows of: network, generation and life."""
+"""Key of the journal's last start: network, generation and life."""
 _STARTED = msgspec.msgpack.Decoder(tuple[str, int, int])
 
 
 class LifeJournal:
-    """A journal that writes down lives first.
+    """A journal that records lives first.
 
     Args:
-        journal: Takes everything.
-        lives: Takes the lives.
+        journal: Stores all entries.
+        lives: Stores the lives.
     """
 
     def __init__(self, journal: Journal, lives: Lives) -> None:
         self.life: int | None = None
-        """The life that has begun; None: none has, and none of this process is written."""
+        """The present life; None: none has begun, so this process records none."""
         self.failure = ""
-        """Why none has begun, one line."""
+        """Why no life has begun, one line."""
         self.age = ""
-        """Why the journal is an old one, one line; empty: it is not."""
+        """Why the journal is old, one line; empty: it is not."""
         self._journal = journal
         self._lives = lives
 
     def recover(self) -> JournalState:
-        """Begin a life, which is the boot epoch if one begins; see `Journal.recover`."""
+        """Begin a life and use it as the boot epoch; see `Journal.recover`."""
         state = self._journal.recover()
         journalled = start_in(state.entries, self._lives)
         self.age = age_of(journalled, self._lives)
@@ -56,7 +55,7 @@ class LifeJournal:
             values = {START_KEY: self._encoded(self._lives.upcoming(journalled).life)}
             if self.age:
                 values[DOUBT_KEY] = entries[DOUBT_KEY]
-            # One that cannot be written says so by itself, and no engine speaks before it can be.
+            # A failing store reports itself, and no engine transmits before a commit succeeds.
             with contextlib.suppress(OSError):
                 self._journal.commit([_write(key, value) for key, value in values.items()])
             self.life = self._lives.begin(journalled)
@@ -66,7 +65,7 @@ class LifeJournal:
         return msgspec.structs.replace(state, boot_epoch=epoch, doubt=doubt, entries=entries)
 
     def commit(self, writes: Sequence[JournalWrite]) -> None:
-        """Keep these writes; see `Journal.commit`."""
+        """Commit these writes; see `Journal.commit`."""
         started: list[JournalWrite] = []
         for write in writes:
             if write.key == EPOCH_KEY and write.value is not None and self.life is not None:
@@ -81,10 +80,10 @@ class LifeJournal:
         self._journal.close()
 
     def _reach(self, life: int, started: Sequence[JournalWrite]) -> None:
-        """Have a later life of this process written down.
+        """Record a later life of this process.
 
         Raises:
-            OSError: It cannot be.
+            OSError: It cannot be written.
         """
         self._journal.commit(started)
         try:
@@ -99,11 +98,11 @@ class LifeJournal:
 
 
 def start_in(entries: Mapping[str, bytes], lives: Lives) -> Start | None:
-    """Return the last start that a journal knows of; None: it knows of none with this network.
+    """Return the last start in a journal; None: it has none of this network.
 
     Args:
-        entries: Of the journal.
-        lives: The records.
+        entries: Entries of the journal.
+        lives: The life records.
     """
     try:
         network, generation, life = _STARTED.decode(entries.get(START_KEY, b""))
@@ -116,8 +115,8 @@ def age_of(journalled: Start | None, lives: Lives) -> str:
     """Return why a journal is older than the life records, one line; empty: it is not.
 
     Args:
-        journalled: The last start that it knows of.
-        lives: The records.
+        journalled: The last start in the journal.
+        lives: The life records.
     """
     last = lives.find().last
     if last is None or not last.life or (journalled is not None and journalled >= last):

@@ -1,13 +1,14 @@
-"""The mark beside a journal: its number of commits, so that a missing part is noticed.
+"""The mark beside a journal: its number of commits, which reveals a missing part.
 
-The log of a database ends where it ends: if it is cut off, deleted, or replaced by an older file,
-the rest is whole and too old. So each commit is counted in the journal, and after each commit the
-count is written here, in two places by turns, each with its own check. It does not wait for the
-disk: a journal is never behind its mark, whatever a power cut leaves. Only the first mark does, of
-a new journal before its first commit: from then on a journal without a mark has lost it.
+The log of a database has no end marker: if it is truncated, deleted or replaced by an older file,
+the rest looks whole but is outdated. So the journal counts its commits, and after each one this
+module writes the count here, alternating between two places, each with its own check. It does not
+wait for the disk: whatever a power cut leaves, the journal is never behind its mark. Only the first
+mark of a new journal waits, before the first commit: from then on a journal without a mark has lost
+it.
 
-The mark is also what a node locks: a second one is refused, and the kernel unlocks it with the
-process.
+A node locks the mark. A second node is refused, and the kernel releases the lock when the process
+ends.
 """
 
 import contextlib
@@ -34,19 +35,19 @@ class Marked(msgspec.Struct, frozen=True):
     address: int
     """The node."""
     identity: bytes
-    """Eight bytes, drawn when the journal was made."""
+    """Eight random bytes, drawn when the journal was made."""
     commits: int
-    """How many commits it had then."""
+    """Number of commits at that time."""
 
 
 class Mark:
-    """The mark of one journal, locked for as long as it is open.
+    """The mark of one journal, locked while it is open.
 
     Args:
         path: File of the journal; the mark stands beside it under its own name.
 
     Raises:
-        BlockingIOError: Somebody else has locked it.
+        BlockingIOError: Another process holds the lock.
         OSError: It cannot be opened or made.
     """
 
@@ -55,7 +56,7 @@ class Mark:
         """Its file."""
         self._descriptor = _open(self.path)
         try:
-            lock_file(self._descriptor)  # on Windows SQLite's own lock has to do
+            lock_file(self._descriptor)  # on Windows only SQLite's own lock protects the journal
         except BaseException:
             os.close(self._descriptor)
             raise
@@ -75,10 +76,10 @@ class Mark:
         os.pwrite(self._descriptor, place + _CHECK.pack(zlib.crc32(place)), at)
 
     def sync(self) -> None:
-        """Bring what was written to the disk.
+        """Sync the written contents to the disk.
 
         Raises:
-            OSError: That is not possible now.
+            OSError: The disk refuses.
         """
         os.fsync(self._descriptor)
 
@@ -88,7 +89,7 @@ class Mark:
 
 
 def mark_path(path: Path) -> Path:
-    """Return the file of a journal's mark."""
+    """Return the mark file of a journal."""
     return path.with_name(f"{path.name}-mark")
 
 

@@ -7,23 +7,23 @@ from zacoustic.run.journal.port import JournalState, begin_life
 
 
 class MemoryJournal:
-    """Keeps nothing beyond the process.
+    """Stores entries for the life of the process.
 
-    Lives of one object differ in their epoch. Of two processes in a row the second draws the epoch
-    of the first once in 65 536 starts; peers then take the one for the other.
+    Boot epochs of one object differ. Two processes in a row draw the same epoch once in 65 536
+    starts; peers then take the second for the first.
     """
 
     def __init__(self) -> None:
         self._entries: dict[str, bytes] = {}
 
     def recover(self) -> JournalState:
-        """Begin a boot epoch: the next number, and the committed entries."""
+        """Begin the next boot epoch; return it with the committed entries."""
         self._entries = begin_life(self._entries).entries
         epoch = int.from_bytes(self._entries[EPOCH_KEY], "big")
         return JournalState(boot_epoch=epoch, entries={**self._entries, VOLATILE_KEY: b""})
 
     def commit(self, writes: Sequence[JournalWrite]) -> None:
-        """Keep the writes while this object exists."""
+        """Store the writes while this object exists."""
         for write in writes:
             if write.value is None:
                 self._entries.pop(write.key, None)

@@ -1,9 +1,9 @@
 """The contract between the runtime, which commits in its own thread, and a store.
 
 A node may promise only what it still knows after a restart, and peers must be able to distinguish
-its boot epochs. So a store keeps entries, each under a key, and decides how an epoch begins: with
-another boot epoch, and another count of starts. No store looks at a wall clock: one that jumps by
-years does no harm.
+its boot epochs. So a store holds entries by key, and each start begins another boot epoch and
+increments the count of starts. No store reads a wall clock, so a clock that jumps by years does no
+harm.
 """
 
 import random
@@ -23,37 +23,37 @@ _SKIPPED_LIVES: Final = 1 << 10, 1 << 20
 
 
 class JournalState(msgspec.Struct, frozen=True, kw_only=True):
-    """What a journal has kept."""
+    """The contents of a journal at the start."""
 
     boot_epoch: int
-    """The boot epoch, 0…65535: not the former one."""
+    """The boot epoch, 0…65535, different from the former one."""
     entries: dict[str, bytes] = {}
     """Key → last committed value."""
     doubt: str = ""
-    """Why that may lack the last commits, one line; empty: it does not."""
+    """Why the last commits may be missing, one line; empty: they are not."""
     failure: str = ""
     """Why it cannot be written now, one line; empty: it can."""
 
 
 class Journal(Protocol):
-    """A store. Its methods block; none is called while another runs, each may be on any thread."""
+    """A store. Its methods block; they are called one at a time, each on any thread."""
 
     def recover(self) -> JournalState:
-        """Begin a boot epoch and return the kept entries; called once, before an engine is built.
+        """Begin a boot epoch and return the entries; called once, before an engine is built.
 
-        The epoch is safe when this returns, unless the store says that it cannot be written.
+        On return the epoch is safe, unless `failure` says that the store cannot be written.
 
         Raises:
-            ConfigError: The store is in use, or there can be none.
+            ConfigError: The store is in use or cannot be made.
         """
         ...
 
     def commit(self, writes: Sequence[JournalWrite]) -> None:
-        """Keep these writes, all or none, before returning; a later one of a key replaces it.
+        """Store these writes, all or none, before returning; the last write of a key wins.
 
         Raises:
-            OSError: None of them could be kept; one line why. The same writes, and later
-                ones, may be tried again.
+            OSError: Nothing was stored; one line why. The caller may try the same writes, and
+                later ones, again.
         """
         ...
 
@@ -63,24 +63,24 @@ class Journal(Protocol):
 
 
 class Life(msgspec.Struct, frozen=True):
-    """How a boot epoch begins."""
+    """The beginning of a boot epoch."""
 
     entries: dict[str, bytes]
-    """What it knows of those before, and how it begins itself."""
+    """Known entries of former epochs, and those of the new one."""
 
 
 def begin_life(entries: Mapping[str, bytes], doubt: str = "") -> Life:
     """Begin a boot epoch after those that have left these entries.
 
-    Peers remember epochs, and take a life with one that they know for that one. Where the store
-    has lost nothing, the next epoch is the last one and one more, and sixty-four times a number
-    that is drawn: so that 64 lives in a row differ in the lower six bits, by which answers name
-    them, and a store that was put back unseen repeats an epoch once in 1024 times only. Of a store
-    that is new, or in doubt, nothing is known: its epoch is drawn.
+    Peers remember epochs, and confuse two boot epochs with the same number. If the store has lost
+    nothing, the next epoch is the last one plus one plus 64 times a random number. So 64 epochs in
+    a row differ in the lower six bits, by which answers name them, and a store that was restored
+    unnoticed repeats an epoch only once in 1024 times. If the store is new or in doubt, the epoch
+    is random.
 
     Args:
-        entries: What was kept.
-        doubt: Why that may not be all; empty: it is.
+        entries: The stored entries.
+        doubt: Why some may be missing; empty: none is.
     """
     rng = random.SystemRandom()
     kept = entries.get(EPOCH_KEY)

@@ -1,12 +1,13 @@
 """A store in a file: its entries survive ``kill -9`` and a power cut.
 
-A commit is one transaction, on the disk when it returns (see `file` for how). The file does not
-grow beyond a limit: pages of deleted entries are used again, and a commit that would need more is
-refused as a whole, until something has been deleted.
+A commit is one transaction and on the disk when it returns (`file` tells how). The file has a size
+limit: the space of deleted entries is used again, and a commit that needs more is refused as a
+whole until entries have been deleted.
 
-The node starts with any state of the files: a vehicle that does not start because its disk has a
-bad bit is lost. Files that are not whole are set aside under another name, never deleted, and a new
-one begins with the valid entries. A disk that cannot be written at the start is tried again with
+The node starts whatever the state of its files: a vehicle that does not start because of a bad bit
+on its disk is lost. Damaged files are renamed, never deleted, and a new journal begins with their
+valid entries. If the disk cannot be written at the start, each commit tries again. Only a file in
+use by another process is refused.
 each commit. Only a file that another process uses is refused.
 """
 
@@ -27,22 +28,22 @@ from zacoustic.run.journal.mark import Mark, Marked, mark_path
 from zacoustic.run.journal.port import JournalState, begin_life
 
 _MOST_ASIDE: Final = 3
-"""Number of damaged journals that are left for inspection."""
+"""Most damaged journals that are left for inspection."""
 _MAY_PASS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
-"""Errors of a disk that is full or faulty: the node goes on without it meanwhile."""
+"""Errors of a full or faulty disk: the node goes on without it meanwhile."""
 
 
 class SqliteJournal:
     """A journal in one file for one node.
 
     Args:
-        path: The file; made by `recover` if it is missing, with its folder.
-        address: Acoustic address of the node. Another node's file is not used.
-        limit_bytes: Size that the file may have.
+        path: The file; `recover` makes it, with its folder, if it is missing.
+        address: Acoustic address of the node; the file of another node is not used.
+        limit_bytes: Largest size of the file.
     """
 
     def __init__(self, path: str | Path, address: int, *, limit_bytes: int = LIMIT_BYTES) -> None:
-        # SQLite keeps its log beside the file itself, not beside a link to it.
+        # SQLite puts its log beside the target of a symbolic link, not beside the link.
         self.path = Path(os.path.realpath(path))
         """The file."""
         self._address = address
@@ -54,7 +55,7 @@ class SqliteJournal:
         self._identities: dict[Path, tuple[int, int]] = {}
 
     def recover(self) -> JournalState:
-        """Begin a boot epoch: its number is on the disk; return it with the kept entries.
+        """Begin a boot epoch, write its number to the disk, and return it with the entries.
 
         Raises:
             ConfigError: The file is in use, or its folder cannot be made.
@@ -87,10 +88,10 @@ class SqliteJournal:
         )
 
     def commit(self, writes: Sequence[JournalWrite]) -> None:
-        """Keep these writes, all or none; they are on the disk when this returns.
+        """Store these writes, all or none; on return they are on the disk.
 
         Raises:
-            OSError: None of them could be kept: the disk or the file is full, or cannot be written.
+            OSError: Nothing was stored: the disk or the file is full, or cannot be written.
         """
         if self._found is None:
             raise OSError(f"journal {self.path} is not open")
@@ -112,10 +113,10 @@ class SqliteJournal:
             mark.close()
 
     def _lock(self) -> str:
-        """Lock the mark; returns why that is not possible now, or nothing.
+        """Lock the mark; return why that is not possible now, or an empty text.
 
         Raises:
-            ConfigError: Another node has it, or there can be no such file.
+            ConfigError: Another node holds it, or the path cannot be a file.
         """
         try:
             make_folder(self.path.parent)
@@ -149,7 +150,7 @@ class SqliteJournal:
             return Found(fault=why, doubt=why)
 
     def _open(self) -> None:
-        """Open the file, or make it, and write down that a boot epoch has begun.
+        """Open or make the file, and write the new boot epoch.
 
         Raises:
             OSError: It cannot be opened, made or written now.
@@ -205,12 +206,12 @@ class SqliteJournal:
             file.commit(values)
         except (sqlite3.Error, UnicodeError) as error:
             raise OSError(f"journal {self.path}: {self._reason(file, error)}") from error
-        # Not waited for, and no promise hangs on it: the commit is safe.
+        # Not synced: no promise depends on it, and the commit itself is safe.
         with contextlib.suppress(OSError):
             mark.write(Marked(self._address, file.node.identity, file.node.commits))
 
     def _set_aside(self) -> None:
-        """Give the files that are not whole another name."""
+        """Rename damaged files."""
         pattern = re.compile(re.escape(self.path.name) + r"\.damaged-(\d+)")
         numbers = sorted(
             int(found[1])
@@ -231,10 +232,10 @@ class SqliteJournal:
         return self.path, log_path(self.path), mark_path(self.path)
 
     def _check_presence(self) -> None:
-        """See that the files are still there: SQLite goes on writing to deleted ones.
+        """Check that the files still exist: SQLite would go on writing to deleted ones.
 
         Raises:
-            OSError: They are not.
+            OSError: They do not.
         """
         for path, identity in self._identities.items():
             try:
@@ -258,7 +259,7 @@ class SqliteJournal:
 
 
 def journal_in(folder: str | Path, address: int) -> SqliteJournal:
-    """Return the journal of a node in a folder: its file is ``node-ADDRESS.sqlite``."""
+    """Return the journal of a node in a folder: the file ``node-ADDRESS.sqlite``."""
     return SqliteJournal(Path(folder) / f"node-{address}.sqlite", address)
 
 

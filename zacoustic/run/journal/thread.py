@@ -1,12 +1,12 @@
-"""The journal's thread: commits in groups, off the loop, and again while they fail.
+"""The journal's thread: commits in groups, off the loop, repeated while they fail.
 
-A commit waits for the disk, so the loop must not. Writes during a commit gather and go into the
-next one: a slow disk makes larger groups, not a longer queue.
+A commit waits for the disk, so it must not run on the loop. Writes during a commit collect and form
+the next group: a slow disk makes larger groups, not a longer queue.
 
 A commit may fail: the disk is full, or the system has made it read-only after a fault of the card.
-To stop the node then would take from a vehicle the telemetry and the emergency commands, which need
-no journal. So nothing that waits is given up or reported as committed: its callers go on waiting,
-people are informed, and the same group, with later writes, is tried again.
+To stop the node then would deprive a vehicle of telemetry and emergency commands, which need no
+journal. So no waiting write is dropped or reported as committed: callers wait on, the operator is
+informed, and the thread repeats the group together with later writes.
 """
 
 import asyncio
@@ -19,9 +19,9 @@ from zacoustic.core.base.journal import JournalWrite
 from zacoustic.run.journal.port import Journal, JournalState
 
 FIRST_RETRY_S: Final = 1.0
-"""Time after which a failed commit is tried again, s; doubled with each failure in a row."""
+"""Pause after a failed commit, s; doubles with each failure in a row."""
 LONGEST_RETRY_S: Final = 60.0
-"""Longest time between two attempts, s: about how long people wait after they have made room."""
+"""Longest pause between two attempts, s: about how long an operator waits after making room."""
 
 NO_WRITE: Final = 0
 """Id of a write that no engine waits for."""
@@ -41,19 +41,18 @@ async def recover(journal: Journal) -> JournalState:
 
 
 async def release(journal: Journal) -> None:
-    """Close a journal off the loop, where no `JournalThread` does."""
+    """Close a journal off the loop, if no `JournalThread` does it."""
     await _elsewhere(journal.close)
 
 
 class JournalThread:
-    """Commits the writes of one engine; for the loop.
+    """Commits the writes of one engine; used on the loop.
 
     Args:
         journal: The store; closed with this object.
-        committed: Takes each group that is safe.
-        state_changed: Takes why the store cannot be written; empty when it can be again.
-        fail: Takes any other exception of the store, or of the two callbacks: nothing is committed
-            after it.
+        committed: Takes each committed group.
+        state_changed: Takes the reason when the store cannot be written; empty when it can again.
+        fail: Takes any other exception of the store or of the two callbacks; no commit follows it.
     """
 
     def __init__(
@@ -65,7 +64,7 @@ class JournalThread:
         fail: Callable[[Exception], None],
     ) -> None:
         self.failure = ""
-        """Why the last commit failed; empty: it has not."""
+        """Why the last commit failed; empty: it did not."""
         self._journal = journal
         self._committed = committed
         self._state_changed = state_changed
@@ -79,15 +78,15 @@ class JournalThread:
         self._is_stopped = False
 
     def put(self, write: JournalWrite) -> None:
-        """Commit a write soon, with the others that wait."""
+        """Commit a write soon, with others that wait."""
         self._waiting.append(write)
         if self._task is None and self._retry is None and not self._is_stopped:
             self._begin()
 
     async def settle(self) -> None:
-        """Forget what waits for an engine that is no more; on return no commit is under way.
+        """Forget the waiting writes of a lost engine; on return no commit is under way.
 
-        Commits meanwhile are reported as always; writes of no engine (`NO_WRITE`) still wait.
+        Commits meanwhile are reported as always. Writes of no engine (`NO_WRITE`) stay.
         """
         kept = self._waiting[self._under_way :]
         self._waiting[self._under_way :] = _of_no_engine(kept)
@@ -96,7 +95,7 @@ class JournalThread:
         self._waiting = _of_no_engine(self._waiting)  # a commit may have failed
 
     async def close(self) -> None:
-        """Commit what waits, as far as that is possible now, and close the store."""
+        """Commit the waiting writes as far as possible now, and close the store."""
         if self._retry is not None:
             self._retry.cancel()
             self._begin()
@@ -113,7 +112,7 @@ class JournalThread:
         self._task = asyncio.get_running_loop().create_task(self._run(), name="journal")
 
     async def _run(self) -> None:
-        """Commit group after group until nothing waits, or one fails."""
+        """Commit group after group until no write waits, or a commit fails."""
         try:
             while self._waiting and await self._commit():
                 pass
@@ -124,7 +123,7 @@ class JournalThread:
             self._task = None
 
     async def _commit(self) -> bool:
-        """Commit all that waits in one group; False: it failed, and is tried again later."""
+        """Commit all waiting writes as one group; False: it failed and will be repeated."""
         group, loop = tuple(self._waiting), asyncio.get_running_loop()
         self._under_way = len(group)
         try:
@@ -141,7 +140,7 @@ class JournalThread:
         return True
 
     def _put_off(self, failure: str) -> None:
-        # Of the values that wait only the last of each key will ever be read.
+        # Of several waiting values of a key only the last will be read.
         last = {write.key: write.write_id for write in self._waiting}
         self._waiting = [
             write
@@ -166,6 +165,6 @@ def _of_no_engine(writes: Sequence[JournalWrite]) -> list[JournalWrite]:
 
 
 async def _elsewhere(step: Callable[[], T]) -> T:
-    """Run one blocking step in a thread that ends with it."""
+    """Run one blocking step in a thread of its own."""
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="journal") as thread:
         return await asyncio.get_running_loop().run_in_executor(thread, step)

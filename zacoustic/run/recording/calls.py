@@ -1,9 +1,9 @@
-"""Calls of an engine as bytes and back, and what came of them in a form that can be compared.
+"""Calls of an engine as bytes and back, with outcomes that can be compared.
 
-One call is an array: number of its name, arguments by parameter, result, exception.
-Calls between two services of the engine share a message. A value of the application is kept as
-plain parts: what `TypeSpec.validate` takes. A result is kept as what can be compared, a write to
-the journal as a digest of its content, since what it says is not needed to go on.
+A call is an array: number of its name, arguments by parameter, result, exception. Calls between two
+services of the engine share a message. Values of the application are stored as plain parts, which
+`TypeSpec.validate` accepts. Of a write to the journal only a digest is stored, since a replay does
+not need its content.
 """
 
 import enum
@@ -22,27 +22,27 @@ from zacoustic.errors import ConfigError
 from zacoustic.run.recording.life import exact_spec
 
 TYPES: Final = "zacoustic_types"
-"""Additional argument of a recorded `declare`: the types of the table then."""
+"""Additional argument of a recorded `declare`: the types of the table."""
 
 _LATER: Final = "then"
-"""Argument that is a function of the application; it is called, and returns nothing."""
+"""Argument that is a function of the application; a replay calls one that returns nothing."""
 _VALUES: Final = ("value",)
-"""Arguments that are of any type, as the application has them."""
+"""Arguments of any type, as the application passes them."""
 
 
 class Recorded(msgspec.Struct, frozen=True):
-    """A call as it was recorded."""
+    """A recorded call."""
 
     name: str
     """One of `CALLS`."""
     arguments: dict[str, Any]
     """By parameter, for `call_engine`."""
     outcome: bytes
-    """What came of it, as `outcome_of` writes it."""
+    """Its outcome, as written by `outcome_of`."""
 
     @property
     def now(self) -> int | None:
-        """Instant of the call, ns, where it has one."""
+        """Instant of the call, ns; None: it has none."""
         now = self.arguments.get("now")
         return now if isinstance(now, int) else None
 
@@ -63,7 +63,7 @@ def plain(value: object) -> object:
 
 
 def _foreign(value: object) -> object:
-    """What msgspec cannot write: numbers and arrays of numpy, sets."""
+    """Convert what msgspec cannot write: numbers and arrays of numpy, sets."""
     convert = getattr(value, "tolist", None)
     if convert is not None:
         return convert()
@@ -77,11 +77,11 @@ _UNREADABLE: Final = (TypeError, ValueError, OverflowError, NotImplementedError,
 
 
 def outcome_of(result: object, error: Exception | None = None) -> bytes:
-    """Write what came of a call so that two of them can be compared, byte for byte.
+    """Write the outcome of a call so that two outcomes can be compared byte for byte.
 
     Args:
-        result: What was returned.
-        error: What was raised instead.
+        result: The returned value.
+        error: The exception raised instead.
     """
     if error is not None:
         return _encoder.encode(["raised", type(error).__name__])
@@ -96,7 +96,7 @@ def outcome_of(result: object, error: Exception | None = None) -> bytes:
 
 
 def read_outcome(outcome: bytes) -> Any:  # noqa: ANN401 (as it was written)
-    """Return what came of a call, in plain parts; None where it cannot be read."""
+    """Return the outcome of a call in plain parts; None: it cannot be read."""
     try:
         return msgspec.msgpack.decode(outcome)
     except (msgspec.DecodeError, RecursionError):
@@ -108,7 +108,7 @@ def encode_call(call: EngineCall, types: Sequence[TypeSpec] = ()) -> bytes:
 
     Args:
         call: The call.
-        types: Of a `declare`: the types of the table.
+        types: For a `declare`, the types of the table.
     """
     arguments = {name: each for name, each in call.arguments.items() if name != _LATER}
     for name in _VALUES:
@@ -121,7 +121,7 @@ def encode_call(call: EngineCall, types: Sequence[TypeSpec] = ()) -> bytes:
     try:
         return _encoder.encode([number, arguments, outcome])
     except _UNREADABLE as error:
-        # Such a value the engine has refused; anything that it refuses as well will do.
+        # The engine has refused such a value; a replay may pass anything that it refuses as well.
         said = {name: each for name, each in arguments.items() if name not in _VALUES}
         return _encoder.encode([number, {**said, "value": repr(error)}, outcome])
 
@@ -130,7 +130,7 @@ class CallReader:
     """Reads the calls of one boot epoch.
 
     Args:
-        names: Of the calls, by number.
+        names: Names of the calls by number.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -142,7 +142,7 @@ class CallReader:
         """Read the calls of a message.
 
         Raises:
-            ConfigError: It is damaged, or has something that this program does not know.
+            ConfigError: It is damaged, or contains something unknown to this program.
         """
         try:
             for number, arguments, outcome in self._decoder.decode(data):
@@ -181,7 +181,7 @@ def _parameters(name: str) -> dict[str, Any]:
 
 
 def _kind(expected: Any, written: object) -> Any:  # noqa: ANN401 (types of any kind)
-    """Return what to read a parameter as: of records that have no tag the one with its fields."""
+    """Return the type to read a parameter as: among records without a tag, the one that fits."""
     kinds = [
         kind
         for kind in typing.get_args(expected)
@@ -195,4 +195,4 @@ def _kind(expected: Any, written: object) -> Any:  # noqa: ANN401 (types of any 
 
 
 def _heed(state: object) -> None:
-    """Do nothing with a journalled command's state: the application has."""
+    """Ignore the state of a journalled command: the application has it."""

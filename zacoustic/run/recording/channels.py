@@ -1,4 +1,4 @@
-"""Which channel of a recording holds what, and the records that are in them in JSON."""
+"""The channels of a recording, and the records in those with JSON."""
 
 from typing import Final
 
@@ -37,42 +37,42 @@ class Channel(msgspec.Struct, frozen=True, kw_only=True):
     topic: str
     """Its name, unique in the file."""
     encoding: str
-    """Of the messages, one of MCAP's well-known words, or the Zenoh encoding of raw bytes."""
+    """Encoding of the messages: one of MCAP's well-known words, or Zenoh's for raw bytes."""
     schema_name: str = ""
-    """Empty: there is none."""
+    """Name of the schema; empty: none."""
     schema_encoding: str = ""
     """One of MCAP's well-known words."""
     schema: bytes = b""
-    """Its contents."""
+    """Contents of the schema."""
     metadata: dict[str, str] = {}
-    """For people and for readers of ours."""
+    """Properties for people and for our readers."""
 
 
 class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """A frame, as the link had it."""
+    """A frame as the link sent or received it."""
 
     direction: str
     """`sent` or `received`."""
     node: int
-    """Whose link."""
+    """Node of the link."""
     source: int
     """Its sender; 0: the link does not report it."""
     destination: int
-    """Its destination; 255: everybody, or the link does not report it."""
+    """Its destination; 255: broadcast, or the link does not report it."""
     size_bytes: int
-    """With its envelope."""
+    """Length with the envelope, bytes."""
     frame: bytes
     """The frame."""
     at: int
-    """By the engine's clock: when it was given to the link, or had arrived, ns."""
+    """When it was given to the link or had arrived, on the engine's clock, ns."""
     transmission_id: int | None = None
-    """Of one that is sent."""
+    """Number of a sent frame's transmission."""
     airtime_s: float | None = None
-    """Of one that is sent, by the capabilities of the link, s."""
+    """Airtime of a sent frame by the link's capabilities, s."""
     acknowledge: bool | None = None
-    """Of one that is sent: the modem is asked for an acknowledgement."""
+    """Of a sent frame: the modem is asked for an acknowledgement."""
     snr_db: float | None = None
-    """What the modem measured, as in `LinkMetrics`."""
+    """Measured by the modem, as in `LinkMetrics`."""
     received_level_db: float | None = None
     """The same."""
     integrity: float | None = None
@@ -89,32 +89,32 @@ class ReportRecord(msgspec.Struct, frozen=True, kw_only=True):
     """How a transmission ended."""
 
     node: int
-    """Who has transmitted."""
+    """The transmitting node."""
     transmission_id: int
-    """Which."""
+    """Number of the transmission."""
     outcome: str
     """`sent`, `delivered`, `not_delivered`, `rejected` or `aborted`."""
     started_at: int
-    """By the engine's clock, ns."""
+    """On the engine's clock, ns."""
     finished_at: int
     """The same."""
     duration_s: float
-    """Between the two, s."""
+    """Time between the two, s."""
     detail: str = ""
-    """The modem's words."""
+    """The modem's message."""
     link: str = ONE_LINK
     """Name of the link."""
 
 
 class LinkRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """The link went up or down."""
+    """A change of the link's state."""
 
     node: int
-    """Whose link."""
+    """Node of the link."""
     state: str
     """`up`, `down` or `opening`."""
     capabilities: LinkCapabilities | None = None
-    """With `up`."""
+    """Its capabilities; only with `up`."""
     link: str = ONE_LINK
     """Name of the link."""
 
@@ -123,30 +123,30 @@ class LedgerRow(msgspec.Struct, frozen=True, kw_only=True):
     """One row of a ledger."""
 
     stream_id: int
-    """0: no stream."""
+    """0: none."""
     stream: str
-    """Its name."""
+    """Name of the stream."""
     cause: str
-    """Why."""
+    """Cause of the bytes."""
     transmitted_bytes: int
     """Bytes given to the link since the boot epoch began."""
 
 
 class LedgerRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """What an engine has counted so far."""
+    """The ledger of an engine so far."""
 
     node: int
-    """Whose."""
+    """Node of the engine."""
     epoch: int
     """Its boot epoch."""
     frames: int
-    """Given to the link."""
+    """Number of frames given to the link."""
     bytes: int
-    """The same; the sum of `rows`."""
+    """Their bytes, the sum of `rows`."""
     airtime_s: float
-    """What they last, s."""
+    """Their airtime, s."""
     rows: tuple[LedgerRow, ...]
-    """By stream and cause."""
+    """Bytes by stream and cause."""
 
 
 def engine_channel(node: int) -> Channel:
@@ -175,7 +175,7 @@ def ledger_channel(node: int) -> Channel:
 
 
 def events_channel(node: int) -> Channel:
-    """Return the channel of events: `event` is the kind, besides the record's fields."""
+    """Return the channel of events: `event` is the kind, followed by the record's fields."""
     return Channel(
         topic=f"/{node}/events",
         encoding=JSON,

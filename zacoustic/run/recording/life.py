@@ -1,7 +1,7 @@
-"""A boot epoch of a node: all parameters of its engine, so that it can be made again.
+"""A boot epoch of a node: all parameters of its engine, so that a replay can make it again.
 
-The configuration is not kept as it was written: it names files, Python modules and ROS packages
-that another computer does not have. What is kept is what came of it, the table and the rules.
+The configuration itself is not stored: it names files, Python modules and ROS packages that another
+computer lacks. The file stores the result of reading it, the table and the rules.
 """
 
 import random
@@ -24,18 +24,18 @@ from zacoustic.core.wire.seal import Cipher
 from zacoustic.errors import ConfigError
 
 FORMAT: Final = 1
-"""Changes when an older program could not read the calls."""
+"""Changes when an older program could no longer read the calls."""
 
 
 class Randomness(msgspec.Struct, frozen=True, kw_only=True):
     """State of a `random.Random`."""
 
     version: int
-    """Of the state."""
+    """Version of the state."""
     words: bytes
-    """Each four bytes, little-endian."""
+    """Words of four bytes, little-endian."""
     gauss: float | None = None
-    """The other half of the last pair of Gaussian numbers."""
+    """The unused half of the last pair of Gaussian numbers."""
 
     @classmethod
     def of(cls, rng: random.Random) -> "Randomness":
@@ -47,7 +47,7 @@ class Randomness(msgspec.Struct, frozen=True, kw_only=True):
         """Return a generator in this state.
 
         Raises:
-            ConfigError: It is none.
+            ConfigError: The state is not valid.
         """
         words = struct.unpack(f"<{len(self.words) // 4}I", self.words[: len(self.words) // 4 * 4])
         rng = random.Random()
@@ -70,11 +70,11 @@ class Table(msgspec.Struct, frozen=True, kw_only=True):
     model: Model | None
     """The fitted model of the dense streams."""
     wire: WireProfile
-    """What is spoken."""
+    """The wire profile."""
 
     @classmethod
     def of(cls, table: StreamTable) -> "Table":
-        """Return what a table is made of."""
+        """Return the parts of a table."""
         return cls(
             streams=tuple(stream.spec for stream in table),
             types=tuple(table.types),
@@ -87,7 +87,7 @@ class Table(msgspec.Struct, frozen=True, kw_only=True):
         """Make the table.
 
         Raises:
-            ConfigError: This program does not allow something of it.
+            ConfigError: This program does not accept a part of it.
         """
         return StreamTable(
             self.streams,
@@ -99,33 +99,33 @@ class Table(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Life(msgspec.Struct, frozen=True, kw_only=True):
-    """What an engine was made of."""
+    """The parameters of an engine."""
 
     format: int = FORMAT
     """See `FORMAT`."""
     program: str = ""
-    """Version of the program that has recorded it."""
+    """Version of the recording program."""
     calls: tuple[str, ...] = CALLS
-    """Names of the calls, by their numbers in what follows."""
+    """Names of the calls; calls are recorded by their index in it."""
     address: int
-    """Of the node."""
+    """Address of the node."""
     epoch: int
     """Its boot epoch."""
     utc_offset_ns: int
-    """UTC less the engine's clock, at the start of this boot epoch, ns: what instants of the file
-    are made of."""
+    """UTC less the engine's clock at the start of this boot epoch, ns; the timestamps of the file
+    are instants plus this."""
     randomness: Randomness
-    """Before the engine was made."""
+    """State of the generator before the engine was made."""
     stored: dict[str, bytes]
     """The journal's entries of former boot epochs."""
     rules: TransmitRules
-    """When, and how much, the node may transmit."""
+    """When and how much the node may transmit."""
     table: Table
     """Its streams."""
     digest: bytes
-    """Of the table."""
+    """Digest of the table."""
     is_sealed: bool = False
-    """Its frames were sealed: to make it again takes the key, which is not kept here."""
+    """Its frames were sealed: making the engine again needs the key, which is not stored here."""
 
     def engine(
         self,
@@ -141,10 +141,10 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
             table: Another table in place of its own.
             rules: Other rules.
             trace: Takes trace records.
-            cipher: Has the keys of the fleet, where frames were sealed.
+            cipher: The keys of the fleet, for sealed frames.
 
         Raises:
-            ConfigError: It cannot be made by this program, or without a key.
+            ConfigError: This program cannot make it, or the key is missing.
         """
         if self.is_sealed and cipher is None:
             raise ConfigError(
@@ -183,7 +183,7 @@ def encode_life(
     program: str,
     is_sealed: bool = False,
 ) -> bytes:
-    """Write down the parameters of a new engine."""
+    """Write the parameters of a new engine."""
     life = Life(
         program=program,
         address=address,
@@ -200,10 +200,10 @@ def encode_life(
 
 
 def decode_life(data: bytes) -> Life:
-    """Read what an engine was made of.
+    """Read the parameters of an engine.
 
     Raises:
-        ConfigError: It was written by another program, or is damaged.
+        ConfigError: Another program wrote them, or they are damaged.
     """
     try:
         life = msgspec.msgpack.decode(data, type=Life)
@@ -219,11 +219,11 @@ def decode_life(data: bytes) -> Life:
 
 
 def exact_spec(spec: StreamSpec, written: Mapping[str, object]) -> StreamSpec:
-    """Return a spec with the numbers as they were written: of 60 and 60.0 digests differ.
+    """Return a spec with its numbers as written, because the digests of 60 and 60.0 differ.
 
     Args:
-        spec: As msgspec reads it, with floats.
-        written: What it was read from.
+        spec: The spec as msgspec reads it, with floats.
+        written: The object that it was read from.
     """
     integers = {
         name: value

@@ -1,4 +1,4 @@
-"""A recording of one node while it runs: opened before its engine is made, closed behind it."""
+"""The recording of one running node: opened before its engine is made, closed after it."""
 
 import asyncio
 import time
@@ -12,12 +12,12 @@ from zacoustic.run.recording.writing import RecordingFile
 
 
 class LiveRecording:
-    """Makes the engine of a node, recorded; for the loop.
+    """Makes the recorded engine of a node; used on the loop.
 
     Args:
         file: The file, open; closed with this object.
-        clock: Where the engine's instants come from.
-        ros: What streams are in ROS, by id.
+        clock: Source of the engine's instants.
+        ros: The ROS types of streams by id.
     """
 
     def __init__(
@@ -34,12 +34,12 @@ class LiveRecording:
 
     @property
     def path(self) -> Path:
-        """The file: as it was named, or with the time in its name where that was taken."""
+        """The file: the given name, with the time added if that existed."""
         return self._file.path
 
     @property
     def dropped(self) -> int:
-        """Messages that are not in the file: the disk was too slow, or is full."""
+        """Messages missing from the file because the disk was too slow or full."""
         return self._file.dropped
 
     async def close(self) -> None:
@@ -59,9 +59,9 @@ async def open_recording(
 
     Args:
         path: The file.
-        clock: Where the engine's instants come from.
-        ros: What streams are in ROS, by id.
-        trouble: Called, on the loop, with gaps and their reasons; None: logged.
+        clock: Source of the engine's instants.
+        ros: The ROS types of streams by id.
+        trouble: Called on the loop with gaps and their reasons; None: they are logged.
 
     Raises:
         ConfigError: The file cannot be made, or the extra is missing.

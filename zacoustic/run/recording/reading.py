@@ -1,4 +1,4 @@
-"""A recording, read from its beginning: also an unfinished or a damaged one."""
+"""Reads a recording from its beginning, even an unfinished or damaged one."""
 
 import logging
 import struct
@@ -11,7 +11,7 @@ import msgspec
 from zacoustic.errors import ConfigError
 
 MAGIC: Final = b"\x89MCAP0\r\n"
-"""How a file of MCAP begins."""
+"""The first bytes of an MCAP file."""
 _LONGEST_BYTES: Final = 64 << 20
 _EXTRA: Final = "pip install 'zacoustic[recording]'"
 
@@ -22,13 +22,13 @@ class ReadMessage(msgspec.Struct, frozen=True):
     """A message of a recording."""
 
     topic: str
-    """Of its channel."""
+    """Topic of the channel."""
     utc_ns: int
     """When, ns since 1970."""
     encoding: str
-    """Of the message."""
+    """Encoding of the message."""
     metadata: dict[str, str]
-    """Of the channel."""
+    """Metadata of the channel."""
     data: bytes
     """Its contents."""
 
@@ -38,18 +38,18 @@ class RecordingReader:
 
     Args:
         path: The file.
-        tells: Log that it ends early; not for callers that report it themselves.
+        tells: Log an early end; not for callers that report it themselves.
 
     Raises:
-        ConfigError: It cannot be opened, is no MCAP file, or the extra is missing.
+        ConfigError: It cannot be opened, is not an MCAP file, or the extra is missing.
     """
 
     def __init__(self, path: str | Path, *, tells: bool = True) -> None:
         self.path = Path(path)
         self._tells = tells
         self.damage = ""
-        """Why reading ended before the end, known afterwards: a file that nobody has finished, or
-        a damaged one; empty: it is whole."""
+        """Why reading stopped early: the file is unfinished or damaged; empty: it is whole. Valid
+        after reading."""
         try:
             with self.path.open("rb") as file:
                 head = file.read(len(MAGIC))
@@ -60,7 +60,7 @@ class RecordingReader:
                 f"{path}: no MCAP file", hint="zacoustic record, or --record, makes one"
             )
         try:
-            import mcap.stream_reader  # noqa: F401 (whether it is there)
+            import mcap.stream_reader  # noqa: F401 (tests that it is installed)
         except ImportError as error:
             raise ConfigError(f"recordings need {error.name}", hint=_EXTRA) from error
 
@@ -105,7 +105,7 @@ def _damage(error: Exception) -> str:
 
 
 def is_recording(path: str | Path) -> bool:
-    """Tell whether a file is one of MCAP; not, where it cannot be read."""
+    """Tell whether a file is an MCAP file; False if it cannot be read."""
     try:
         with Path(path).open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC

@@ -1,4 +1,4 @@
-"""Makes engines whose every call goes into a recording, with what people want to see of it."""
+"""Makes engines whose every call goes into a recording, with values and events for people."""
 
 import random
 from collections.abc import Callable, Mapping
@@ -38,20 +38,20 @@ from zacoustic.run.recording.values import ValueWriter, key_of
 from zacoustic.run.recording.writing import MessageSink, program
 
 LEDGER_NS: Final = 10_000_000_000
-"""How often a ledger is written, ns, as long as the engine is called at all."""
+"""Time between two ledgers, ns, while the engine is called."""
 _BATCH_BYTES: Final = 32 << 10
 
 UtcOffset = Callable[[int], int]
-"""Takes an address; returns UTC less the clock of the engine that is about to be made there, ns."""
+"""Takes an address; returns UTC less the clock of the engine about to be made there, ns."""
 
 
 class EngineRecorder:
-    """Makes engines; its method `make` is a `MakeEngine`.
+    """Makes recorded engines; its method `make` is a `MakeEngine`.
 
     Args:
-        sink: Takes what they do.
-        utc_offset: Tells what their clocks are worth.
-        ros: What streams are in ROS, by id: their values are recorded as such.
+        sink: Takes the messages.
+        utc_offset: Returns UTC less an engine's clock.
+        ros: The ROS types of streams by id; their values are recorded in CDR.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class EngineRecorder:
         self._sink = sink
         self._utc_offset = utc_offset
         self.ros: Mapping[int, RosStream] = ros or {}
-        """What streams are in ROS, by id, of the engines that are made from now on."""
+        """The ROS types of streams by id, for engines made from now on."""
         self._lives: dict[int, _LifeRecorder] = {}
 
     def make(
@@ -79,7 +79,7 @@ class EngineRecorder:
         trace: TraceSink | None,
         cipher: Cipher | None = None,
     ) -> Engine:
-        """Return a new engine that is recorded."""
+        """Return a new recorded engine."""
         offset_ns = self._utc_offset(address)
         life = encode_life(
             address=address,
@@ -106,7 +106,7 @@ class EngineRecorder:
         return engine
 
     def finish(self) -> None:
-        """Record the engines' counters; the opener of the sink closes it."""
+        """Record the engines' last ledgers; the opener of the sink closes it."""
         for each in self._lives.values():
             each.finish()
         self._lives.clear()
@@ -152,12 +152,12 @@ class _LifeRecorder:
             self._batch.append(written)
             self._batch_bytes += len(written)
         self._show(call)
-        # The last call of each service, and so of all that belongs to one input.
+        # The last call of each service ends the calls that belong to one input.
         if call.name == "poll_timeout" or self._batch_bytes > _BATCH_BYTES:
             self._flush()
 
     def finish(self) -> None:
-        """Record what waits, and the last ledger."""
+        """Record the waiting calls and the last ledger."""
         self._flush()
         self._put_ledger()
 
@@ -178,7 +178,7 @@ class _LifeRecorder:
             self._is_whole = self._put(self._channel, msgspec.msgpack.encode(calls))
 
     def _show(self, call: EngineCall) -> None:
-        """Record what people look at."""
+        """Record what people look at: values, frames, events, reports."""
         if call.error is not None:
             return
         node, arguments, result = self._node, call.arguments, call.result

@@ -1,4 +1,4 @@
-"""Samples of a Zenoh network in a recording: byte for byte, to put them again."""
+"""Samples of a Zenoh network in a recording, byte for byte, so that they can be put again."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ class SampleRecord(msgspec.Struct, frozen=True, kw_only=True):
     key: str
     """Its key."""
     payload: bytes
-    """Its payload; empty when it was deleted."""
+    """Its payload; empty for a deletion."""
     encoding: str = ""
     """Zenoh encoding."""
     attachment: bytes | None = None
@@ -26,9 +26,9 @@ class SampleRecord(msgspec.Struct, frozen=True, kw_only=True):
     deleted: bool = False
     """The key was deleted."""
     source: int | None = None
-    """Of samples from the channel: address of the publisher."""
+    """For samples from the channel: address of the publisher."""
     age_s: float | None = None
-    """The same: how old it was when its frame was composed, s."""
+    """For samples from the channel: age when the frame was composed, s."""
 
 
 def samples_channel() -> Channel:
@@ -48,5 +48,5 @@ def table_channel() -> Channel:
 
 
 def encode_table(table: Table) -> bytes:
-    """Write a table as `table_channel` has it."""
+    """Write a table for `table_channel`."""
     return msgspec.msgpack.encode({"table": table})

@@ -1,6 +1,6 @@
-"""JSON schemas, such as Foxglove reads: of types of the configuration, and of our own records.
+"""JSON schemas, as Foxglove reads them, of configured types and of our own records.
 
-A message leaves out None, so a schema has one kind for each field and requires none.
+A message omits fields that are None, so a schema gives each field one kind and requires none.
 """
 
 import math
@@ -32,7 +32,7 @@ class OpaqueValue(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     data: bytes
     """Its bytes."""
     size_bytes: int
-    """How many."""
+    """Number of bytes."""
     encoding: str = ""
     """Zenoh encoding."""
 
@@ -61,7 +61,7 @@ def schema_of_anything(title: str, **properties: str) -> bytes:
 
     Args:
         title: Its name.
-        properties: JSON type of each field that is known.
+        properties: JSON type of each known field.
     """
     known = {name: {"type": word} for name, word in properties.items()}
     return _encoder.encode(
@@ -109,7 +109,7 @@ def _of_element(spec: TypeSpec, field: FieldSpec) -> dict[str, Any]:
     return dict(_WORDS[{"bool": bool, "string": str, "bytes": bytes}.get(field.type, float)])
 
 
-def _of_hint(hint: Any) -> dict[str, Any]:  # noqa: ANN401 (a type, or what stands for one)
+def _of_hint(hint: Any) -> dict[str, Any]:  # noqa: ANN401 (a type or a type hint)
     if typing.get_origin(hint) in (types.UnionType, typing.Union):
         hint = next(each for each in typing.get_args(hint) if each is not type(None))
     if typing.get_origin(hint) in (tuple, list):

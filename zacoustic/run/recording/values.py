@@ -1,4 +1,4 @@
-"""Values of topics in a recording: JSON by their type, or CDR where the stream is of ROS."""
+"""Values of topics in a recording: JSON by their type, or CDR for streams of ROS."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -17,7 +17,7 @@ _MOST_CHANNELS: Final = 4096
 
 
 def key_of(stream: Stream, source: int, instance: Instance) -> str:
-    """Return the key of a sample, or the name of its stream where it has none."""
+    """Return the key of a sample, or the name of its stream if it has no key."""
     try:
         return stream.keys.key(source, instance)
     except ZacousticError:
@@ -28,10 +28,10 @@ class ValueWriter:
     """Writes the values of one node.
 
     Args:
-        sink: Takes them.
+        sink: Takes the messages.
         node: Address of the node.
         table: Its streams.
-        ros: What streams are in ROS, by id.
+        ros: The ROS types of streams by id.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class ValueWriter:
         self._channels: dict[str, Channel] = {}
 
     def received(self, event: SampleReceived, utc_ns: int) -> None:
-        """Write a sample that has arrived."""
+        """Write a received sample."""
         stream = self._table.by_id(event.stream_id)
         key = key_of(stream, event.source, event.instance)
         self._write("received", stream, key, event.value, event.encoding, utc_ns)
@@ -68,7 +68,7 @@ class ValueWriter:
             try:
                 data = ros.message.write(value)
             except PayloadInvalidError:
-                return  # the gateway has complained of it
+                return  # the gateway has reported the error
         else:
             ros = None
             data = encode_value(stream, value, encoding)
@@ -82,7 +82,7 @@ class ValueWriter:
 
 
 def encode_value(stream: Stream, value: object, encoding: str = "") -> bytes:
-    """Write a value in the form of `value_channel`."""
+    """Encode a value for `value_channel`."""
     if stream.type is not None:
         return as_json(plain(value))
     octets = bytes(value) if isinstance(value, bytes | bytearray | memoryview) else b""
@@ -90,7 +90,7 @@ def encode_value(stream: Stream, value: object, encoding: str = "") -> bytes:
 
 
 def ros_channel(topic: str, stream: Stream, ros: RosTopic) -> Channel:
-    """Return a channel of the messages of a topic of ROS, in CDR."""
+    """Return the channel of the messages of a ROS topic, in CDR."""
     return Channel(
         topic=topic,
         encoding=CDR,

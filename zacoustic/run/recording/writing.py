@@ -1,12 +1,12 @@
 """The file of a recording, and the thread that writes it.
 
-Whoever has something to record is a loop at sea that must not wait for a disk. So messages go into
-a queue of limited size, and a thread of its own compresses and writes. What finds the queue full is
-dropped and counted. A disk that is full, or almost, ends the recording, is said once, and ends
-nothing else: the last of the space belongs to the journal.
+The loop of a node must not wait for a disk. So messages go into a queue of limited size, and a
+thread compresses and writes them. If the queue is full, messages are dropped and counted. If the
+disk is full or almost full, the recording ends with one report, and nothing else does: the last
+space belongs to the journal.
 
-The file is written in chunks, each whole in itself, and one is finished at least every five
-seconds. Of a process that dies, in whatever way, the file has all but that.
+The file consists of chunks that are each valid alone, and a chunk is finished at least every five
+seconds. If the process dies, only that much is lost.
 """
 
 import contextlib
@@ -32,23 +32,23 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 QUEUE_BYTES: Final = 16 << 20
-"""Bytes of waiting messages: hours of a modem's traffic."""
+"""Limit of waiting messages, bytes: hours of a modem's traffic."""
 CHUNK_BYTES: Final = 1 << 20
-"""Size at which a chunk is finished, bytes: what Foxglove likes."""
+"""Size at which a chunk is finished, bytes; suits Foxglove."""
 FLUSH_S: Final = 5.0
-"""A chunk is finished after this, s: what a crash costs at most."""
+"""Time after which a chunk is finished, s: the most that a crash loses."""
 RESERVE_BYTES: Final = 64 << 20
-"""Space that a recording leaves on the disk, bytes: the journal's."""
+"""Space that a recording leaves free on the disk, bytes, for the journal."""
 
 _EXTRA: Final = "pip install 'zacoustic[recording]'"
 _logger = logging.getLogger(__name__)
 
 
 class Message(msgspec.Struct, frozen=True):
-    """A message to write."""
+    """A message for the file."""
 
     channel: Channel
-    """Where it belongs."""
+    """Its channel."""
     utc_ns: int
     """When, ns since 1970, ≥ 0."""
     data: bytes
@@ -64,13 +64,13 @@ class MessageSink(Protocol):
 
 
 class RecordingFile:
-    """An MCAP file that is being written; for one thread at a time.
+    """An MCAP file being written; used by one thread at a time.
 
     Args:
-        path: The file. One that is there is not touched: the new one gets the time into its name.
-        waits: Whoever records waits for the disk, and nothing is dropped: for simulations.
-        trouble: Told once what has ended the recording, or that something was dropped; from the
-            writer's thread, or from who records.
+        path: The file. An existing one stays untouched: the new one gets the time in its name.
+        waits: `put` waits for the disk and drops nothing: for simulations.
+        trouble: Called once when the recording ends early or a message was dropped, with the
+            reason; from the writer's thread or from the caller of `put`.
 
     Raises:
         ConfigError: The file cannot be made, or the extra is missing.
@@ -85,11 +85,11 @@ class RecordingFile:
     ) -> None:
         self.path = _free_name(Path(path))
         self.written = 0
-        """Messages in the file."""
+        """Number of messages in the file."""
         self.dropped = 0
-        """Messages that found the queue full, or the recording ended."""
+        """Number of messages dropped because the queue was full or the recording had ended."""
         self.failure = ""
-        """What has ended the recording; empty: nothing."""
+        """Why the recording has ended early; empty: it has not."""
         self._trouble = trouble or _warn
         self._waits = waits
         self._stream, self._writer = _open(self.path)
@@ -120,7 +120,7 @@ class RecordingFile:
         return False
 
     def close(self) -> None:
-        """Write what waits and finish the file; may block for as long as the disk does."""
+        """Write the waiting messages and finish the file; blocks as long as the disk does."""
         with self._changed:
             self._is_closing = True
             self._changed.notify_all()
@@ -143,7 +143,7 @@ class RecordingFile:
                 self._stream.close()
 
     def _write_some(self) -> bool:
-        """Write what comes within the time after which a chunk is finished; False at the end."""
+        """Write messages until the present chunk is due; return False at the end."""
         is_over = False
         ends_s = time.monotonic() + FLUSH_S
         while (left_s := ends_s - time.monotonic()) > 0 and not is_over:
@@ -162,7 +162,7 @@ class RecordingFile:
         if free_bytes < RESERVE_BYTES:
             raise OSError(f"the disk is almost full, {free_bytes >> 20} MiB are free")
         self._writer.flush()  # type: ignore[no-untyped-call]
-        os.fsync(self._stream.fileno())  # a vehicle may lose its power as well
+        os.fsync(self._stream.fileno())  # so that a power cut loses no more than a crash
         return not is_over
 
     def _write(self, message: Message) -> None:
@@ -229,7 +229,7 @@ def _open(path: Path) -> "tuple[IO[bytes], Writer]":
 
 
 def _free_name(path: Path) -> Path:
-    """Return the path, or one with the time in its name where that is taken.
+    """Return the path, with the time added to its name if it exists.
 
     Raises:
         ConfigError: It is a folder.

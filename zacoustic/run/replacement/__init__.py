@@ -1,7 +1,7 @@
-"""A new engine replaces one that has raised, and goes on from the journal; no caller waits in vain.
+"""A new engine replaces one that has raised and continues from the journal; every caller is told.
 
 - `replacement`: makes the next engine.
-- `intact`: of what of the journal an engine can be made, also the first one of a process.
-- `faults`: counts, logs, and keeps a frame that raises from taking one engine after the other away.
+- `intact`: the journal entries from which an engine can be made, also the first one of a process.
+- `faults`: counts and logs, and keeps a frame that raises from killing one engine after another.
 - `outstanding`: what the application waits for; reports what is lost.
 """

@@ -1,9 +1,9 @@
-"""`Faults`: the exceptions of an engine, and how slowly it is tried again.
+"""`Faults`: the exceptions of an engine, and the pauses between new engines.
 
 Nothing that comes over a link may raise, so an exception there is a bug of this program. It must
-not take a vehicle away either. A new engine goes on from the journal, and that costs a boot epoch,
-of which there are 65,536, and all that was only in memory. So a frame that raised is not taken
-again for a while, and after `FREE` faults in a row the pauses grow.
+not disable a vehicle. A new engine continues from the journal, but it costs a boot epoch, of which
+there are 65,536, and all state outside of the journal. So a frame that raised is refused for a
+while, and after `FREE` faults in a row the pauses grow.
 """
 
 import logging
@@ -12,17 +12,17 @@ from typing import Final
 from zacoustic.core.base.clock import seconds_to_ns
 
 FREE: Final = 8
-"""Faults that are followed by no pause; one is forgotten in `FORGET_S`."""
+"""Faults without a pause; every `FORGET_S` one fault is forgotten."""
 FORGET_S: Final = 600.0
 """Time without a fault after which one of them is forgotten, s."""
 FIRST_PAUSE_S: Final = 1.0
 """Pause after the first fault beyond `FREE`, s; doubled with each further one."""
 LONGEST_PAUSE_S: Final = 60.0
-"""Longest pause, s: one epoch a minute lasts for 45 days."""
+"""Longest pause, s: at one epoch a minute the epochs last 45 days."""
 FRAME_PAUSE_S: Final = 60.0
-"""Time for which a frame that has raised is not taken, s; doubled each time it raises again."""
+"""Time for which a frame that has raised is refused, s; doubles each time it raises again."""
 MOST_FRAMES: Final = 256
-"""Frames that are remembered."""
+"""Most frames remembered."""
 _LONGEST_FRAME_PAUSE_S: Final = 86_400.0
 REPORT: Final = (
     "This is a bug of zacoustic: please report the lines above, the version, and the configuration"
@@ -32,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Faults:
-    """What the engines of one node have raised.
+    """The exceptions raised by the engines of one node.
 
     Args:
         address: Address of the node, for the log.
@@ -40,7 +40,7 @@ class Faults:
 
     def __init__(self, address: int) -> None:
         self.count = 0
-        """How many there were."""
+        """Number of faults."""
         self._address = address
         self._level = 0
         self._last_at = 0
@@ -55,17 +55,17 @@ class Faults:
     def note(
         self, error: Exception, now: int, *, frame: bytes | None = None, event: object = None
     ) -> float:
-        """Take note of a fault, and log it.
+        """Count a fault and log it.
 
         Args:
-            error: What was raised.
+            error: The exception.
             now: The instant, ns.
-            frame: What came over the link and raised; None: it was something else.
-            event: The event whose receiver has raised; the engine is as it was then.
+            frame: The frame that raised; None: the cause was another one.
+            event: The event whose receiver raised; the engine is unaffected.
 
         Returns:
-            The time for which no new engine is made, s. After a frame it is 0: the new engine
-            lives at once, and hears nothing for as long.
+            Pause before a new engine is made, s. After a frame it is 0: the new engine is made at
+            once, and refuses frames for that pause.
         """
         self.count += 1
         forgotten = (now - self._last_at) // seconds_to_ns(FORGET_S)
@@ -98,5 +98,5 @@ class Faults:
 
 
 def _doubled(first_s: float, times: int, longest_s: float) -> float:
-    """Return the pause of the how many-th time."""
+    """Return the pause of an attempt by its number."""
     return min(longest_s, first_s * 2.0 ** min(times - 1, 32))

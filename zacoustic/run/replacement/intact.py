@@ -1,11 +1,11 @@
-"""`Intact`: the engine of a new boot epoch, made of the usable entries of the journal.
+"""`Intact`: the engine of a new boot epoch, made from the usable entries of the journal.
 
 The checks of a store prove that an entry is what was written. They do not prove that this program
-can read it: another version may have written it, for another table, or this one has a bug. One such
-entry must not keep a node from starting. So where an engine raises while it is made, or in its
-first step, the entries are sorted: by halves, until each part that raises is a single entry. The
-engine gets all others, and a reason to doubt what it remembers, so that what it may have executed
-before is refused and not executed twice (`zacoustic.core.peers.doubt`).
+can read it: another version may have written it, or it belongs to another table, or this version
+has a bug. One such entry must not keep a node from starting. So if an engine raises while it is
+made, or in its first step, this module bisects the entries until each part that raises is a single
+entry. The engine gets all others, and a doubt about its memory, so that it refuses what it may have
+executed before instead of executing it twice (`zacoustic.core.peers.doubt`).
 """
 
 import logging
@@ -24,9 +24,9 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.run.journal.thread import NO_WRITE
 
 Renew: TypeAlias = Callable[[int, Mapping[str, bytes]], Engine]
-"""``(epoch, stored)``: makes an engine like the one before, of what the journal has."""
+"""``(epoch, stored)``: makes an engine like the former one from the journal's entries."""
 Trial: TypeAlias = Callable[[Engine], None]
-"""Does the first step with an engine that is thrown away afterwards."""
+"""Does the first step with a disposable engine."""
 
 _OF_THE_LIFE: Final = frozenset({EPOCH_KEY, LIFE_KEY, DOUBT_KEY, BOOT_KEY, VOLATILE_KEY})
 _LOGGED_BYTES: Final = 256
@@ -34,16 +34,16 @@ _logger = logging.getLogger(__name__)
 
 
 class Intact:
-    """A new engine, and what it could not be made of.
+    """A new engine, and the entries that it could not be made from.
 
     Args:
         renew: Makes an engine.
         epoch: The new boot epoch.
-        entries: What the journal has.
-        trial: What a new engine has raised in is tried with it; None: to make it is enough.
+        entries: Entries of the journal.
+        trial: The step in which an engine has raised, to test others; None: making one suffices.
 
     Raises:
-        Exception: No engine can be made with any entries.
+        Exception: No engine can be made, whatever the entries.
     """
 
     def __init__(
@@ -56,28 +56,28 @@ class Intact:
         self.writes: list[JournalWrite] = []
         """Writes that delete the refused entries from the journal."""
         self.entries = dict(entries)
-        """What is left."""
+        """The usable entries."""
         if trial is None or not self._raises(self.entries):
             try:
                 self.engine = renew(epoch, self.entries)
                 return
-            except Exception as error:  # whatever a bug or an entry makes an engine raise
+            except Exception as error:  # any exception of a bug or an entry
                 self._sort(error)
         else:
             self._sort(None)
         self.engine = renew(epoch, self.entries)
 
     def _sort(self, error: Exception | None) -> None:
-        """Leave out what raises.
+        """Remove the entries that raise.
 
         Raises:
-            Exception: `error`, where it is not because of the entries.
+            Exception: `error`, if the entries are not its cause.
         """
         known = _OF_THE_LIFE & self.entries.keys()
         if self._raises(self._only(known)):
             if error is not None:
                 raise error
-            return  # its first step raises without them, too: they are not the cause
+            return  # its first step raises without entries, too: they are not the cause
         refused: list[str] = []
         waiting = [[key for key in self.entries if key not in known]]
         while waiting:
@@ -117,6 +117,6 @@ class Intact:
             engine = self.renew(self._epoch, dict(entries))
             if self._trial is not None:
                 self._trial(engine)
-        except Exception:  # as above: that it raises is the answer
+        except Exception:  # any exception is the answer
             return True
         return False

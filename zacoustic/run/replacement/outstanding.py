@@ -1,14 +1,14 @@
-"""`Outstanding`: what an application waits for from an engine, reported when that engine is lost.
+"""`Outstanding`: what an application awaits from an engine, reported if that engine is lost.
 
-A new engine replaces one that has raised, and goes on from the journal, as after a crash; but the
-application has not crashed with it and still waits for its requests. So the driver of the engine
-keeps the ids of all that is under way, outside of it:
+A new engine replaces one that has raised, and continues from the journal, as after a crash. But the
+application has not crashed and still awaits its requests. So the driver of the engine stores the
+ids of all pending requests outside of it:
 
-- A sample that was in the journal goes on. Any other one ends with a `DeliveryEnded`.
-- A goal that was in the journal goes on, without a `GoalRecovered`: it is known here. Any other
-  one, and each call and range, fails. Whether it was executed is unknown.
-- Subscriptions to on-demand topics, and ranges that are measured periodically, are requested again.
-- What the new engine finds in the journal and the old one had reported is not reported twice.
+- A journalled sample continues. Any other one ends with a `DeliveryEnded`.
+- A journalled goal continues, without a `GoalRecovered`, since it is known here. Any other goal,
+  and each call and range, fails. Whether it was executed is unknown.
+- Subscriptions to on-demand topics and periodic range measurements are requested again.
+- Outcomes that the old engine had reported and the new one finds in the journal are not repeated.
 """
 
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ from zacoustic.core.transport.actions.events import (
 )
 
 MOST_ENDED: Final = 1024
-"""Ends that are remembered, of samples and of goals: the journal may still have them then."""
+"""Reported outcomes of samples and of goals to remember, since the journal may still have them."""
 _CALLS: Final = (
     "publish", "call", "cancel", "commands.send", "actions.send_goal",
     "ranging.request", "ranging.cancel", "ranging.repeat", "subscriptions.want",
@@ -50,7 +50,7 @@ _UNKNOWN_TEXT: Final = f"{_TEXT}: whether it was executed is unknown"
 
 
 class Outstanding:
-    """What is under way at the engines of one node."""
+    """The pending requests to the engines of one node."""
 
     def __init__(self) -> None:
         self._samples: dict[int, tuple[int, bool]] = {}
@@ -99,14 +99,14 @@ class Outstanding:
         return True
 
     def renew(self, engine: Engine, now: int) -> list[Event]:
-        """Go on with a new engine, which is watched from now on.
+        """Continue with a new engine, which is watched from now on.
 
         Args:
-            engine: Made of what the journal has, and not yet polled.
+            engine: The new engine, made from the journal, not yet polled.
             now: The instant, ns.
 
         Returns:
-            The events for the application, in order, those that `passes` lets through.
+            Events for the application, in order; those that `passes` lets through.
         """
         events: list[Event] = []
         while (event := engine.poll_event()) is not None:
@@ -123,9 +123,9 @@ class Outstanding:
         return lost + events
 
     def _lost(self, engine: Engine, recovered: set[GoalKey], now: int) -> Iterator[Event]:
-        """Say how each thing ends that nothing is left of."""
+        """Report the end of each request that the new engine does not know."""
         for delivery_id, (stream_id, is_stored) in self._samples.items():
-            # One that was stored may have ended, and the engine was lost before it could report it.
+            # A journalled one may have ended, and the engine was lost before reporting it.
             if not is_stored or not engine.is_delivering(delivery_id):
                 yield DeliveryEnded(
                     delivery_id=delivery_id,
@@ -157,7 +157,7 @@ class Outstanding:
             )
 
     def _note(self, call: EngineCall) -> None:
-        """Take note of a command."""
+        """Note a command."""
         if call.error is not None:
             return
         arguments, result = call.arguments, call.result
@@ -187,7 +187,7 @@ class Outstanding:
 
 
 def _is_first(ended: dict[Any, None], name: object) -> bool:
-    """Remember an end; False: it is remembered already."""
+    """Remember an outcome; False: it is remembered already."""
     if name in ended:
         return False
     ended[name] = None
@@ -197,7 +197,7 @@ def _is_first(ended: dict[Any, None], name: object) -> bool:
 
 
 def _receivers(engine: Engine, stream_id: int) -> tuple[int, ...]:
-    """Return who may lack a sample."""
+    """Return the receivers that may lack a sample."""
     spec = engine.table.by_id(stream_id).spec
     listed = spec.subscribers if isinstance(spec, TopicSpec) else None
     return tuple(sorted(set(engine.table.nodes if listed is None else listed) - {engine.address}))

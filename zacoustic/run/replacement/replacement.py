@@ -1,9 +1,9 @@
 """`Replacement`: the next engine of a node, in place of one that has raised.
 
 It is made as after a crash of the process: from the committed entries of the journal, in a new boot
-epoch. Uncommitted writes are forgotten with their engine; committed ones are known here, so the
-store is not read again. An entry that makes the next engine raise, too, is left out (`intact`); if
-none can be made, that is tried again until one can.
+epoch. Uncommitted writes are lost with their engine. This module knows the committed ones, so it
+does not read the store again. An entry that makes the next engine raise is left out (`intact`). If
+no engine can be made, the attempt is repeated until one can.
 """
 
 import asyncio
@@ -21,10 +21,10 @@ from zacoustic.run.replacement.outstanding import Outstanding
 
 
 class Replacement:
-    """Knows what the next engine of a node needs.
+    """Makes the next engine of a node.
 
     Args:
-        first: The first engine, and what it was made of.
+        first: The first engine, and what it was made from.
     """
 
     def __init__(self, first: Intact) -> None:
@@ -37,19 +37,19 @@ class Replacement:
 
     @property
     def is_under_way(self) -> bool:
-        """The former engine is lost, and the next one is not there yet."""
+        """The former engine is lost, and the next one is not ready."""
         return self._task is not None
 
     def hand_on(self, deliver: Callable[[Event], None], instant: Clock, event: Event) -> None:
-        """Hand an event on, unless the application has it; an error there is a fault."""
+        """Pass an event on, unless the application has it; an error there is a fault."""
         if self._outstanding.passes(event):
             try:
                 deliver(event)
-            except Exception as error:  # the application's, or a bug: the engine is whole
+            except Exception as error:  # of the application, or a bug: the engine is whole
                 self.faults.note(error, instant(), event=event)
 
     def committed(self, write: JournalWrite) -> None:
-        """Take note of a write that is safe."""
+        """Note a committed write."""
         if write.value is None:
             self._entries.pop(write.key, None)
         else:
@@ -68,8 +68,8 @@ class Replacement:
 
         Args:
             lost: The engine that has raised.
-            pause_s: Time to wait before, s.
-            journal: Whose commits are waited for.
+            pause_s: Pause before, s.
+            journal: Its running commit is awaited.
             trial: The first step, to test that it does not raise; None: no test.
             instant: Tells the instant.
             ready: Takes the engine, not yet polled.
@@ -84,7 +84,7 @@ class Replacement:
                 try:
                     intact = Intact(self._renew, epoch, self._entries, trial)
                     break
-                except Exception as error:  # such as no memory: tried again until one is made
+                except Exception as error:  # for example no memory: repeat until it succeeds
                     await asyncio.sleep(max(self.faults.note(error, instant()), FIRST_PAUSE_S))
             intact.engine.stats.dropped["internal_error"] = self.faults.count
             self._entries = intact.entries
@@ -94,14 +94,14 @@ class Replacement:
         self._task = asyncio.get_running_loop().create_task(replace(), name="next engine")
 
     def news(self, engine: Engine, error: Exception, now: int) -> Iterator[Event]:
-        """Report the replacement, and the outcomes of all that was under way."""
+        """Yield the event of the replacement, and the outcomes of lost requests."""
         yield EngineRestarted(
             faults=self.faults.count, cause=str(error) or repr(error), changed_at=now
         )
         yield from self._outstanding.renew(engine, now)
 
     async def stop(self) -> None:
-        """Make no engine any more."""
+        """Make no more engines."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.wait([self._task])

@@ -1,7 +1,7 @@
 """The gateway: a Zenoh session on one side, a link on the other; maps key expressions to streams.
 
-A program needs only `Gateway`; `zacoustic gateway FILE` runs one from the command line. One module
-for each noun:
+A program needs only `Gateway`; `zacoustic gateway FILE` runs one from the command line. The
+modules:
 
 - `gateway`, `compose`, `session`: start and stop, composition and run of the parts; the Zenoh
   session is a `zacoustic.zenoh.session`, the engine runs in a `zacoustic.run.node`;

@@ -1,8 +1,8 @@
 """Composition of a gateway session: its parts, what they need, and their order.
 
-Each part is made from parts that already exist, and none is changed afterwards. Two things must
-come later, when the session opens: the events of the engine, which is made first, and the wake-up
-of the loop.
+Each part is made from parts that already exist, and none is changed afterwards. Two things follow
+later, when the session opens: the events of the engine, which is made first, and the wake-up of the
+loop.
 """
 
 import asyncio
@@ -48,12 +48,12 @@ from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp
 
-# The engine distinguishes 64 calls to one service; callers of more than this on all services
-# together would wait for hours on sound.
+# The engine distinguishes 64 calls to one service. More callers than this on all services together
+# would wait for hours on an acoustic channel.
 QUERIES_LIMIT: Final = 256
-"""Most local queries held at the same time."""
+"""Most local queries held at once."""
 STOPPING_TEXT: Final = "the gateway is stopping"
-"""The error text for callers of queries held at the end."""
+"""Error text for queries that are held when the gateway stops."""
 
 MakeDialects = Callable[[ZenohSession, InputErrors, Callable[[], None]], Dialects]
 """Creates the dialects of a session; the last argument wakes the loop."""

@@ -1,4 +1,4 @@
-"""The life of a gateway: from a config to a session that joins network and link, and its end.
+"""A gateway from a config to a session that joins network and link, and to its end.
 
 ::
 
@@ -9,7 +9,7 @@
     put, reply ◄─ Network, Worker ◄── Topics, Services ◄───│            │◄── frames
                                                            └────────────┘
 
-Zenoh's threads only hand over; nothing blocks the loop.
+Zenoh's threads only hand data over; nothing blocks the loop.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""Input errors of the local network: counts all, and logs a warning now and then."""
+"""Input errors of the local network: counts all, and logs a warning from time to time."""
 
 import logging
 from collections.abc import Callable
@@ -18,7 +18,7 @@ class InputErrors:
     """Counts and warns; for the loop.
 
     Args:
-        clock: Where instants come from.
+        clock: Source of instants.
         quiet_s: Time between two warnings about one stream, s.
         tell: Receives each warning as well.
     """
@@ -44,7 +44,7 @@ class InputErrors:
         Args:
             stream: Name of the stream.
             reason: One word, the key of the counter.
-            text: One line for people, without the name of the stream.
+            text: One line, without the name of the stream.
         """
         by_reason = self.counts.setdefault(stream, {})
         by_reason[reason] = by_reason.get(reason, 0) + 1

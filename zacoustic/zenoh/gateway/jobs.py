@@ -1,4 +1,4 @@
-"""The jobs of a gateway for a stream on the local network; `routes` declares their needs."""
+"""The jobs of a gateway for a stream on the local network; `routes` makes their declarations."""
 
 from typing import Final
 

@@ -20,7 +20,7 @@ class Notice(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
         return False
 
     def lines(self) -> list[str]:
-        """Return it as lines for people."""
+        """Return it as lines of text."""
         raise NotImplementedError
 
 
@@ -50,7 +50,7 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     journal: str = ""
     """File of the journal; empty: nothing survives a restart."""
     forgotten: str = ""
-    """What a restart forgets without a journal, one line; empty: nothing that matters."""
+    """What a restart loses without a journal, one line; empty: nothing important."""
     metrics: str = ""
     """Place at which it answers Prometheus; empty: nowhere."""
     recording: str = ""
@@ -84,7 +84,7 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
     state: str
     """The new state."""
     detail: str = ""
-    """What it waits for."""
+    """The cause that it waits for."""
     link: str = ""
     """Name of the link, if there are several."""
 
@@ -163,7 +163,7 @@ class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
     """The journal may lack the last writes."""
 
     reason: str
-    """What the journal's check has found."""
+    """What the check of the journal found."""
 
     @property
     def is_trouble(self) -> bool:
@@ -172,15 +172,17 @@ class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
 
     def lines(self) -> list[str]:
         """One line."""
-        return [f"journal   in doubt, a new life with what is right in it: {self.reason}"]
+        return [
+            f"journal   in doubt, a new boot epoch continues with its valid part: {self.reason}"
+        ]
 
 
-FORBIDDEN: Final = "it may not say what it says"
-"""The words for an authentic node that says what the table does not allow it."""
+FORBIDDEN: Final = "it sends what it may not send"
+"""Description of an authentic node that sends what the table does not allow."""
 
 
 class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
-    """Frames in the name of a node do not open, or open and cannot come from it."""
+    """Frames with a node's address do not open, or open and cannot come from it."""
 
     address: int
     """The node."""
@@ -205,7 +207,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
         text = {
             "unsealed": "its frames are not sealed",
             "forged": "its frames do not open: another key, or not from it",
-            "former_life": "it speaks as in a former life: old records, or a recording of it",
+            "former_life": "it transmits with an earlier life: old records, or a recording of it",
             "clone": "another computer has this key and address; nothing is transmitted any more",
             "forbidden": f"{FORBIDDEN}: {self.stream}",
         }[self.refusal]
@@ -215,7 +217,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
 
 
 class ClockChanged(Notice, frozen=True, kw_only=True, tag="clock"):
-    """The node transmits nothing because it does not know the time; or it does again."""
+    """The node transmits nothing because it does not know the time; or it transmits again."""
 
     doubt: str
     """What is missing; empty: nothing."""
@@ -233,7 +235,7 @@ class ClockChanged(Notice, frozen=True, kw_only=True, tag="clock"):
 
 
 class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):
-    """A bug has ended the engine; a new one goes on from the journal."""
+    """A bug has ended the engine; a new one continues from the journal."""
 
     faults: int
     """Number of internal errors since the start."""
@@ -276,7 +278,7 @@ class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
     epoch: int
     """Its boot epoch."""
     same_table: bool
-    """Its stream table is ours."""
+    """It has the same stream table as this node."""
     wire_version: int
     """Its wire version."""
 
@@ -292,7 +294,7 @@ class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
 
 
 class PeerMissed(Notice, frozen=True, kw_only=True, tag="lost"):
-    """Nothing was heard of a node for the file's `lost_after_s`."""
+    """No frame of a node came for the `lost_after_s` of the file."""
 
     address: int
     """The node."""
@@ -306,7 +308,7 @@ class PeerMissed(Notice, frozen=True, kw_only=True, tag="lost"):
 
     def lines(self) -> list[str]:
         """One line."""
-        return [f"lost      {self.address} {self.name}: nothing is heard of it".replace(" :", ":")]
+        return [f"lost      {self.address} {self.name}: not heard any more".replace(" :", ":")]
 
 
 class PeerBack(Notice, frozen=True, kw_only=True, tag="found"):
@@ -346,7 +348,7 @@ class SampleLate(Notice, frozen=True, kw_only=True, tag="late"):
     side: str
     """``offered``: not published here; ``requested``: not received here."""
     missed: int
-    """Number of missed deadlines in all."""
+    """Total number of missed deadlines."""
 
     @property
     def is_trouble(self) -> bool:
@@ -360,7 +362,7 @@ class SampleLate(Notice, frozen=True, kw_only=True, tag="late"):
 
 
 class StreamDiffers(Notice, frozen=True, kw_only=True, tag="differs"):
-    """A node defines a stream differently; it is stopped between the two."""
+    """A node defines a stream differently; the stream stops between the two."""
 
     address: int
     """The node."""
@@ -381,7 +383,7 @@ class StreamDiffers(Notice, frozen=True, kw_only=True, tag="differs"):
 
 
 class RangingFailed(Notice, frozen=True, kw_only=True, tag="ranging"):
-    """A range that the file asks for cannot be measured."""
+    """A range that the file requests cannot be measured."""
 
     address: int
     """The other node."""
@@ -417,7 +419,7 @@ class RouterChanged(Notice, frozen=True, kw_only=True, tag="router"):
 
     @property
     def is_trouble(self) -> bool:
-        """The local network is not reached."""
+        """The local network cannot be reached."""
         return self.state == "lost"
 
     def lines(self) -> list[str]:

@@ -1,8 +1,8 @@
-"""Redundant gateways on one local network: who does what for which stream.
+"""Redundant gateways on one local network: which of them does which job for which stream.
 
-Two gateways on one network hear the same samples, and each hears on the channel what the other one
-sent. Without agreement each sample would cross twice and come back. They agree without a message,
-by one rule that all of them compute from the same list, the addresses of the live ones:
+Two gateways on one network receive the same local samples, and each hears on the channel what the
+other one sent. Without agreement each sample would cross twice and come back. They agree without
+messages, by one rule that each of them applies to the same list, the addresses of the live ones:
 
 ==========  =======================================================  ===============================
 job         of                                                       done by
@@ -16,17 +16,18 @@ serve       received calls                                           the stream'
 attend      received goals, their feedback and results               the stream's server
 ==========  =======================================================  ===============================
 
-Two exceptions. A topic with ``{node}`` in its name has different keys for each gateway: each
-forwards its own. And samples from another local gateway through the channel are delivered by none,
-since the network has them already; this still holds `RETIRED_S` after that gateway is gone, for its
-frames on the air. A service whose server is another local gateway is left to that one.
+There are two exceptions. A topic with ``{node}`` in its name has different keys for each gateway:
+each forwards its own. And no gateway delivers samples that another local gateway sent through the
+channel, since the network has them already; because of frames on the air this also holds for
+`RETIRED_S` after that gateway is gone. A service whose server is another local gateway is left to
+that one.
 
-Samples that several of them forward may come of one local event, at one instant: their frames would
-collide at every receiver, each time, and best-effort samples have no second try. So each waits with
-those until the gateways before it can have sent a frame (`Topics.drain`).
+Samples that several of them forward may come from one local event, at one instant. Their frames
+would collide at every receiver, each time, and best-effort samples have no second try. So each
+holds them back until the gateways before it can have sent a frame (`Topics.drain`).
 
-When a token of the list disappears the next lowest takes over; when one appears the higher one
-stands by.
+When a token disappears from the list, the next lowest gateway takes over. When one appears, the
+higher one stands by.
 """
 
 from typing import Final
@@ -35,7 +36,7 @@ from zacoustic.core.base.clock import Clock, seconds_to_ns
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 
-# The longest frame sounds for 4 s and arrives, from 9 km, 6 s later.
+# The longest frame lasts 4 s and arrives from 9 km 6 s later.
 RETIRED_S: Final = 10.0
 """How long a gateway that is gone still counts as local, s."""
 
@@ -45,7 +46,7 @@ class RedundantGateways:
 
     Args:
         address: Acoustic address of this gateway, always alive.
-        clock: Where instants come from.
+        clock: Source of instants.
     """
 
     def __init__(self, address: int, clock: Clock) -> None:
@@ -61,7 +62,7 @@ class RedundantGateways:
 
     @property
     def rank(self) -> int:
-        """How many local gateways have a lower address."""
+        """Number of local gateways with a lower address."""
         return self.alive.index(self.address)
 
     def update(self, address: int, *, is_alive: bool) -> bool:
@@ -76,13 +77,13 @@ class RedundantGateways:
         return True
 
     def shares_network(self, source: int) -> bool:
-        """Tell whether that node's samples from the channel are local already."""
+        """Return whether samples of a node from the channel are local already."""
         if source in self._alive:
             return True
         return self._clock() < self._retired_until.get(source, 0)
 
     def forwards(self, stream: Stream) -> bool:
-        """Tell whether this gateway transmits local samples of the stream."""
+        """Return whether this gateway transmits local samples of the stream."""
         if not isinstance(stream.spec, TopicSpec) or not stream.may_publish(self.address):
             return False
         if stream.spec.subscribers is not None and self._alive.issuperset(stream.spec.subscribers):
@@ -92,7 +93,7 @@ class RedundantGateways:
         return self.address == min(each for each in self._alive if stream.may_publish(each))
 
     def delivers(self, stream: Stream) -> bool:
-        """Tell whether this gateway delivers received samples of the stream."""
+        """Return whether this gateway delivers received samples of the stream."""
         if not isinstance(stream.spec, TopicSpec) or not stream.may_subscribe(self.address):
             return False
         if self.publishers_beyond(stream) == ():
@@ -100,13 +101,13 @@ class RedundantGateways:
         return self.address == min(each for each in self._alive if stream.may_subscribe(each))
 
     def proxies(self, stream: Stream) -> bool:
-        """Tell whether this gateway takes calls, or goals, for a remote server."""
+        """Return whether this gateway takes calls or goals for a remote server."""
         if not isinstance(stream.spec, ServiceSpec | ActionSpec):
             return False
         return stream.spec.server not in self._alive and self.address == min(self._alive)
 
     def attends(self, stream: Stream) -> bool:
-        """Tell whether received goals are for this gateway's network."""
+        """Return whether received goals are for this gateway's network."""
         return isinstance(stream.spec, ActionSpec) and stream.spec.server == self.address
 
     def publishers_beyond(self, stream: Stream) -> tuple[int, ...] | None:

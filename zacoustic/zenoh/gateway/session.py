@@ -1,7 +1,7 @@
 """The gateway session: a running gateway, from its first declaration to its last.
 
-Held queries get an error before anything is closed: a session that is closed over an unanswered
-query lets the caller believe that there is no server. So the end goes: refuse queries, engine and
+Held queries get an error before anything is closed: if a session closes over an unanswered query,
+the caller believes that there is no server. So the order at the end is: refuse queries, engine and
 link, declarations, session.
 """
 
@@ -24,12 +24,12 @@ class GatewaySession:
     """A local network and an engine, joined; for the loop. `compose` makes it.
 
     Args:
-        node: Whose ranges are measured.
+        node: The node on the link, which measures ranges.
         runner: Runs the engine on its link; closed with the session.
         network: The local network; left with the session.
-        streams: Take what the local network gives.
-        handlers: What is asked of the gateway itself.
-        status: What it shows of itself.
+        streams: Take local input.
+        handlers: Take requests to the gateway itself.
+        status: Publishes the gateway's status.
         dispatcher: Takes the events of the engine.
     """
 
@@ -87,7 +87,7 @@ class GatewaySession:
         """Wait until it ends.
 
         Raises:
-            Exception: What has stopped it, if it was not closed.
+            Exception: The error that stopped it, if it was not closed.
         """
         waits = [
             asyncio.ensure_future(wait) for wait in (self.runner.wait_failed(), self._ended.wait())
@@ -103,11 +103,11 @@ class GatewaySession:
             raise failure
 
     def documents(self) -> dict[str, object]:
-        """Return the documents of the health report as they are now."""
+        """Return the current documents of the health report."""
         return self._status.report.documents()
 
     def _attend(self) -> None:
-        """Take in what Zenoh's threads have handed over; the answer to the wake-up."""
+        """Process what Zenoh's threads have handed over; called on each wake-up."""
         if self._is_closing:
             return
         try:
@@ -115,8 +115,8 @@ class GatewaySession:
             self._streams.matching.settle()
             self.runner.apply(self._streams.drain)
         except LinkClosedError:
-            return  # the runner has failed, and `wait_failed` says so
-        except Exception as error:  # a fault: the gateway ends, and says so
+            return  # the runner has failed, and `wait_failed` reports it
+        except Exception as error:  # a bug: the gateway ends and reports it
             _logger.exception("gateway %d: stopped by a fault", self.network.redundant.address)
             self.failure = error
             self._ended.set()

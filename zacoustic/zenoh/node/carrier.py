@@ -75,7 +75,7 @@ NodeEvent = (
 """Events of a node other than samples and calls; on Zenoh only the first kind."""
 
 CLOSED_TEXT: Final = "the service was closed"
-"""The error text for a caller whose call was under way."""
+"""Error text for callers whose calls were still open."""
 
 
 class Incoming(msgspec.Struct, frozen=True, kw_only=True):
@@ -115,7 +115,7 @@ class IncomingCall(Protocol):
         """Answer; False: it is too late, or the call was already answered.
 
         Raises:
-            LocalError: The response cannot be sent; the caller has been told.
+            LocalError: The response cannot be sent; the caller has been informed.
         """
         ...
 
@@ -204,13 +204,13 @@ class Carrier(Protocol):
         ...
 
     async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
-        """Give a command to a node; cancelling gives up.
+        """Send a command to a node; cancelling gives up.
 
         Raises:
             LocalError: There is no such node, or the command makes no sense here.
             ServiceError: The node refuses the command.
             CallTimeoutError: No answer came in time.
-            DeliveryError: The command cannot be given from here.
+            DeliveryError: The command cannot be sent from here.
         """
         ...
 
@@ -280,7 +280,7 @@ def call_error(name: str, failure: CallFailure, text: str) -> ZacousticError:
 
 
 def range_error(event: RangeFailed) -> ZacousticError:
-    """Return the exception for a range that will not come.
+    """Return the exception for a range that cannot be measured in time or at all.
 
     Returns:
         `CallTimeoutError` if no range was measured in time, `RangeUnavailableError` if none can be.

@@ -162,7 +162,7 @@ class Deliveries:
             delivery.note_stored()
 
     def ended(self, event: DeliveryEnded) -> bool:
-        """Give a delivery its outcome; False: it is of another boot epoch."""
+        """Set the outcome of a delivery; False: it is of another boot epoch."""
         delivery = self._deliveries.pop(event.delivery_id, None)
         if delivery is not None:
             delivery.end(event)

@@ -24,13 +24,13 @@ class GoalEnd(msgspec.Struct, frozen=True, kw_only=True):
     value: Any = None
     """The result, a dict or bytes; None: no result."""
     text: str = ""
-    """One line for people."""
+    """One line of text."""
     error: Exception | None = None
     """Why the end is unknown here."""
 
 
 class SentGoal(Protocol):
-    """A goal that the server has answered, or that a former boot epoch sent."""
+    """A goal that the server has answered, or that this node sent before it restarted."""
 
     @property
     def accepted(self) -> bool:
@@ -131,7 +131,7 @@ class GoalCarrier(Protocol):
     def recovered(
         self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
     ) -> Sequence[SentGoal]:
-        """Return the goals that former boot epochs have sent, each once."""
+        """Return the goals sent before the restart of this node, each once."""
         ...
 
     def serve(self, route: ActionRoute[Any, Any, Any], handler: GoalHandler) -> Callable[[], None]:

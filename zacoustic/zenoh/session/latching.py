@@ -3,7 +3,7 @@
 Zenoh's advanced subscriber with a history, such as a *transient local* subscription of rmw_zenoh,
 asks the caches of publishers, each under ``KEY/@adv/pub/…``. Zenoh's advanced publisher has such a
 cache. It needs samples with time stamps: if the file turns those off, there is no cache, and a
-warning says so.
+warning is logged.
 """
 
 import json
@@ -19,11 +19,11 @@ from zacoustic.zenoh.session.session import ZenohSession, one_line, zenoh_priori
 _logger = logging.getLogger(__name__)
 
 Latched = zenoh.ext.AdvancedPublisher | zenoh.Publisher
-"""A publisher with a cache, or without one if there can be none."""
+"""A publisher with a cache, or without one if a cache is impossible."""
 
 
 def stamp_samples(settings: zenoh.Config) -> None:
-    """Stamp all samples, which caches need, unless the file has its own setting."""
+    """Enable time stamps, which caches need, unless the file has its own setting."""
     if json.loads(settings.get_json("timestamping/enabled")) is None:
         everywhere = {"router": True, "peer": True, "client": True}
         settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
@@ -37,7 +37,7 @@ def latched_publisher(
     Args:
         zenoh_session: The session.
         key: Key of the publisher.
-        depth: Samples that it keeps.
+        depth: Number of samples that it keeps.
         priority: Priority of its samples.
     """
     try:
@@ -69,7 +69,7 @@ def latched_subscriber(
         zenoh_session: The session.
         expression: Keys of the subscriber.
         take: Receives samples, on a thread of Zenoh.
-        depth: Earlier samples that it wants from each publisher.
+        depth: Number of earlier samples to request from each publisher.
     """
     return zenoh.ext.declare_advanced_subscriber(
         zenoh_session.session,

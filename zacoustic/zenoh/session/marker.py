@@ -47,7 +47,7 @@ class Marker(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def is_marked(attachment: bytes) -> bool:
-    """Tell whether an attachment is a gateway's; cheap, for each sample on Zenoh's thread."""
+    """Return whether an attachment is a gateway's; cheap, for each sample on Zenoh's thread."""
     return attachment[1 : 1 + len(_NAME)] == _NAME and _MAP_FIRST <= attachment[0] <= _MAP_LAST
 
 

@@ -29,7 +29,7 @@ WORDS: Final = {
     False: "the Zenoh router is gone; nothing comes or goes until it is back",
     True: "the Zenoh router is back",
 }
-"""Messages for people when the connection is lost, and when it is back."""
+"""Log messages when the connection is lost, and when it is back."""
 
 HERE: Final = {"router": ("tcp/127.0.0.1:7447",), "peer": ("tcp/127.0.0.1:0",)}
 """Default endpoints at which a session listens, by mode."""
@@ -84,25 +84,25 @@ class ZenohSession:
             await worker.close(limit_s=CLOSE_LIMIT_S)
             raise explain(error, endpoints_of(config, "connect")) from error
         except BaseException:
-            # Opening goes on in its thread and cannot be stopped: a session that it opens is closed
-            # there.
+            # Opening goes on in its thread and cannot be stopped; the worker then closes a session
+            # that it opens.
             worker.end()
             raise
 
     def callback(
         self, function: Callable[[T], None], end: Callable[[], None] | None = None
     ) -> "zenoh.handlers.Callback[T]":
-        """Make a callback for Zenoh, for whose end `close` waits.
+        """Make a callback for Zenoh; `close` waits for its end.
 
-        Zenoh calls it on a thread that ends some time after the session. A thread that returns to
-        an ending interpreter aborts the process, which then lacks its own exit code.
+        Zenoh calls it on a thread that ends some time after the session. If that thread returns to
+        an ending interpreter, the process aborts and loses its own exit code.
 
-        Give it to Zenoh at once, together with a key that is already a `zenoh.KeyExpr`: with
-        another key Zenoh may raise before it takes the callback, which it then never drops.
+        Pass it to Zenoh at once, together with a key that is already a `zenoh.KeyExpr`: with
+        another key Zenoh may raise before it takes the callback, and would then never drop it.
 
         Args:
             function: Receives arrivals, on a thread of Zenoh.
-            end: Called there when nothing arrives any more.
+            end: Called there after the last arrival.
         """
 
         def drop() -> None:
@@ -122,8 +122,8 @@ class ZenohSession:
         """Watch the connection.
 
         Args:
-            tell: Called on a thread of Zenoh when the connection comes or goes, first when there is
-                one.
+            tell: Called on a thread of Zenoh when the connection is lost or back, first when it is
+                established.
         """
 
         def note(event: zenoh.TransportEvent) -> None:
@@ -192,7 +192,7 @@ class ZenohSession:
 
 
 def zenoh_priority(priority: Priority) -> zenoh.Priority:
-    """Return Zenoh's constant, which has the same number."""
+    """Return Zenoh's constant with the same number."""
     return _PRIORITIES[priority]
 
 
@@ -202,7 +202,7 @@ def mode_of(config: zenoh.Config) -> str:
 
 
 def endpoints_of(config: zenoh.Config, word: str) -> tuple[str, ...]:
-    """Return the endpoints at which a session with this config listens, or to which it connects.
+    """Return the endpoints that a session with this config listens at or connects to.
 
     Args:
         config: The settings.
@@ -215,14 +215,14 @@ def endpoints_of(config: zenoh.Config, word: str) -> tuple[str, ...]:
 
 
 def listen_at(config: zenoh.Config, endpoints: Sequence[str]) -> None:
-    """Make a session with this config listen elsewhere.
+    """Make a session with this config listen at other endpoints.
 
     Args:
         config: The settings; changed.
         endpoints: Endpoints that replace those of the config.
 
     Raises:
-        ConfigError: Zenoh knows no such endpoint.
+            ConfigError: Zenoh does not accept such an endpoint.
     """
     try:
         config.insert_json5("listen/endpoints", json.dumps(list(endpoints)))
@@ -233,15 +233,15 @@ def listen_at(config: zenoh.Config, endpoints: Sequence[str]) -> None:
 
 
 def listen_here(config: zenoh.Config) -> bool:
-    """Make a session without `listen` in its file listen on this computer only.
+    """If the file has no `listen`, make the session listen on this computer only.
 
-    Zenoh's own default is every network of the computer.
+    Zenoh's own default is all networks of the computer.
 
     Args:
         config: The settings; changed.
 
     Returns:
-        Whether the file has no `listen`, and the session would listen.
+        Whether that applied: the file has no `listen`, and the session listens.
     """
     if _setting(config, "listen/endpoints") != _ZENOH_LISTENS:
         return False
@@ -253,7 +253,7 @@ def listen_here(config: zenoh.Config) -> bool:
 
 
 def explain(error: zenoh.ZError, endpoints: Sequence[str] = ()) -> SessionError:
-    """Return an error of opening as one line with its meaning and what to do.
+    """Return an error of opening as one line with its meaning and advice.
 
     Args:
         error: The error of Zenoh.
@@ -285,7 +285,7 @@ def explain(error: zenoh.ZError, endpoints: Sequence[str] = ()) -> SessionError:
 
 
 def one_line(error: zenoh.ZError) -> str:
-    """Return Zenoh's message, without places in its source."""
+    """Return Zenoh's message, without locations in its source code."""
     return " ".join(_NOISE.sub("", str(error)).split())
 
 

@@ -1,7 +1,8 @@
 """Values on the Zenoh side: CBOR maps or JSON objects with a type, plain bytes without one.
 
 Decoding and encoding do not check whether the type allows the value; the caller that passes it to
-an engine or to an application does.
+Decoding and encoding do not check whether the type allows the value; the caller does, when it
+passes the value to an engine or to an application.
 """
 
 from zacoustic.core.values.encoding import OPAQUE, decode_application, encode_application
@@ -14,7 +15,7 @@ def said_encoding(encoding: object, otherwise: str) -> str:
 
     Args:
         encoding: Zenoh's encoding; its text counts.
-        otherwise: The stream's.
+        otherwise: The stream's encoding.
     """
     said = OPAQUE if encoding is None else str(encoding)
     return otherwise if said == OPAQUE else said

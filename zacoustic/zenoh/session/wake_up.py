@@ -1,7 +1,7 @@
-"""The wake-up from Zenoh's threads to the loop: at most one is under way.
+"""The wake-up from Zenoh's threads to the loop: at most one is pending.
 
-A call of the loop for each sample would make an unbounded queue of calls. So the sender keeps its
-items in a bounded queue and wakes the loop unless a wake-up is under way.
+One call of the loop per sample would make an unbounded queue of calls. So the sender puts its items
+into a bounded queue and wakes the loop unless a wake-up is pending.
 """
 
 import asyncio
@@ -33,7 +33,7 @@ class WakeUp:
             self._take()
 
     def ring(self) -> None:
-        """Have `answer` called soon; it sees everything handed over before this call."""
+        """Schedule `answer`; it sees everything handed over before this call."""
         with self._guard:
             if self._has_rung:
                 return

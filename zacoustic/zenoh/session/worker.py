@@ -19,7 +19,7 @@ from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
 
-# Longer than a node's attempt to reach its router, which cannot be interrupted.
+# Longer than the attempt of a node to reach its router, which cannot be interrupted.
 EXIT_LIMIT_S: Final = 4.0
 """How long the end of the process waits for the last steps, s."""
 
@@ -41,7 +41,7 @@ class Worker:
     def __init__(self, name: str) -> None:
         self._steps: queue.SimpleQueue[Callable[[], object] | None] = queue.SimpleQueue()
         self._farewell: Callable[[], object] = _do_nothing
-        # A daemon: a call that never returns does not keep the process.
+        # A daemon: a call that never returns does not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._guard = ExitGuard(self._exit)
         self._thread.start()
@@ -81,15 +81,15 @@ class Worker:
             return await done
 
     def end_with(self, farewell: Callable[[], object]) -> None:
-        """Set the last step, whichever caller ends the thread; called in a step."""
+        """Set the last step, for any caller that ends the thread; called in a step."""
         self._farewell = farewell
 
     def end(self) -> None:
-        """Run the present steps and end, without waiting. May be called again."""
+        """Run the pending steps and end, without waiting. May be called again."""
         self._steps.put(_END)
 
     async def close(self, *, limit_s: float) -> bool:
-        """Run the present steps and end; False: that takes longer than `limit_s`."""
+        """Run the pending steps and end; False: that takes longer than `limit_s`."""
         self.end()
         await asyncio.to_thread(self._thread.join, limit_s)
         return not self._thread.is_alive()
@@ -109,7 +109,7 @@ class Worker:
             step()
         except zenoh.ZError as error:
             _logger.debug("zenoh: %s", error)
-        except Exception:  # a fault of one step; later steps belong to others
+        except Exception:  # a bug in one step; later steps belong to others
             _logger.exception("a step of the thread %s failed", self._thread.name)
 
 

@@ -1,4 +1,4 @@
-"""What the answer to a command means for the frame that waits for it."""
+"""The meaning of a command's answer for the frame that waits for it."""
 
 from typing import Final
 
@@ -30,7 +30,7 @@ _WORD_OF_REMEDY: Final = {
 
 
 def said(reply: CommandReply) -> str:
-    """The modem's own words."""
+    """Return the answer in the modem's own words."""
     return reply_text(reply).strip()
 
 
@@ -50,10 +50,10 @@ def read_answer(phase: Phase, answer: Answer, carriage: Carriage, counter: int |
     """Return what an answer means.
 
     Args:
-        phase: Where the frame is.
-        answer: What was asked then, and answered.
-        carriage: How the frame goes.
-        counter: The number of a burst.
+        phase: Phase of the frame.
+        answer: The command and its answer.
+        carriage: How the frame is carried.
+        counter: Number of a burst.
     """
     reply = answer.reply
     if reply is None:

@@ -1,18 +1,18 @@
-"""A modem's messages about the end of one frame, and how far to believe them.
+"""A modem's messages about the end of one frame, and how reliable they are.
 
-Words about instant messages name a destination, but no message; a word about an earlier one may
-come late. So they are *certain* or a *rumour*, and after a rumour the modem is asked:
+Messages about instant messages name a destination but no frame, and one about an earlier frame may
+come late. So a message is *certain* or a *rumour*, and after a rumour the driver asks the modem:
 
-- Nothing counts that comes sooner than half the frame's airtime after it was given.
-- `SENDEND` has the beginning of the sound, by the modem's clock: it is certain if that is not
-  before the frame was given, and otherwise about another one.
-- `DELIVEREDIM` is certain behind the `SENDEND` of the frame and the `RECVEND` of a sound after it,
+- A message sooner than half the frame's airtime after it was given does not count.
+- `SENDEND` has the beginning of the sound by the modem's clock: it is certain if that is not before
+  the frame was given; otherwise it is about another frame.
+- `DELIVEREDIM` is certain after the `SENDEND` of the frame and the `RECVEND` of a later sound,
   which then was the acknowledgement. Without extended notifications it is a rumour.
-- `FAILEDIM`, `CANCELED…` and `EXPIRED…` are rumours: nothing goes before them.
-- Words about bursts carry a number, and are certain.
+- `FAILEDIM`, `CANCELED…` and `EXPIRED…` are rumours: no other message precedes them.
+- Messages about bursts carry a number, and are certain.
 - A piggyback message goes with anything that the modem sends to its receiver, so the `SENDEND` of
-  that is a rumour. `CANCELEDPBM` is certain: the message has not left. Unless a sound to the
-  receiver has begun since: then the word may be about an earlier one.
+  that is a rumour. `CANCELEDPBM` is certain: the message has not left. But if a sound to the
+  receiver has begun since, it may be about an earlier message.
 """
 
 from zacoustic.core.linktypes import TransmitOutcome
@@ -34,24 +34,24 @@ class Evidence:
     """The messages about one frame.
 
     Args:
-        carriage: How it goes.
-        session: What is known of the modem.
-        airtime_ns: How long it sounds, ns.
+        carriage: How the frame is carried.
+        session: State of the modem.
+        airtime_ns: Airtime of the frame, ns.
     """
 
     def __init__(self, carriage: Carriage, session: ModemSession, airtime_ns: int) -> None:
         self.outcome: TransmitOutcome | None = None
         """The outcome; None while unknown."""
         self.is_certain = False
-        """It needs no question."""
+        """The outcome needs no query."""
         self.words = ""
-        """In the modem's own words."""
+        """The modem's own words."""
         self.given_at = self.started_at = 0
-        """When the frame was given, and when its sound began, ns."""
+        """When the frame was given to the modem, and when its sound began, ns."""
         self.ends_at: int | None = None
         """When its sound ends, ns, if the modem has reported it."""
         self.answer: RecvEnd | None = None
-        """The last sound that was heard behind it: of a message, its acknowledgement."""
+        """The last sound received after it: for a message, its acknowledgement."""
         self._carriage = carriage
         self._session = session
         self._airtime_ns = airtime_ns
@@ -60,7 +60,7 @@ class Evidence:
         self._has_left = self._has_heard = self._has_begun = False
 
     def begin(self, now: int) -> None:
-        """The frame is given: no earlier message is about it."""
+        """Note that the frame is given: no earlier message is about it."""
         self.given_at = self.started_at = now
         self.ends_at = None
         self.answer = None
@@ -69,7 +69,7 @@ class Evidence:
         self.forget()
 
     def forget(self) -> None:
-        """The messages were not about this frame."""
+        """Discard the messages: they were not about this frame."""
         self.outcome, self.is_certain, self.words = None, False, ""
 
     def handle(self, record: Notification, counter: int | None, now: int) -> Word | None:
@@ -77,7 +77,7 @@ class Evidence:
 
         Args:
             record: A message of the modem.
-            counter: The number of a burst.
+            counter: Number of a burst.
             now: The instant, ns.
 
         Returns:
@@ -106,12 +106,12 @@ class Evidence:
 
     def is_too_soon(self, now: int) -> bool:
         """Tell whether the frame cannot have left yet."""
-        # The end of an acknowledgement too soon for the piggyback message: it has missed it.
+        # An acknowledgement that ends too soon for the piggyback message: the message missed it.
         is_message = self._carriage.service in (Service.IM, Service.IMS)
         return is_message and 2 * (now - self.given_at) < self._airtime_ns
 
     def _take_end(self, record: SendEnd, now: int) -> bool:
-        """Take the end of a sound; return whether it can be the frame's."""
+        """Take the end of a sound; return whether it can be that of the frame."""
         session, carriage = self._session, self._carriage
         is_like_it = carriage.is_sound(record.kind, record.destination)
         if not is_like_it or session.was_before(record.clock_us, self.given_at, now):

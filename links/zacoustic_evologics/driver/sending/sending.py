@@ -1,4 +1,4 @@
-"""One frame, from the first question to its one report.
+"""One frame, from the first query to its one report.
 
 ::
 
@@ -11,17 +11,16 @@
 
 What must never happen, and what prevents it:
 
-- *A frame is sent twice.* It is given again only after the modem has refused it in words, or given
-  it back unsent. Once it may have it (an answer that got lost is enough), it is never given again.
-- *An old word is taken for a new one.* See `sending_evidence`. What is left of a frame that was
-  given up is dropped in the modem (DROPPING), and after a loss of the connection `startup` waits
-  for it.
-- *A piggyback message stays behind.* Its success is silent, and it would leave at any later time.
-  So the modem must drop it when it should have left (POLLING); its answer then shows
+- *A frame is sent twice.* It is given again only after the modem has explicitly refused it or
+  returned it unsent. Once the modem may have it (a lost answer is enough), it is never given again.
+- *An old message is taken for a new one.* See `evidence`. A frame that was given up is dropped in
+  the modem (DROPPING), and after a loss of the connection `startup` waits for it.
+- *A piggyback message stays behind.* Its success is silent, and it could leave at any later time.
+  So the driver tells the modem to drop it once it should have left (POLLING); the answer then shows
   whether it had. If not, it goes as an instant message, or waits for an opportunity (RETURNED).
-- *An unsent frame is reported as sent.* When the modem's usual messages stop, it may
-  have been restarted with the frame in it. So before silence is taken for success, it is asked
-  whether it still has the extended notifications switched on (VERIFYING).
+- *An unsent frame is reported as sent.* If the modem's usual messages stop, it may have been
+  restarted with the frame in it. So before silence counts as success, the driver asks whether the
+  extended notifications are still switched on (VERIFYING).
 """
 
 from typing import Final
@@ -66,13 +65,13 @@ _STIRRING: Final = (RecvEnd, RecvFailed, SendEnd, Status)
 
 
 class Sending:
-    """One frame on its way.
+    """One frame under way.
 
     Args:
         transmission: The frame to send.
-        carriage: By which service.
-        channel: Where commands go.
-        session: What is known of the modem.
+        carriage: The service that carries it.
+        channel: Takes commands.
+        session: State of the modem.
         now: Instant of the call of `transmit`, ns.
     """
 
@@ -86,15 +85,15 @@ class Sending:
     ) -> None:
         self.phase = Phase.CHECKING if carriage.service is Service.BURST else Phase.PREPARING
         self.carriage = carriage
-        """Its service; another one, if the modem gives it back."""
+        """Its service; another one if the modem returns it."""
         self.ticket: int | None = None
-        """Of the command whose answer is waited for."""
+        """Ticket of the awaited answer's command."""
         self.due_at: int | None = None
         """When to call `handle_timeout`, ns."""
         self.report: TransmitReport | None = None
-        """There in the phase OVER."""
+        """Its report, in the phase OVER."""
         self.suspicion = ""
-        """Why the modem cannot be trusted any more; empty if it can."""
+        """Why the modem is not trustworthy any more; empty: it is."""
         self._transmission = transmission
         self._channel = channel
         self._session = session
@@ -156,12 +155,12 @@ class Sending:
             self._step(word, now)
 
     def _was_refused(self, now: int) -> bool:
-        """The modem has no frame, and cannot have sent it: the unknown words were a refusal."""
+        """Tell whether unknown words were a refusal: the modem cannot have sent the frame."""
         is_burst = self.carriage.service is Service.BURST
         return bool(self._doubted) and (is_burst or self._evidence.is_too_soon(now))
 
     def handle_notification(self, record: Notification, now: int) -> None:
-        """Take a message of the modem; most are about something else."""
+        """Take a message of the modem; most are about other matters."""
         if isinstance(record, _STIRRING):
             self._step(Word.STIRRED, now)
         if self.phase not in HAS_FRAME:
@@ -175,19 +174,19 @@ class Sending:
             self.due_at = self._first_poll_at(now)
 
     def handle_timeout(self, now: int) -> None:
-        """The time of the phase is over."""
+        """Handle the end of the phase's time."""
         if self.due_at is None or now < self.due_at:
             return
         end_at = self._times.busy_until if self.phase is Phase.PAUSING else self._limit_at
         self._step(Word.EXPIRED if now >= end_at else Word.DUE, now)
 
     def handle_lost(self, reason: str, now: int) -> None:
-        """The connection, or the modem, is gone."""
+        """Handle the loss of the connection or the modem."""
         self._loss = reason
         self._step(Word.LOST, now)
 
     def _step(self, word: Word, now: int) -> None:
-        """Look the next phase up, and do what it is for."""
+        """Look the next phase up and enter it."""
         before = self.phase
         after = TRANSITIONS.get((before, word))
         if after is None or after is before:
@@ -202,20 +201,20 @@ class Sending:
             self._enter(now)
 
     def _use(self, carriage: Carriage) -> None:
-        """Begin again with this service; no earlier message counts."""
+        """Begin again with this service; earlier messages do not count."""
         self.carriage = carriage
         self._times = Timetable(carriage, self._session, self._called_at)
         self._evidence = Evidence(carriage, self._session, self._times.airtime_ns)
 
     def _can_be_given_again(self, now: int) -> bool:
-        """A piggyback message has certainly not left, and may go otherwise or later."""
+        """Tell whether a piggyback message certainly has not left, and may go another way."""
         is_back = self._evidence.outcome is TransmitOutcome.REJECTED
         if not (self._is_piggyback and is_back):
             return False
         return self.carriage.alternative is not None or now < self._times.busy_until
 
     def _enter(self, now: int) -> None:
-        """Do what the phase is for."""
+        """Do the work of the phase."""
         match self.phase:
             case Phase.CHECKING:
                 self._ask(Query("S"), now)
@@ -252,16 +251,16 @@ class Sending:
                 pass
 
     def _to_prepare(self, now: int) -> list[Command]:
-        """What is asked before the frame is given."""
-        # A modem that was switched off and on since the start is as loud as it was stored, and
-        # repeats as often.
+        """Return the queries and settings before the frame is given."""
+        # A modem that was switched off and on since the start has its stored source level and
+        # number of repetitions.
         on_deck = self._session.config.deck
         preparations: list[Command] = [Set("L", IN_AIR_SOURCE_LEVEL)] if on_deck else []
         is_message = self.carriage.service is Service.IM and self.carriage.acknowledged
         if is_message and self._session.must_set_retries(now):
             preparations.append(Set("RI", self._session.config.retries))
         if self._is_piggyback and self._session.has_piggyback:
-            preparations.append(DROP_MESSAGES)  # else its end would be taken for this one's
+            preparations.append(DROP_MESSAGES)  # else its end would be taken for this frame's
         if self.carriage.service is Service.BURST:
             preparations.append(Query("PC"))
         return preparations
@@ -276,7 +275,7 @@ class Sending:
         self.ticket = self._channel.ask(command, now)
 
     def _fly(self, now: int) -> None:
-        """Wait for the end, at first for as long as it takes."""
+        """Wait for the end, at first for the airtime."""
         self._evidence.is_accepted = True
         if self._evidence.outcome is not None and not self._has_asked:
             self._step(Word.PROVEN if self._evidence.is_certain else Word.RUMOUR, now)
@@ -304,7 +303,7 @@ class Sending:
         )
 
     def _judge(self, before: Phase, word: Word) -> tuple[TransmitOutcome, str]:
-        """Return the outcome, and the modem's words."""
+        """Return the outcome, with the modem's words."""
         evidence = self._evidence
         if evidence.outcome is not None and evidence.is_certain and word is not Word.REFUSED:
             return evidence.outcome, evidence.words
@@ -337,17 +336,17 @@ class Sending:
 
     @property
     def _question(self) -> str:
-        """What the modem is asked about the frame, as it is written."""
+        """Return the query about the frame, as text."""
         return encode_command(self.carriage.state_query(), Framing.LINES, b"").decode("ascii")
 
     def _is_silence_suspect(self) -> bool:
-        """The modem has sent nothing and should have; or its silence proves something."""
+        """Tell whether the modem is silent although it should not be, or its silence is a proof."""
         if self._is_piggyback:
             return True
         return self._session.has_extended_notifications and self._evidence.outcome is None
 
     def _judge_silence(self) -> tuple[TransmitOutcome, str]:
-        """The modem is done with the frame; it was asked, and there may be a rumour."""
+        """Return the outcome if the modem has no frame any more; there may be a rumour."""
         state, rumour = self._state, self._evidence.outcome
         outcome = TransmitOutcome.SENT
         if self.carriage.acknowledged:
@@ -357,8 +356,8 @@ class Sending:
         elif rumour is not None:
             outcome = rumour
         elif self._is_piggyback:
-            outcome = TransmitOutcome.ABORTED  # it has not reported that anything went there
-        # Without either: also a firmware that does not know AT?DI has taken the message, and the
+            outcome = TransmitOutcome.ABORTED  # it has not reported any sound to that destination
+        # Without either: even a firmware that does not know AT?DI has taken the message, and the
         # time is over.
         asked = f"{self._question}: {self._asked}"
         return outcome, self._evidence.words if outcome is rumour else asked

@@ -1,4 +1,4 @@
-"""Which of the modem's services carries a frame, and what each of them proves.
+"""The modem's services: which one carries a frame, and what the end of each proves.
 
 =============  ===========================  ======================================================
 service        for                          how it ends
@@ -13,15 +13,16 @@ burst          above 64 bytes, or if        `DELIVERED` and `FAILED`, with the n
                configured; one receiver     `AT?PC` gave for it: no doubt which frame is meant
 =============  ===========================  ======================================================
 
-An instant message takes 0.2…0.9 s, the connection of a burst alone about that; so up to 64 bytes
-an instant message is sooner there.
+An instant message takes 0.2…0.9 s, the connection of a burst alone about as long; so up to 64 bytes
+an instant message is sooner done.
 
-A piggyback message waits in the modem until that sends something to the receiver by itself, which
-may be never. So it is sooner only where that is about to happen: the modem has received a message
-that asks for an acknowledgement, and the frame goes to who sent it. An instant message would be
-refused until the acknowledgement has gone and a pause is over, 0.3 s; a piggyback message goes with
-it. What comes too late for that is taken back and goes as an instant message. It is done with
-modems only that have been seen to tell of their acknowledgements: no capture shows whether all do.
+A piggyback message waits in the modem until the modem sends something to the receiver by itself,
+which may never happen. So it is sooner only if that is about to happen: the modem has received a
+message that asks for an acknowledgement, and the frame goes to its sender. The modem would refuse
+an instant message until the acknowledgement has gone and a pause is over, 0.3 s; a piggyback
+message goes with it. If it comes too late for that, the driver takes it back and sends it as an
+instant message. The driver does this only with modems that have reported their acknowledgements: no
+capture shows whether all do.
 """
 
 import enum
@@ -64,38 +65,38 @@ DROP_MESSAGES: Final = Act(Action.RESET, 3)
 
 
 class Service(enum.Enum):
-    """What carries a frame; the value is how SENDSTART and SENDEND call it."""
+    """A service; the value is its name in SENDSTART and SENDEND."""
 
     IM = "im"
     """Instant message."""
     IMS = "ims"
     """Synchronous instant message."""
     PIGGYBACK = "pbm"
-    """Piggyback message; the sound has the name of what it goes with."""
+    """Piggyback message; its sound has the name of what it goes with."""
     BURST = "burst"
     """Burst data; no source has SENDSTART's word for it."""
 
 
 class Remedy(enum.Enum):
-    """What a refusal of a frame asks for."""
+    """The reaction to a refusal of a frame."""
 
     WAIT = "wait"
-    """Ask again when the modem has time."""
+    """Try again when the modem has time."""
     CLEAR = "clear"
     """Empty its buffer first."""
     LISTEN = "listen"
-    """Bring it back to listening first."""
+    """Make it listen first."""
     NONE = "none"
-    """It will be refused again."""
+    """None: it would refuse again."""
     ASK = "ask"
-    """Unknown or damaged words: the modem is asked whether it has the frame."""
+    """Unknown or damaged words: ask the modem whether it has the frame."""
 
 
 class Carriage(msgspec.Struct, frozen=True, kw_only=True):
     """How one frame is carried."""
 
     service: Service
-    """By what."""
+    """The service."""
     acknowledged: bool
     """The other modem acknowledges."""
     payload: bytes
@@ -103,7 +104,7 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
     destination: int
     """Address, or BROADCAST."""
     alternative: "Carriage | None" = None
-    """What carries it when this one does not."""
+    """What carries it if this does not."""
 
     def command(self) -> PayloadCommand:
         """Return the command that gives the frame to the modem."""
@@ -118,9 +119,9 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
         return SendIm(payload=payload, destination=to, flag=flag)
 
     def state_query(self) -> Query | Act:
-        """Return the question whether the modem has the frame still.
+        """Return the query whether the modem still has the frame.
 
-        Of a piggyback message only its end tells: the modem says so if it drops one.
+        For a piggyback message only dropping it tells: the modem reports if it drops one.
         """
         if self.service is Service.PIGGYBACK:
             return self.drop_command()
@@ -135,7 +136,7 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
         return self.is_sound(record.kind, record.destination)
 
     def is_sound(self, kind: str, destination: int) -> bool:
-        """Tell whether the frame sounds so. A piggyback message goes with whatever goes there."""
+        """Tell whether a sound can be the frame's; a piggyback message goes with any to there."""
         is_named = self.service is Service.PIGGYBACK or kind == self.service.value
         return is_named and destination == self.destination
 
@@ -144,7 +145,7 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
 
         Args:
             record: A message of the modem.
-            counter: What `AT?PC` answered before a burst.
+            counter: Answer of `AT?PC` before a burst.
         """
         if getattr(record, "destination", None) != self.destination:
             return None
@@ -172,7 +173,7 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def choose_carriage(transmission: Transmission, session: ModemSession, now: int) -> Carriage | str:
-    """Return how a frame goes, or why it cannot."""
+    """Return how a frame is carried, or why it cannot be."""
     size, to, wanted = len(transmission.frame_bytes), transmission.destination, session.config
     if not 1 <= size <= wanted.mtu:
         return f"frame of {size} bytes; allowed: 1..{wanted.mtu}"
@@ -202,7 +203,7 @@ def choose_carriage(transmission: Transmission, session: ModemSession, now: int)
 
 
 def _with_piggyback(chosen: Carriage, session: ModemSession, now: int) -> Carriage:
-    """Return the piggyback message that a frame goes by, if one is sooner or configured."""
+    """Return a frame's piggyback message if that is sooner or configured; otherwise `chosen`."""
     if chosen.destination == BROADCAST or chosen.service is not Service.IM:
         return chosen
     piggyback = msgspec.structs.replace(chosen, service=Service.PIGGYBACK)
@@ -216,7 +217,7 @@ def _with_piggyback(chosen: Carriage, session: ModemSession, now: int) -> Carria
 
 
 def remedy_for(refusal: Refused) -> Remedy:
-    """Return what a refusal asks for, by the words that drivers have met."""
+    """Return the reaction to a refusal, by the words that drivers have met."""
     if refusal.kind is RefusalKind.BUSY:
         return Remedy.WAIT
     if refusal.reason.startswith("BUFFER") and refusal.reason.endswith("NOT EMPTY"):
@@ -225,7 +226,7 @@ def remedy_for(refusal: Refused) -> Remedy:
 
 
 def remedy_command(remedy: Remedy) -> Command:
-    """Return the command that a remedy consists of."""
+    """Return the command of a remedy."""
     return Act(Action.RESET, 4) if remedy is Remedy.CLEAR else Act(Action.LISTEN)
 
 

@@ -1,60 +1,60 @@
-"""The phases of one frame, what can happen to it, and the table of both; drawn in `sending`."""
+"""The phases of one frame, its inputs, and the transition table; drawn in `sending`."""
 
 import enum
 from typing import Final
 
 
 class Phase(enum.Enum):
-    """Where a frame is."""
+    """The phase of a frame."""
 
-    # A burst first, and what was refused: `AT?S` is asked, whether the modem has time.
+    # A burst first, and after a refusal: `AT?S` asks whether the modem has time.
     CHECKING = "checking"
-    # A burst: `AT?PC` is asked, the number of the next one. On deck, `AT!L3` is said.
+    # For a burst, `AT?PC` asks for the number of the next one. On deck, `AT!L3` sets the level.
     PREPARING = "preparing"
     # The modem has the frame and has not accepted it yet.
     GIVING = "giving"
-    # It did not accept it in time; it is asked whether it has the frame.
+    # It did not accept it in time; the driver asks whether it has the frame.
     DOUBTING = "doubting"
-    # It cannot take the frame now. Waits for a pause, or for something to end.
+    # It cannot take the frame now. The driver waits for a pause, or for something to end.
     PAUSING = "pausing"
-    # `ATZ4` or `ATA` is to make it take the frame.
+    # `ATZ4` or `ATA` makes it ready for the frame.
     MENDING = "mending"
     # It has accepted the frame and will report the outcome.
     FLYING = "flying"
-    # It should have said so by now, or may have meant another frame; it is asked. A piggyback
-    # message: it is told to forget it, and says so if it still could.
+    # It should have reported by now, or may have meant another frame; the driver asks. A piggyback
+    # message: the driver tells the modem to drop it; the modem reports if it still could.
     POLLING = "polling"
-    # It knows nothing of a frame any more; it is asked whether it was restarted.
+    # It has no frame any more; the driver asks whether it was restarted.
     VERIFYING = "verifying"
     # The frame has taken too long; the modem must drop it.
     DROPPING = "dropping"
-    # The report is there.
+    # The report is ready.
     OVER = "over"
 
 
 class Word(enum.Enum):
-    """What can happen to a frame."""
+    """An input of a frame."""
 
     LISTENING = "listening"
-    """`AT?S`: it has time."""
+    """`AT?S`: the modem has time."""
     OCCUPIED = "occupied"
-    """`AT?S`: it has none."""
+    """`AT?S`: it has no time."""
     PREPARED = "prepared"
-    """What is asked before was answered, or there is nothing."""
+    """The preparations are answered, or there are none."""
     ACCEPTED = "accepted"
     """`OK`."""
     NOT_NOW = "not now"
-    """BUSY, or an error that passes."""
+    """BUSY, or a temporary error."""
     MENDABLE = "mendable"
-    """An error that a command mends."""
+    """An error that a command removes."""
     REFUSED = "refused"
-    """An error that stays."""
+    """A permanent error."""
     HAS_IT = "has it"
-    """The modem has the frame still."""
+    """The modem still has the frame."""
     IDLE = "idle"
     """The modem has no frame."""
     DONE = "done"
-    """A command that need not say more was answered."""
+    """The answer of a command that proves no more."""
     RESTARTED = "restarted"
     """The modem has lost its settings."""
     UNANSWERED = "unanswered"
@@ -62,11 +62,11 @@ class Word(enum.Enum):
     PROVEN = "proven"
     """A notification reports its outcome."""
     RUMOUR = "rumour"
-    """A notification may report its outcome, or an earlier one's."""
+    """A notification may report its outcome, or that of an earlier frame."""
     RETURNED = "returned"
-    """The modem has given it back unsent, and there is another way or another chance."""
+    """The modem has returned it unsent, and there is another service or another opportunity."""
     STIRRED = "stirred"
-    """Something ended that may have kept the modem busy."""
+    """Something ended that may have occupied the modem."""
     DUE = "due"
     """The time of the phase is over."""
     EXPIRED = "expired"
@@ -122,7 +122,7 @@ TRANSITIONS: Final[dict[tuple[Phase, Word], Phase]] = {
     (Phase.DROPPING, Word.PROVEN): Phase.OVER,
     **{(phase, Word.LOST): Phase.OVER for phase in Phase if phase is not Phase.OVER},
 }
-"""What is not here changes nothing: a word about something else, or one that comes too late."""
+"""Other pairs change nothing: the input is about another matter, or comes too late."""
 
 HAS_FRAME: Final = frozenset(
     {Phase.GIVING, Phase.DOUBTING, Phase.FLYING, Phase.POLLING, Phase.VERIFYING, Phase.DROPPING}

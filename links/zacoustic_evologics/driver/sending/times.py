@@ -1,4 +1,4 @@
-"""How long a frame takes, and when to ask for its outcome."""
+"""The times of a frame: how long it takes, and when to ask for its outcome."""
 
 from typing import Final
 
@@ -7,18 +7,18 @@ from zacoustic_evologics.driver.sending.service import Carriage, Service
 from zacoustic_evologics.driver.session.session import OWED_S, ModemSession
 
 BUSY_PAUSE_S: Final = (0.5, 1.5)
-"""Between two questions whether the modem has time, s; the vendor's middleware waits 1 s. Each time
-another one: nodes that all heard the same sound would go on sending at the same instants."""
+"""Random pause between two queries whether the modem has time, s; the vendor's middleware waits
+1 s. Nodes that all heard the same sound would otherwise keep sending at the same instants."""
 LEAVING_MARGIN_S: Final = 0.02
-"""Published airtimes are 14 ms off the straight line at most, s."""
+"""Error of the straight line through the published airtimes, s: 14 ms at most, and some margin."""
 LEAVING_POLL_S: Final = 0.05
-"""Between two questions whether a message has left, s, if the modem does not report it."""
+"""Pause between two queries whether a message has left, s, if the modem does not report it."""
 FLYING_POLL_S: Final = 0.5
-"""Between two questions for the outcome of a message that should be over, s."""
+"""Pause between two queries for the outcome of a message that should be over, s."""
 BURST_POLL_S: Final = 5.0
-"""The same of a burst, s: its end is always reported, so this finds only a restarted modem."""
+"""The same for a burst, s: its end is always reported, so this finds only a restarted modem."""
 MARGIN_S: Final = 0.6
-"""For what a modem does between receiving and answering (0.25 s), and for the cable."""
+"""Margin for the modem's time between receiving and answering (0.25 s), and for the cable, s."""
 IM_LIMIT_S: Final = 15.0
 """Longest time for each attempt of an instant message, s: 8 km and back are 11 s."""
 BURST_LIMIT_S: Final = 60.0
@@ -29,8 +29,8 @@ class Timetable:
     """The times of one frame, all in ns.
 
     Args:
-        carriage: How it goes.
-        session: What is known of the modem.
+        carriage: How the frame is carried.
+        session: State of the modem.
         called_at: Instant of the call of `transmit`, ns.
     """
 
@@ -38,7 +38,7 @@ class Timetable:
         config = session.config
         self.airtime_ns = session.capabilities().airtime_ns(len(carriage.payload))
         self.busy_until = called_at + seconds_to_ns(config.busy_s)
-        """How long it may wait for the modem to have time, or an occasion."""
+        """How long it may wait until the modem has time, or for an opportunity."""
         self._waits_s = config.busy_s
         self._carriage = carriage
         self._is_told = carriage.acknowledged or session.has_extended_notifications
@@ -47,7 +47,7 @@ class Timetable:
 
     @property
     def limit_ns(self) -> int:
-        """After the frame was given it is dropped."""
+        """Time after which a given frame is dropped."""
         if self._carriage.service is Service.BURST:
             return seconds_to_ns(BURST_LIMIT_S)
         if self._carriage.service is Service.PIGGYBACK:
@@ -56,13 +56,13 @@ class Timetable:
 
     @property
     def poll_ns(self) -> int:
-        """Between two questions."""
+        """Pause between two queries."""
         if self._carriage.service is Service.BURST:
             return seconds_to_ns(BURST_POLL_S)
         return seconds_to_ns(FLYING_POLL_S if self._is_told else LEAVING_POLL_S)
 
     def first_poll_at(self, given_at: int, ends_at: int | None) -> int:
-        """Return when the first question is due.
+        """Return when the first query is due.
 
         Args:
             given_at: When the frame was given to the modem.
@@ -80,5 +80,5 @@ class Timetable:
             return given_at + self._attempts * exchange_ns
         if not self._is_told:
             return given_at + self.airtime_ns + seconds_to_ns(LEAVING_MARGIN_S)
-        # The airtimes of firmwares differ by a tenth.
+        # The airtimes of different firmwares differ by a tenth.
         return (ends_at or given_at + 5 * self.airtime_ns // 4) + margin_ns

@@ -1,1 +1,1 @@
-"""The modem's state and measurements, what is asked of it, and what goes to the link."""
+"""The modem's state and measurements, queries about them, and events for the link."""

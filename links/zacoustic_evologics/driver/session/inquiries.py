@@ -1,13 +1,12 @@
-"""Single questions that belong to no state: no caller waits for their answers.
+"""Single queries that belong to no state: no caller waits for their answers.
 
 - After an exchange: the propagation delay (`AT?T`). The answer is about the last exchange, so it is
-  not taken if the modem has received a message meanwhile, nor if it does not fit into the duration
-  of ours.
-- Behind a frame, now and then: the supply (`AT?BV`).
-- After a message that a working modem does not send: whether it has been restarted. A restarted one
-  has forgotten that this port wants extended notifications (`AT?ZX`); if they are not wanted, an
+  ignored if the modem has received a message meanwhile, or if it does not fit the duration of ours.
+- After a frame, now and then: the supply voltage (`AT?BV`).
+- After a message that a working modem does not send: whether it was restarted. A restarted modem
+  has lost the request of this port for extended notifications (`AT?ZX`); if they are not wanted, an
   answer as before must do.
-- On deck, when somebody has made it louder: set it back (`AT!L3`).
+- On deck, after somebody has raised the source level: set it back (`AT!L3`).
 """
 
 from collections.abc import Callable
@@ -25,10 +24,10 @@ from zacoustic_evologics.driver.session.measuring import measured_delay, modem_r
 from zacoustic_evologics.driver.session.session import ModemSession
 
 CHECK_PAUSE_S: Final = 10.0
-"""Between two checks, s: received data may look like a restart while it comes."""
+"""Pause between two checks, s: received data may look like a restart while it comes."""
 
 BATTERY_PAUSE_S: Final = 300.0
-"""Between two readings of the supply, s."""
+"""Pause between two readings of the supply voltage, s."""
 
 See = Callable[[CommandReply | None, int], str]
 
@@ -37,8 +36,8 @@ class Inquiries:
     """Asks, and reads the answers.
 
     Args:
-        channel: Where commands go.
-        session: Takes the values read.
+        channel: Takes commands.
+        session: Takes the values.
         tell: Takes the events.
     """
 
@@ -57,22 +56,22 @@ class Inquiries:
         self._checked_at: int | None = None
 
     def forget(self) -> None:
-        """The connection is new."""
+        """Discard all state: the connection is new."""
         self._sent.clear()
         self._checked_at = self._battery_at = None
 
     def note_message(self) -> None:
-        """A message has come: what the modem measures from now on may be about its sender."""
+        """Note a message: from now on the modem's measurements may be about its sender."""
         self._messages += 1
 
     def measure_delay(
         self, address: int, report: TransmitReport, answer: RecvEnd | None, now: int
     ) -> None:
-        """Ask how long the sound took in the exchange with another modem that has just ended.
+        """Ask for the propagation delay of the exchange with another modem that has just ended.
 
         Args:
             address: The other modem.
-            report: Of our frame.
+            report: Report of our frame.
             answer: The sound of its acknowledgement, if the modem has reported it.
             now: The instant.
         """
@@ -92,7 +91,7 @@ class Inquiries:
         self._send(Query("T"), see, now)
 
     def read_battery(self, now: int) -> None:
-        """Ask for the supply, if that was not done lately; at the start it is read anyway."""
+        """Ask for the supply voltage unless that was done recently; the start-up reads it too."""
         if self._battery_at is None:
             self._battery_at = now
         if now - self._battery_at < seconds_to_ns(BATTERY_PAUSE_S):
@@ -108,7 +107,7 @@ class Inquiries:
         self._send(Query("BV"), see, now)
 
     def check(self, now: int) -> None:
-        """Ask whether the modem has been restarted, if that was not asked lately."""
+        """Ask whether the modem was restarted, unless that was done recently."""
         if self._checked_at is not None and now - self._checked_at < seconds_to_ns(CHECK_PAUSE_S):
             return
         self._checked_at = now
@@ -128,7 +127,7 @@ class Inquiries:
         self._send(Set("L", IN_AIR_SOURCE_LEVEL), see, now)
 
     def handle_answer(self, answer: Answer, now: int) -> str:
-        """Take an answer; return why the modem cannot be trusted any more, or nothing."""
+        """Take an answer; return why the modem is not trustworthy any more, or an empty text."""
         see = self._sent.pop(answer.ticket, None)
         return see(answer.reply, now) if see is not None else ""
 

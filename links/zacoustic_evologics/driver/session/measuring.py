@@ -1,12 +1,12 @@
 """From a modem's reports on others and on itself to measurements of the link contract.
 
-- A fix whose uncertainty is about as large as the distance does not count: the modem has heard its
-  answer without a direction. Its delay is good all the same.
-- Fixes come half a second after their sound, and carry that delay: two readings of the system
-  clock, of which only the difference counts, since the clock may be set at any time.
-- No source says where bearings begin. They are taken as angles in the plane of east and north,
-  counted from the east, since `x` is called the first axis and the emulator does the same; the
-  contract counts from the north. A head and a compass can settle it.
+- A fix whose uncertainty is about as large as the distance does not count: the modem has heard the
+  answer without a direction. Its delay is still valid.
+- Fixes come half a second after their sound, and carry that delay as two readings of the system
+  clock. Only the difference counts, since the clock may be set at any time.
+- No source says where bearings begin. The driver takes them as angles in the plane of east and
+  north, counted from the east, since `x` is called the first axis and the emulator does the same;
+  the contract counts from the north. A test with a head and a compass can settle it.
 """
 
 import math
@@ -22,7 +22,7 @@ from zacoustic_evologics.driver.session.session import (
 )
 
 NO_FIX_SHARE: Final = 0.9
-"""Uncertainty over distance from which a fix is none; a capture without one has 1.0."""
+"""Ratio of uncertainty to distance above which a fix is invalid; a capture without one has 1.0."""
 
 
 def measured_delay(
@@ -31,9 +31,9 @@ def measured_delay(
     """Return the measurement of an exchange; None if the modem has no delay.
 
     Args:
-        session: What is known of the modem.
-        address: The other one.
-        delay_us: The modem's value, µs; 0 and less is none.
+        session: State of the modem.
+        address: The other modem.
+        delay_us: The modem's value, µs; 0 or less: none.
         at: When the exchange had ended, ns.
         answer: The sound of the acknowledgement, if the modem has reported it.
     """
@@ -50,7 +50,7 @@ def measured_delay(
 
 
 def measured_position(session: ModemSession, fix: UsblLong, now: int) -> PeerMeasured:
-    """Return the values of a fix, without the position if it has none."""
+    """Return the values of a fix; without the position if it is invalid."""
     propagation_s = fix.propagation_us / 1e6 if fix.propagation_us > 0 else None
     distance_m = math.hypot(fix.east_m, fix.north_m, fix.up_m)
     has_place = 0 <= fix.accuracy_m < NO_FIX_SHARE * distance_m
@@ -69,7 +69,7 @@ def measured_position(session: ModemSession, fix: UsblLong, now: int) -> PeerMea
 
 
 def measured_direction(angles: UsblAngles, now: int) -> PeerMeasured | None:
-    """Return from where a message came; None if the head does not know."""
+    """Return the direction of a message; None if the head does not know it."""
     if angles.accuracy_rad < 0:
         return None
     metrics = LinkMetrics(
@@ -84,7 +84,7 @@ def measured_direction(angles: UsblAngles, now: int) -> PeerMeasured | None:
 
 
 def modem_read(session: ModemSession, now: int) -> ModemRead:
-    """Return the modem's values of itself."""
+    """Return the modem's own values."""
     level = session.source_level
     return ModemRead(
         read_at=now,
@@ -95,6 +95,6 @@ def modem_read(session: ModemSession, now: int) -> ModemRead:
 
 
 def _heard_at(clock_us: int, measured_us: int, now: int) -> int:
-    """When the sound of this report was heard, ns."""
+    """Return when the sound of this report was received, ns."""
     ago_ns = (clock_us - measured_us) * 1000
     return now - (ago_ns if 0 < ago_ns < CLOCK_TRUST_NS else 0)

@@ -15,17 +15,17 @@ from zacoustic_evologics.driver.session.session import ModemSession
 
 
 class Outbox:
-    """Keeps events until they are polled, and counts what becomes of transmissions.
+    """Stores events until they are polled, and counts outcomes of transmissions.
 
     Args:
-        session: Where is counted.
+        session: Takes the counts.
     """
 
     def __init__(self, session: ModemSession) -> None:
         self.detail = ""
         """The modem, or what the link waits for."""
         self.has_been_up = False
-        """Since the link was opened; before that a link without a modem opens, and is not down."""
+        """Since the link was opened. Before that, a link without a modem is OPENING, not DOWN."""
         self._session = session
         self._events: deque[Event] = deque()
 
@@ -34,31 +34,31 @@ class Outbox:
         return self._events.popleft() if self._events else None
 
     def put(self, events: Iterable[Event]) -> None:
-        """Tell these."""
+        """Add events."""
         self._events.extend(events)
 
     def up(self, now: int) -> None:
-        """Tell that the modem is ready."""
+        """Report that the modem is ready."""
         self.has_been_up = True
         self.detail = self._session.description()
         self.put([LinkChanged(LinkState.UP, self.detail, self._session.capabilities())])
         self.put([Measured(modem_read(self._session, now))])
 
     def down(self, detail: str) -> None:
-        """Tell that there is no modem, and why."""
+        """Report that there is no modem, and why."""
         self.detail = detail
         state = LinkState.DOWN if self.has_been_up else LinkState.OPENING
         self.put([LinkChanged(state, detail)])
 
     def report(self, report: TransmitReport) -> None:
-        """Tell how a transmission ended."""
+        """Report the end of a transmission."""
         self._session.count_outcome(report.outcome)
         self.put([TransmissionEnded(report)])
 
     def refuse(
         self, transmission: Transmission, outcome: TransmitOutcome, reason: str, now: int
     ) -> None:
-        """Tell that a transmission has not begun."""
+        """Report that a transmission was not begun."""
         self.report(
             TransmitReport(
                 transmission_id=transmission.transmission_id,

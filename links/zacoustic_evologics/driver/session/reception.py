@@ -1,17 +1,17 @@
-"""From what a modem hears to frames, readings and the carrier.
+"""From a modem's received sounds to frames, readings and the carrier.
 
 Three choices:
 
-- *Velocity.* No source says when the modem's relative velocity is positive. It is handed on as it
-  is, as positive when the distance grows; the emulator does the same. Who has two modems and a boat
-  can settle it.
-- *Repetitions.* A message that a modem has repeated looks like one that a host has sent again, so
-  most cannot be told. Certain are three: the same bytes from the same sender sooner than they can
-  have been on the air again, or without any sound since, where the first one came behind a sound;
-  and a synchronous message with the same instant of start.
-- *Carrier.* Besides others' sounds also what the modem sends by itself (acknowledgements) counts,
-  since the channel is not free then either. The end of a sound may get lost on a cable, so a
-  carrier is taken to have ended after `CARRIER_LIMIT_S`.
+- *Velocity.* No source defines the sign of the modem's relative velocity. The driver passes it on
+  unchanged, as positive when the distance grows; the emulator does the same. A test with two modems
+  and a boat can settle it.
+- *Repetitions.* A message repeated by a modem looks like one that a host has sent again, so most
+  cannot be detected. Three are certain: the same bytes from the same sender sooner than they can
+  have been on the air again; the same bytes without any sound since, if a sound preceded the first
+  ones; and a synchronous message with the same instant of start.
+- *Carrier.* Besides others' sounds it includes the modem's own (acknowledgements), since the
+  channel is not free then either. A cable may lose the end of a sound, so a carrier counts as ended
+  after `CARRIER_LIMIT_S`.
 """
 
 from typing import Final
@@ -45,28 +45,28 @@ from zacoustic_evologics.driver.session.measuring import (
 from zacoustic_evologics.driver.session.session import ModemSession
 
 CARRIER_LIMIT_S: Final = 3.0
-"""Longer than any instant message with its delay; a burst reports when it begins again."""
+"""Longer than any instant message with its delay, s; a burst reports each new beginning."""
 LEAST_REPEAT_S: Final = 0.1
-"""No message follows an equal one sooner, whatever it says it lasted: the preamble is longer."""
+"""No message follows an equal one sooner, whatever its reported duration: preambles are longer."""
 
 Received = RecvIm | RecvIms | RecvPbm | Recv
 
 
 class Reception:
-    """Takes received messages.
+    """Handles received messages.
 
     Args:
-        session: Where readings and counts go.
+        session: Takes readings and counts.
     """
 
     def __init__(self, session: ModemSession) -> None:
         self.is_busy = False
-        """A sound that is not ours is heard."""
+        """A sound of another node is audible."""
         self.due_at: int | None = None
         """When to call `handle_timeout`, ns."""
         self._session = session
         self._last: dict[int, tuple[Received, int, int]] = {}
-        # Sounds that were reported so far, and so many of them before the last message.
+        # Number of reported sounds, and of those before the last message.
         self._sounds = self._sounds_before = 0
 
     def handle(self, record: Notification, *, is_sending: bool, now: int) -> list[Event]:
@@ -74,7 +74,7 @@ class Reception:
 
         Args:
             record: A message of the modem.
-            is_sending: What it sends now was given by us.
+            is_sending: The modem is sending a frame of ours.
             now: The instant, ns.
         """
         session = self._session
@@ -118,13 +118,13 @@ class Reception:
         return []
 
     def handle_timeout(self, now: int) -> list[Event]:
-        """The end of a sound was not reported in time."""
+        """Handle a sound whose end was not reported in time."""
         if self.due_at is None or now < self.due_at:
             return []
         return self._sense(False, now)
 
     def stop(self, now: int) -> list[Event]:
-        """The modem is gone: nothing is heard any more."""
+        """Note that the modem is gone: nothing is audible any more."""
         self._last.clear()
         return self._sense(False, now)
 
@@ -154,7 +154,7 @@ class Reception:
 
     def _is_repetition(self, record: Received, now: int) -> bool:
         last, last_at, last_sounds = self._last.get(record.source, (None, 0, -1))
-        # A firmware that does not report a sound before each message proves nothing by silence.
+        # If a firmware does not report a sound before each message, silence proves nothing.
         is_told = self._sounds > self._sounds_before
         self._sounds_before = self._sounds
         if last is None or type(last) is not type(record) or last.payload != record.payload:

@@ -1,6 +1,6 @@
-"""State of the modem and of others, and counters; nothing here acts.
+"""State of the modem and of others, and counters; takes no action.
 
-Readings of other modems are of the last exchange with each.
+Readings of another modem are those of the last exchange with it.
 """
 
 import random
@@ -22,39 +22,39 @@ GAP_S: Final = 0.0904
 """Pause between instant messages, measured 88…93 ms."""
 
 RESTART_LEAST_NS: Final = NS_PER_S
-"""No modem restarts within so short a silence: drivers give it 5 s, and one found 2 s too short."""
+"""A modem takes longer than this to restart: drivers give it 5 s, and one found 2 s too short."""
 CLOCK_ERROR_NS: Final = 3 * NS_PER_S // 10
-"""How far the modem's clock may be off when it is read, ns."""
+"""Largest error of the modem's clock when it is read, ns."""
 CLOCK_DRIFT: Final = 10_000
-"""It may drift by the passed time over this: 100 ppm."""
+"""It may drift by the passed time divided by this: 100 ppm."""
 CLOCK_TRUST_NS: Final = 30 * NS_PER_S
-"""No message is so late."""
+"""No message is later than this, ns."""
 
 OWED_S: Final = 0.11
-"""From the end of a message to the acknowledgement with which the modem answers it, s."""
+"""From the end of a message to the modem's acknowledgement of it, s."""
 
 _CLOCK_SPAN_US: Final = 2**32
 RELATIVE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
-"""Source levels against the loudest, dB, by their number; the last one is for air."""
+"""Source levels by number, relative to the loudest, dB; the last one is for air."""
 RANGE_METRICS: Final = frozenset({"propagation_s", "range_m", "received_level_db", "integrity"})
-"""What is measured in an exchange."""
+"""Values measured in an exchange."""
 USBL_METRICS: Final = RANGE_METRICS | {
     "east_m", "north_m", "up_m", "accuracy_m", "bearing_rad", "elevation_rad", "accuracy_rad",
 }  # fmt: skip
-"""What a head measures."""
+"""Values measured by a USBL head."""
 
 _LEVELS: Final = ("0 dB", "-6 dB", "-12 dB", "-20 dB, for air")
 
 
 class PeerReadings:
-    """What was measured of one other modem."""
+    """Measurements of one other modem."""
 
     def __init__(self) -> None:
         self.values: dict[str, float] = {}
 
 
 class ModemSession:
-    """One modem, as far as it is known.
+    """The known state of one modem.
 
     Args:
         config: Settings of the driver.
@@ -65,7 +65,7 @@ class ModemSession:
         self.config = config
         self.node_address = node_address
         self.rng = random.Random(f"zacoustic/evologics/driver/{node_address}")
-        """For pauses; all that matters is that nodes differ."""
+        """For pauses; it is enough that nodes differ."""
         self.interpreter = Interpreter.NET
         self.firmware = ""
         self.address = 0
@@ -81,31 +81,31 @@ class ModemSession:
         self.heard_at = 0
         """When the modem last sent something, ns."""
         self.may_repeat = True
-        """It may have been restarted since `retries` was read or set, and repeat as it likes."""
+        """It may have restarted since `retries` was read or set, and then repeats by default."""
         self.has_extended_notifications = False
         self.has_usbl = False
         self.changes: list[str] = []
-        """What was set at the last start, in words."""
+        """Settings changed at the last start, in words."""
         self.needs_clearing = False
-        """A filler was sent, which in data mode waits in the buffer."""
+        """A filler was sent; in data mode it waits in the buffer."""
         self.answer_owed: tuple[int, int] | None = None
-        """Nodes to which the modem owes an acknowledgement; until when it will not begin, ns."""
+        """Node that the modem will acknowledge, and the instant before which it does not begin."""
         self.tells_answers = False
         """The modem has reported the sound of its own acknowledgement."""
         self.has_piggyback = False
-        """A piggyback message may be with the modem."""
+        """The modem may hold a piggyback message."""
         self.may_fill = True
-        """The filler of the probe has not been used since the modem was last there."""
+        """The probe may use its filler: it has not, since the modem last answered."""
         self.counts: dict[str, int] = {}
         self.readings: dict[str, float] = {}
         self._peers: dict[int, PeerReadings] = {}
 
     def count(self, name: str, by: int = 1) -> None:
-        """Count something for `diagnostics`."""
+        """Increment a counter of `diagnostics`."""
         self.counts[name] = self.counts.get(name, 0) + by
 
     def count_outcome(self, outcome: TransmitOutcome) -> None:
-        """Count how a transmission ended."""
+        """Count the outcome of a transmission."""
         self.count(outcome.value)
 
     @property
@@ -115,16 +115,16 @@ class ModemSession:
         return self.config.service not in ("ims", "pbm") and repeats_as_told
 
     def hear(self, now: int) -> None:
-        """Note that the modem sends something, after a silence that may have been a restart."""
+        """Note that the modem sends something, perhaps after a restart."""
         self.may_repeat |= self._has_been_silent(now)
         self.heard_at = now
 
     def must_set_retries(self, now: int) -> bool:
-        """Tell whether it must be set again before a message with acknowledgement."""
+        """Tell whether `retries` must be set before a message with acknowledgement."""
         return self.retries is not None and (self.may_repeat or self._has_been_silent(now))
 
     def capabilities(self) -> LinkCapabilities:
-        """Return what the link can do; bursts are given the airtime of instant messages."""
+        """Return the capabilities; bursts also get the airtime of instant messages."""
         return LinkCapabilities(
             mtu_bytes=self.config.mtu,
             bit_rate_bps=BIT_RATE_BPS,
@@ -146,7 +146,7 @@ class ModemSession:
         )
 
     def note_owed(self, address: int, now: int) -> None:
-        """Note that the modem is about to acknowledge what another one has sent."""
+        """Note that the modem is about to acknowledge a message of another one."""
         self.answer_owed = address, now + seconds_to_ns(OWED_S)
 
     def note_answering(self, address: int) -> None:
@@ -156,17 +156,17 @@ class ModemSession:
         self.answer_owed = None
 
     def is_about_to_answer(self, address: int, now: int) -> bool:
-        """Tell whether the modem will acknowledge something to another one in a moment."""
+        """Tell whether the modem is about to acknowledge a message of another one."""
         to, until = self.answer_owed or (0, 0)
         return to == address and now < until
 
     def _measures(self) -> frozenset[str]:
-        """What the modem may report of another one besides frames."""
+        """Values that the modem may report of another one besides frames."""
         told = RANGE_METRICS if self.acknowledges else frozenset()
         return told | USBL_METRICS if self.has_usbl else told
 
     def description(self) -> str:
-        """One line for people, with what was set and how loud the modem is."""
+        """One line for people, with the changed settings and the source level."""
         parts = [f"S2C firmware {self.firmware or 'unknown'} ({self.interpreter.value})"]
         parts.append(f"address {self.address} of {self.highest_address}")
         if self.source_level is not None:
@@ -176,7 +176,7 @@ class ModemSession:
         return ", ".join(parts)
 
     def note_setting(self, name: str, value: int) -> None:
-        """Note what a setting is now, by its name in the commands."""
+        """Note the value of a setting, by its name in the commands."""
         match name:
             case "AM":
                 self.highest_address = value
@@ -192,7 +192,7 @@ class ModemSession:
                 self.retries = value
 
     def note_delay(self, address: int, delay_us: int) -> None:
-        """Note a propagation delay that was measured; 0 and less is none."""
+        """Note a measured propagation delay; 0 or less: none."""
         if delay_us <= 0:
             return
         values = self._peer(address).values
@@ -201,13 +201,13 @@ class ModemSession:
             values["range_m"] = range_m
 
     def was_before(self, clock_us: int, instant: int, now: int) -> bool:
-        """Tell whether something was before an instant, and not long before.
+        """Tell whether something happened before an instant, and not long before.
 
-        What seems to be longer ago than `CLOCK_TRUST_NS` is of another clock than `AT?CLOCK` tells.
+        A clock value older than `CLOCK_TRUST_NS` belongs to another clock than `AT?CLOCK` reads.
 
         Args:
-            clock_us: The modem's clock then.
-            instant: What it is compared with, ns.
+            clock_us: The modem's clock at that time.
+            instant: The instant to compare with, ns.
             now: The present instant, ns.
         """
         if self.clock_us is None:
@@ -219,13 +219,13 @@ class ModemSession:
         return is_of_that_clock and now - ago_us * 1000 + error_ns < instant
 
     def range_m(self, propagation_s: float | None) -> float | None:
-        """Return how far sound goes in that time, m, by the sound speed set in the modem."""
+        """Return the distance that sound travels in that time, m, by the modem's sound speed."""
         if propagation_s is None or not self.sound_speed_m_s:
             return None
         return round(propagation_s * self.sound_speed_m_s, 3)
 
     def note_position(self, fix: UsblLong) -> None:
-        """Note where another modem is."""
+        """Note the position of another modem."""
         self.note_delay(fix.address, fix.propagation_us)
         self._peer(fix.address).values |= {
             "east_m": fix.east_m,
@@ -235,7 +235,7 @@ class ModemSession:
         }
 
     def note_angles(self, fix: UsblAngles) -> None:
-        """Note from where another modem is heard, if the head knows it."""
+        """Note the direction of another modem, if the head knows it."""
         if fix.accuracy_rad < 0:
             return
         self._peer(fix.address).values |= {
@@ -245,7 +245,7 @@ class ModemSession:
         }
 
     def diagnostics(self) -> dict[str, int | float | str]:
-        """Counters and readings; another modem's are called `peer_<address>_…`."""
+        """Return counters and readings; those of another modem are named `peer_<address>_…`."""
         known = {
             "firmware": self.firmware,
             "interpreter": self.interpreter.value,

@@ -1,18 +1,18 @@
 r"""Finding a modem in any state: interpreter, mode, line end.
 
-The question is `+++AT?MODE`, repeated in different forms:
+The query is `+++AT?MODE`, repeated in different forms:
 
 - A modem in data mode answers with a packet.
-- One that reads lines (NET interpreter, or AT interpreter in command mode) answers with an error,
-  and what somebody has typed half before ends with the error too.
-- One that reads lines of the other kind answers nothing; so the other line end is tried. The
-  question that it has taken for the beginning of a line costs an error.
-- One that waits for the rest of a payload swallows all that. So at last, once for each loss of the
-  modem, it gets more bytes than any payload has, none of them a line end: then none stands where
-  the payload must end, and the modem refuses the message instead of sending it.
+- A modem that reads lines (NET interpreter, or AT interpreter in command mode) answers with an
+  error, which also ends an unfinished line typed before.
+- A modem that reads lines with the other line end does not answer; so the probe tries that line end
+  next. The modem has taken the query for the beginning of a line, which costs an error.
+- A modem that waits for the rest of a payload swallows all that. So as a last resort, once for each
+  loss of the modem, the probe sends more bytes than any payload has, without a line end. Then none
+  follows where the payload must end, and the modem refuses the message instead of sending it.
 
-In data mode such a filler would be data for the channel, which is why it comes last, and why
-`startup` clears the buffer after it.
+In data mode such a filler would be data for the channel; therefore it comes last, and `startup`
+clears the buffer after it.
 """
 
 from typing import Final
@@ -24,7 +24,7 @@ from zacoustic_evologics.at.messages import Message, Reply
 from zacoustic_evologics.at.replies import RefusalKind
 
 FILLER: Final = b"A" * (BURST_LIMIT_BYTES + 1)
-"""Ends the longest payload that may be waited for."""
+"""Completes the longest payload that a modem may wait for."""
 
 _QUESTION: Final = Query("MODE")
 _REFUSALS: Final = tuple(kind.value for kind in RefusalKind)
@@ -32,13 +32,13 @@ _PLAIN_ANSWERS: Final = ("AT", "NET")
 
 
 class Probe:
-    """Asks until the modem gives a sign.
+    """Sends queries until the modem answers.
 
     Args:
-        is_serial: The port is a serial one: carriage return is tried first.
+        is_serial: The port is a serial port: carriage return comes first.
         may_fill: The filler may be used.
-        reply_ns: How long an answer may take, ns.
-        byte_ns: What each byte takes to reach the modem, ns.
+        reply_ns: Time limit of an answer, ns.
+        byte_ns: Time of each byte on the port, ns.
     """
 
     def __init__(self, *, is_serial: bool, may_fill: bool, reply_ns: int, byte_ns: int) -> None:
@@ -46,9 +46,9 @@ class Probe:
         if not is_serial:
             usual, other = other, usual
         self.framing: Framing | None = None
-        """How the modem divides; None while nothing is known."""
+        """Framing of the modem; None: unknown."""
         self.line_end = usual
-        """Line end of the question that was asked last."""
+        """Line end of the last query."""
         self.has_filled = False
         """The filler was sent."""
         self.due_at: int | None = None
@@ -60,11 +60,11 @@ class Probe:
             self._attempts += [(usual, FILLER), (other, b"")]
 
     def start(self, now: int) -> bytes:
-        """Return the first question."""
+        """Return the first query."""
         return self._ask(now) or b""
 
     def handle_message(self, message: Message) -> bool:
-        """Take a message of the modem; True when it was the sign."""
+        """Take a message of the modem; return whether it was the expected sign."""
         if not isinstance(message, Reply):
             return False
         if message.command is not None:
@@ -74,7 +74,7 @@ class Probe:
         return self.framing is not None
 
     def handle_timeout(self, now: int) -> bytes | None:
-        """Return the next question; None when all have been asked."""
+        """Return the next query; None: all have been sent."""
         return self._ask(now)
 
     def _ask(self, now: int) -> bytes | None:

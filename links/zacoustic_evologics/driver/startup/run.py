@@ -18,19 +18,19 @@ from zacoustic_evologics.driver.states import Input
 
 
 class StartupRun:
-    """One start-up. Its methods return which stages they have brought to an end.
+    """One start-up. Its methods return the stages that they have completed.
 
-    All of them raise `StartupError` when the modem does not answer, or cannot serve this node.
+    All of them raise `StartupError` if the modem does not answer, or cannot serve this node.
 
     Args:
-        channel: Where commands go.
-        session: Takes the values read.
+        channel: Takes commands.
+        session: Takes the values.
         probe: Not started yet.
     """
 
     def __init__(self, channel: CommandChannel, session: ModemSession, probe: Probe) -> None:
         self.ticket: int | None = None
-        """Of the command whose answer is waited for."""
+        """Ticket of the awaited answer's command."""
         self._channel = channel
         self._session = session
         self._probe: Probe | None = probe
@@ -44,16 +44,16 @@ class StartupRun:
 
     @property
     def is_probing(self) -> bool:
-        """The modem has not given a sign yet."""
+        """The modem has not answered yet."""
         return self._probe is not None
 
     def start(self, now: int) -> None:
-        """Ask for the first time."""
+        """Send the first query."""
         if self._probe is not None:
             self._channel.write(self._probe.start(now))
 
     def handle_message(self, message: Message, now: int) -> list[Input]:
-        """Take a message of the modem while it is probed."""
+        """Take a message of the modem during the probe."""
         probe = self._probe
         if probe is None or not probe.handle_message(message) or probe.framing is None:
             return []
@@ -70,7 +70,7 @@ class StartupRun:
         return self._advance(answer.reply, now)
 
     def handle_timeout(self, now: int) -> list[Input]:
-        """A pause, or the patience with a question of the probe, is over."""
+        """Handle the end of a pause, or of the time for a query of the probe."""
         if self.due_at is None or now < self.due_at:
             return []
         if self._probe is None:
@@ -86,7 +86,7 @@ class StartupRun:
         return []
 
     def _advance(self, reply: CommandReply | None, now: int) -> list[Input]:
-        """Go on until the next command or pause."""
+        """Advance to the next command or pause."""
         reached: list[Input] = []
         try:
             step = self._stages.send(reply)

@@ -1,14 +1,14 @@
-"""From a connection to a modem that is ready: queries and settings, in order.
+"""From a connection to a ready modem: queries and settings, in order.
 
-Written as generators, since it is a list of questions with a few branches: each yields a `Command`
-and is sent its answer (None: none came in time), or a `Pause`, or a `Reached` when a stage is done.
-The dialogue runs them. A question is asked twice before the modem counts as gone; everything here
-may be said twice without harm.
+These are generators, since a start-up is a list of queries with a few branches. Each yields a
+`Command` and gets its answer (None: none came in time), or yields a `Pause`, or a `Reached` at the
+end of a stage. The dialogue runs them. A query is sent twice before the modem counts as gone; every
+command here is harmless when repeated.
 
-Nothing is changed that is not configured, but what the driver cannot work without: the modem's own
-repetitions of instant messages go off (`AT!RI0`, by the setting `retries`), this port is told what
-happens (`AT@ZX1`, `AT@ZU1`), and a modem that does not listen is made to listen. Nothing is stored,
-and nothing is put back.
+The start-up changes only configured settings and those that the driver cannot work without: it
+turns off the modem's own repetitions of instant messages (`AT!RI0`, by the setting `retries`),
+turns on the notifications of this port (`AT@ZX1`, `AT@ZU1`), and makes the modem listen. It stores
+nothing and restores nothing.
 """
 
 from collections.abc import Generator
@@ -42,46 +42,46 @@ from zacoustic_evologics.driver.session.session import ModemSession
 from zacoustic_evologics.driver.states import Input
 
 DATA_MODE_PAUSE_S: Final = 0.2
-"""After `ATO`, which is not answered, s; the vendor's middleware does not wait at all."""
+"""Pause after `ATO`, which has no answer, s; the vendor's middleware does not wait at all."""
 FLIGHT_POLL_S: Final = 0.5
-"""Between two questions whether a message of before is still under way, s."""
+"""Pause between two queries whether an earlier message is still under way, s."""
 FLIGHT_POLLS: Final = 5
-"""How often; then it is dropped."""
+"""Number of these queries; then the message is dropped."""
 NUMBER_READINGS: Final = 5
-"""How often a number is asked for at most."""
+"""Most queries of one number."""
 
 _NOT_LISTENING: Final = ("NOISE", "DEAF", "PHY")
 
 
 class Pause(msgspec.Struct, frozen=True):
-    """Wait."""
+    """A pause."""
 
     duration_s: float
-    """How long, s."""
+    """Duration, s."""
 
 
 class Reached(msgspec.Struct, frozen=True):
-    """A stage is done."""
+    """The end of a stage."""
 
     stage: Input
-    """Which."""
+    """The stage."""
 
 
 Step: TypeAlias = Command | Pause | Reached
-"""What a start-up does next."""
+"""The next step of a start-up."""
 Stages: TypeAlias = Generator[Step, CommandReply | None, None]
 """A start-up, or a part of one."""
 Question: TypeAlias = Generator[Step, CommandReply | None, CommandReply]
-"""A part that has a result."""
+"""A part of a start-up that returns a reply."""
 
 
 class StartupError(LinkError):
     """The modem does not answer, or cannot serve this node; never leaves the dialogue.
 
     Args:
-        message: What is wrong.
-        hint: What people can do about it.
-        is_hopeless: Only people can.
+        message: The fault.
+        hint: Its cure.
+        is_hopeless: Only people can cure it.
     """
 
     def __init__(self, message: str, *, hint: str = "", is_hopeless: bool = False) -> None:
@@ -91,10 +91,10 @@ class StartupError(LinkError):
 
 
 def start_up(channel: CommandChannel, session: ModemSession) -> Stages:
-    """Bring a modem that has given a sign to where frames can be sent.
+    """Make a modem that has answered ready for frames.
 
     Raises:
-        StartupError: It does not answer, or cannot serve.
+        StartupError: It does not answer, or cannot serve this node.
     """
     yield from _confirm(channel)
     yield Reached(Input.FOUND)
@@ -107,7 +107,7 @@ def start_up(channel: CommandChannel, session: ModemSession) -> Stages:
 
 
 def _ask(command: Command) -> Question:
-    """Ask, and once more if there is no answer."""
+    """Send a query, and repeat it once if there is no answer."""
     for _ in range(2):
         reply = yield command
         if reply is not None:
@@ -116,7 +116,7 @@ def _ask(command: Command) -> Question:
 
 
 def _confirm(channel: CommandChannel) -> Stages:
-    """Find out who reads. Late answers to the questions of the probe end here."""
+    """Find out the interpreter. Late answers to the probe's queries end here."""
     reply = yield FENCE
     if reply is None:
         other = TCP_LINE_END if channel.line_end == SERIAL_LINE_END else SERIAL_LINE_END
@@ -129,7 +129,7 @@ def _confirm(channel: CommandChannel) -> Stages:
 
 
 def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
-    """Leave command mode and deafness, and end a message under way."""
+    """Leave command mode and the deaf state, and end a message under way."""
     if channel.interpreter is Interpreter.AT and channel.framing is Framing.LINES:
         channel.tell(Act(Action.DATA_MODE))
         channel.framing = Framing.PACKETS
@@ -152,7 +152,7 @@ def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
 
 
 def _await_landing() -> Stages:
-    """Wait until no earlier message is under way: its words would be taken for those of ours."""
+    """Wait until no earlier message is under way: its reports would be taken for those of ours."""
     for _ in range(FLIGHT_POLLS):
         reply = yield from _ask(Query("DI"))
         if not (isinstance(reply, DeliveryReply) and reply.state is DeliveryState.DELIVERING):
@@ -173,7 +173,7 @@ def _ask_state() -> Generator[Step, CommandReply | None, str]:
 
 
 def _read(session: ModemSession) -> Stages:
-    """Read the modem's values. What a firmware does not have stays unknown."""
+    """Read the modem's values; those that a firmware lacks stay unknown."""
     firmware = yield from _ask(Act(Action.INFORMATION, 0))
     session.firmware = firmware.text if isinstance(firmware, TextReply) else ""
     address = yield from _ask_number("AL")
@@ -195,9 +195,9 @@ def _read(session: ModemSession) -> Stages:
 
 
 def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
-    """Ask for a number until it is answered twice in the same way; None if it is not known.
+    """Query a number until two answers agree; None: it is not known.
 
-    Where a port damages what passes, one digit is no proof, and much is decided by these numbers.
+    If a port damages bytes, one digit is no proof, and much depends on these numbers.
     """
     setting = SETTINGS.get(name)
     seen: list[int | None] = []
@@ -215,14 +215,14 @@ def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
 
 
 def _configure(session: ModemSession) -> Stages:
-    """Set the changed settings, check that the modem can serve, then set the options of this port.
+    """Change the settings, check that the modem can serve, then set the options of this port.
 
-    `[*]OK` may mean that it does not hold yet; it is taken for OK.
+    `[*]OK` may mean that the setting is not in force yet; it counts as OK.
     """
     wanted = _wanted(session)
     session.changes = []
     if wanted:
-        yield from _ask(SetOption("CTRL"))  # older firmware does not know it, nor need it
+        yield from _ask(SetOption("CTRL"))  # older firmware neither knows nor needs it
     for setting, before in wanted:
         yield from _change(session, setting, before)
     _check(session)
@@ -237,7 +237,7 @@ def _configure(session: ModemSession) -> Stages:
 
 
 def _change(session: ModemSession, setting: Set, before: int | None) -> Stages:
-    """Set one thing and read it back, twice at most: a modem that restarts forgets the first."""
+    """Change a setting and read it back, twice at most: a restarting modem forgets the first."""
     refusal: Refused | None = None
     for _ in range(2):
         reply = yield from _ask(setting)
@@ -254,7 +254,7 @@ def _change(session: ModemSession, setting: Set, before: int | None) -> Stages:
 
 
 def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
-    """Return what must be set, with what it is now."""
+    """Return the settings to change, with their present values."""
     config = session.config
     wanted: list[tuple[Set, int | None]] = []
 
@@ -275,7 +275,7 @@ def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
 
 
 def _refuse(setting: Set, reply: Refused) -> None:
-    """See whether one can do without."""
+    """Accept the refusal of a setting if the driver can do without; otherwise raise."""
     if setting.name in ("RI", "LC"):
         # Without the first there are no acknowledgements (`ModemSession.acknowledges`); without
         # the second the level is set again when somebody changes it (`Inquiries.silence`).
@@ -292,7 +292,7 @@ def _refuse(setting: Set, reply: Refused) -> None:
 
 
 def _check(session: ModemSession) -> None:
-    """See whether the modem can serve this node."""
+    """Check that the modem can serve this node."""
     here = session.node_address
     if session.address != here:
         raise StartupError(

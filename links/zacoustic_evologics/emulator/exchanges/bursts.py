@@ -1,11 +1,11 @@
 """Burst data: a queue, a connection that is set up for it, and trains of packets.
 
-No source describes the signals of a burst, so this follows what is known: service signals request
+No source describes the signals of a burst, so this follows what is known. Service signals request
 and grant a connection, the granting modem proposes a bit rate, then packets go in trains, each
-acknowledged as a whole and repeated up to `AT!RC` times. A packet that comes twice is delivered
-once. The connection closes when nothing is left to send, so that `AT?S` shows again that the modem
-listens. A connection that fails takes all that was queued for it, and puts the modem into its
-backoff state for a while.
+acknowledged as a whole and repeated up to `AT!RC` times. A repeated packet is delivered once. The
+connection closes when nothing is left to send, so that `AT?S` shows again that the modem listens.
+If a connection fails, all data queued for it fail, and the modem enters its backoff state for a
+while.
 """
 
 from collections.abc import Callable, Iterable
@@ -41,15 +41,15 @@ from zacoustic_evologics.emulator.hardware.signals import BurstPacket, Hearing, 
 from zacoustic_evologics.emulator.hardware.transducer import Transducer
 
 BIT_RATES_BPS: Final = ((30.0, 13_900), (15.0, 6900), (-1000.0, 2400))
-"""From which SNR, dB, which bit rate is proposed; rates as in captures, limits ours."""
+"""Least SNR, dB, of each proposed bit rate; rates from captures, limits ours."""
 
 
 class Bursts:
     """The burst service of one modem.
 
     Args:
-        chassis: Of the modem.
-        transducer: Of the modem.
+        chassis: Chassis of the modem.
+        transducer: Transducer of the modem.
         instant: Its messages, which go with service signals.
     """
 
@@ -66,7 +66,7 @@ class Bursts:
 
     @property
     def state(self) -> str:
-        """Words for `AT?S`; empty if there is no connection and none is asked for."""
+        """Words for `AT?S`; empty if there is no connection and none is requested."""
         if self._peer is not None:
             return "ONLINE"
         return "INITIATION ESTABLISH" if self._exchange is not None else ""
@@ -81,7 +81,7 @@ class Bursts:
             BURST_LIMIT_BYTES,
         )
         if refused is None and command.destination == BROADCAST:
-            # No source knows; DESERT's driver could say it, and hangs on WRONG DESTINATION ADDRESS.
+            # No source knows the answer; DESERT's driver hangs on WRONG DESTINATION ADDRESS.
             refused = WRONG_FORMAT
         if refused is None and now < self._transducer.backoff_until:
             refused = BACKOFF
@@ -109,16 +109,16 @@ class Bursts:
         self.look(now)
 
     def connect(self, destination: int, now: int) -> None:
-        """`ATD`: set a connection up; it closes again if there is nothing to send."""
+        """`ATD`: make a connection; it closes again if there is nothing to send."""
         self._wanted = destination
         self.look(now)
 
     def proposed_bps(self, snr_db: float) -> int:
-        """Return the bit rate for a modem that is heard like this."""
+        """Return the bit rate for a modem received with this SNR."""
         return next(rate for least_db, rate in BIT_RATES_BPS if snr_db >= least_db)
 
     def look(self, now: int) -> None:
-        """Go on, if an awaited event has happened."""
+        """Advance if an awaited event has happened."""
         if self._exchange is not None:
             self._exchange.look(now)
             return
@@ -136,7 +136,7 @@ class Bursts:
             self._close()
 
     def handle_sent(self, signal: Signal, now: int) -> None:
-        """Take note that a signal has left."""
+        """Note that a signal has left."""
         if self._exchange is not None:
             self._exchange.handle_sent(signal, now)
 
@@ -175,7 +175,7 @@ class Bursts:
             )
 
     def drop(self) -> None:
-        """`ATZ1`, `ATH`: drop the queue, which fails, and close the connection."""
+        """`ATZ1`, `ATH`: drop the queue, whose data fail, and close the connection."""
         exchange, self._exchange = self._exchange, None
         if exchange is not None:
             exchange.cancel()
@@ -184,7 +184,7 @@ class Bursts:
         self._close()
 
     def restart(self) -> None:
-        """Forget everything but the delivered packets."""
+        """Discard all state except the delivered packets."""
         self.pool = TransmitPool(lambda: self._chassis.store["ZL"])
         self._exchange = None
         self._peer = self._wanted = None
@@ -263,7 +263,7 @@ class Bursts:
         self._exchange.look(now)
 
     def _lose(self, destination: int, now: int) -> None:
-        """Give a connection up, and all that was queued for it."""
+        """Give a connection up, with all data queued for it."""
         lost = self.pool.take_all(destination)
         self._peer = self._wanted = None
         self._chassis.say(Status("OFFLINE", "CONNECTION_FAILED"))

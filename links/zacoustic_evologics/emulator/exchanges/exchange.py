@@ -1,4 +1,4 @@
-"""Sends a signal when it can, repeats it until it is answered, and gives up at last.
+"""Sends a signal when possible, repeats it until it is answered, and finally gives up.
 
 ::
 
@@ -8,10 +8,11 @@
        │                  └──► ended: SENT      │
        └──────────── attempts left ─────────────┘
 
-It can: the modem does not transmit, is not in the pause behind its last signal, owes no answer,
-awaits none of another exchange, and nothing comes in. With `force` only the first two count.
+Sending is possible if the modem does not transmit, is not in the pause after its last signal, owes
+no answer, awaits none of another exchange, and receives nothing. With `force` only the first two
+conditions count.
 
-The owner of an exchange calls `look` whenever something may have changed; it gets the outcome
+The owner of an exchange calls `look` whenever something may have changed, and gets the outcome
 once. A cancelled exchange has none.
 """
 
@@ -26,40 +27,40 @@ from zacoustic_evologics.emulator.hardware.transducer import Transducer
 
 
 class ExchangeState(enum.Enum):
-    """Where an exchange is."""
+    """The state of an exchange."""
 
     WAITING = "waiting"
-    """Until it can be sent."""
+    """It waits until it can be sent."""
     SENDING = "sending"
-    """It goes out."""
+    """Its signal is being transmitted."""
     AWAITING = "awaiting"
-    """It has gone out without an answer."""
+    """It was sent and not answered yet."""
     ENDED = "ended"
-    """Nothing happens any more."""
+    """It is over."""
 
 
 class Ending(enum.Enum):
-    """How an exchange has ended."""
+    """The outcome of an exchange."""
 
     SENT = "sent"
-    """It has gone out, and asks for no answer."""
+    """It was sent, and asks for no answer."""
     ANSWERED = "answered"
     """The other modem has it."""
     UNANSWERED = "unanswered"
-    """Nobody answered any attempt."""
+    """No attempt was answered."""
 
 
 class Exchange:
     """One signal with its repetitions.
 
     Args:
-        chassis: Of the modem.
-        transducer: Of the modem.
-        signal: What is sent.
-        answer: What answers it; None: nothing does.
-        attempts: How often it may be sent; None: for ever.
-        force: Sent even while something comes in.
-        ended: Told how it has ended, with the instant.
+        chassis: Chassis of the modem.
+        transducer: Transducer of the modem.
+        signal: The signal to send.
+        answer: The kind of its answer; None: it has none.
+        attempts: Most transmissions; None: no limit.
+        force: Send it even during a reception.
+        ended: Takes the outcome and the instant.
     """
 
     def __init__(
@@ -91,7 +92,7 @@ class Exchange:
         return self._answer is not None
 
     def look(self, now: int) -> None:
-        """Go on, if an awaited event has happened."""
+        """Advance if an awaited event has happened."""
         if self.state is ExchangeState.WAITING and self._is_free(now):
             self._begin(now)
         elif self._is_late and not self._transducer.is_receiving:
@@ -99,7 +100,7 @@ class Exchange:
             self._give_up_attempt(now)
 
     def handle_sent(self, signal: Signal, now: int) -> None:
-        """Take note that a signal has left."""
+        """Note that a signal has left."""
         if self.state is not ExchangeState.SENDING or signal is not self.signal:
             return
         if self._answer is None:
@@ -110,7 +111,7 @@ class Exchange:
         self._set_timer(now + self._chassis.answer_wait_ns, self._expire)
 
     def handle_answer(self, hearing: Hearing, now: int) -> bool:
-        """Take an answer, if it is the one to this; return whether."""
+        """Take an answer; return whether it belongs to this exchange."""
         answer = hearing.signal
         if self.state is not ExchangeState.AWAITING or answer.kind is not self._answer:
             return False
@@ -121,7 +122,7 @@ class Exchange:
         return True
 
     def cancel(self) -> None:
-        """Stop; a signal that goes out still does."""
+        """Stop; a signal being transmitted goes on."""
         self.state = ExchangeState.ENDED
         self._release()
 
@@ -144,7 +145,7 @@ class Exchange:
     def _expire(self, now: int) -> None:
         if self.state is not ExchangeState.AWAITING:
             return
-        # What comes in at this moment may be the answer.
+        # A signal received at this moment may be the answer.
         if self._transducer.is_receiving:
             self._is_late = True
         else:

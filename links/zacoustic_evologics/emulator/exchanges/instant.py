@@ -1,7 +1,7 @@
 """Messages that need no connection: instant, synchronous and piggyback ones.
 
-There is one slot for instant messages, whose state `AT?DI` tells, one for a synchronous message
-that waits for its instant, and one place for a piggyback message to each address.
+There is one slot for instant messages, whose state `AT?DI` reports, one for a synchronous message
+that waits for its instant, and for each address one for a piggyback message.
 """
 
 from typing import Final
@@ -37,15 +37,15 @@ from zacoustic_evologics.emulator.hardware.signals import Hearing, Piggyback, Si
 from zacoustic_evologics.emulator.hardware.transducer import Transducer
 
 FOR_EVER: Final = 255
-"""Retry count that has no end."""
+"""Retry count without a limit."""
 
 
 class InstantMessages:
     """The slots of one modem.
 
     Args:
-        chassis: Of the modem.
-        transducer: Of the modem.
+        chassis: Chassis of the modem.
+        transducer: Transducer of the modem.
     """
 
     def __init__(self, chassis: Chassis, transducer: Transducer) -> None:
@@ -126,12 +126,12 @@ class InstantMessages:
         return Accepted()
 
     def take_piggyback(self, destination: int) -> Piggyback | None:
-        """Return the piggyback message for an address, which goes with a signal now."""
+        """Return the piggyback message for an address, which now goes with a signal."""
         kept = self._piggybacks.pop(destination, None)
         return kept[1] if kept else None
 
     def handle_sent(self, signal: Signal, now: int) -> None:
-        """Take note that a signal has left."""
+        """Note that a signal has left."""
         if self._exchange is not None:
             self._exchange.handle_sent(signal, now)
 
@@ -140,12 +140,12 @@ class InstantMessages:
         return self._exchange is not None and self._exchange.handle_answer(hearing, now)
 
     def look(self, now: int) -> None:
-        """Go on, if an awaited event has happened."""
+        """Advance if an awaited event has happened."""
         if self._exchange is not None:
             self._exchange.look(now)
 
     def drop(self) -> None:
-        """`ATZ3`: drop messages under way or waiting, and report it."""
+        """`ATZ3`: drop messages under way or waiting, and report them."""
         self._cancel_im()
         self._drop_scheduled()
         for destination in tuple(self._piggybacks):
@@ -153,7 +153,7 @@ class InstantMessages:
         self.state = DeliveryState.EMPTY
 
     def restart(self) -> None:
-        """Forget everything."""
+        """Discard all state."""
         self.state = DeliveryState.EMPTY
         self._exchange = None
         self._scheduled = None
@@ -190,7 +190,7 @@ class InstantMessages:
     def _cancel_im(self) -> None:
         exchange, self._exchange = self._exchange, None
         if exchange is not None:
-            # What goes out and asks for nothing is as good as sent.
+            # A message being transmitted that asks for nothing counts as sent.
             is_sent = exchange.state is ExchangeState.SENDING and not exchange.is_acknowledged
             exchange.cancel()
             if not is_sent:

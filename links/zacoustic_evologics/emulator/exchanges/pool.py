@@ -10,9 +10,9 @@ from zacoustic_evologics.emulator.hardware.airtime import burst_airtime_ns
 from zacoustic_evologics.emulator.hardware.signals import BurstPacket
 
 TRAIN_LIMIT_NS: Final = 2_000_000_000
-"""A train that would be longer has one packet."""
+"""A train that would be longer has only one packet, ns."""
 PACKETS_LIMIT: Final = 1024
-"""Packets in the buffer, however small they are."""
+"""Most packets in the buffer, whatever their size."""
 
 _COUNTER_SPAN: Final = 1 << 16
 
@@ -21,13 +21,13 @@ class Queued(msgspec.Struct, frozen=True):
     """A packet in the buffer."""
 
     packet: BurstPacket
-    """What."""
+    """The packet."""
     destination: int
     """Its receiver."""
     counter: int
-    """Counter of its report; 0 for raw data, which has no report."""
+    """Counter of its report; 0: raw data, which has no report."""
     port_id: int
-    """Who gave it."""
+    """The port that it came from."""
 
 
 class TransmitPool:
@@ -48,16 +48,16 @@ class TransmitPool:
 
     @property
     def free_bytes(self) -> int:
-        """Room that is left."""
+        """Free bytes."""
         return max(0, self._limit_bytes() - self.queued_bytes)
 
     @property
     def next_destination(self) -> int | None:
-        """Whom the first packet is for; None without any."""
+        """Destination of the first packet; None: the buffer is empty."""
         return self._queue[0].destination if self._queue else None
 
     def put(self, packet: BurstPacket, destination: int, port_id: int) -> bool:
-        """Queue a packet, if there is room; return whether."""
+        """Queue a packet if there is room; return whether there was."""
         if len(packet.payload) > self.free_bytes or len(self._queue) >= PACKETS_LIMIT:
             return False
         counter = 0
@@ -68,7 +68,7 @@ class TransmitPool:
         return True
 
     def train(self, packets_limit: int, bit_rate_bps: int) -> tuple[Queued, ...]:
-        """Return the packets at the front that go together."""
+        """Return the packets at the front that form one train."""
         train: list[Queued] = []
         total_bytes = 0
         for item in self._queue:

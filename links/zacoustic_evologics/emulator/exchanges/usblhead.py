@@ -1,9 +1,9 @@
-"""An ultra-short baseline head on every modem: where others are, from the geometry of the scenario.
+"""An ultra-short baseline head on every modem: positions of others, from the scenario's geometry.
 
-The head hangs upright and looks north: its frame is x east, y north, z up, as a capture shows them
-for a small yaw. An acknowledgement gives a position (USBLLONG and what belongs to it), any other
-message only angles (USBLANGLES). Fixes come as much later as in that capture. Their errors are
-drawn for each fix; a range is what the set sound speed makes of the propagation delay.
+The head hangs upright and faces north: its frame is x east, y north, z up, as a capture shows them
+for a small yaw. An acknowledgement gives a position (USBLLONG and the raw records), any other
+message only angles (USBLANGLES). Fixes have the delay of that capture. Their errors are drawn for
+each fix; a range is the propagation delay times the set sound speed.
 """
 
 import math
@@ -15,7 +15,7 @@ from zacoustic_evologics.emulator.hardware.chassis import Chassis
 from zacoustic_evologics.emulator.hardware.signals import Hearing
 
 FIX_DELAY_NS: Final = 318_000_000
-"""From the end of a signal to its fix: 0.457 s after it began, in a capture."""
+"""From the end of a signal to its fix, ns: 0.457 s after it began, in a capture."""
 
 _ERROR_RAD: Final = 0.004
 _LEAST_ACCURACY_M: Final = 0.1
@@ -27,20 +27,20 @@ class UsblHead:
     """The head of one modem.
 
     Args:
-        chassis: Of the modem.
+        chassis: Chassis of the modem.
     """
 
     def __init__(self, chassis: Chassis) -> None:
         self._chassis = chassis
 
     def measure_position(self, hearing: Hearing) -> None:
-        """Say where the modem is that has answered, a little later."""
+        """Report the position of the answering modem, a little later."""
         at = hearing.ends_at + FIX_DELAY_NS
         propagation_us = self._chassis.measured.propagation_us
         self._chassis.agenda.push(at, self._say_position, hearing, propagation_us, at)
 
     def measure_angles(self, hearing: Hearing) -> None:
-        """Say from where a message came, a little later."""
+        """Report the direction of a message, a little later."""
         at = hearing.ends_at + FIX_DELAY_NS
         self._chassis.agenda.push(at, self._say_angles, hearing, at)
 
@@ -73,7 +73,7 @@ class UsblHead:
         chassis.measured.body_position = chassis.measured.earth_position = position
 
     def _say_raw(self, hearing: Hearing, now: int, position_m: tuple[float, ...]) -> None:
-        """What the fix was made of: delays against the middle hydrophone and each other, in ns."""
+        """Report the raw data of a fix: delays against the middle hydrophone and each other, ns."""
         chassis = self._chassis
         clock_us, measured_us = chassis.system_us(now), chassis.system_us(hearing.starts_at)
         distance_m = max(math.hypot(*position_m), 1e-3)
@@ -120,7 +120,7 @@ class UsblHead:
         )  # fmt: skip
 
     def _direction(self, hearing: Hearing) -> tuple[float, float, float]:
-        """Unit vector to the sender, with an error."""
+        """Return the unit vector to the sender, with an error."""
         rng = self._chassis.rng
         distance_m = math.hypot(*hearing.offset_m)
         if distance_m == 0.0:

@@ -1,1 +1,1 @@
-"""What every part of an emulated modem stands on: signals, their durations, settings, sound."""
+"""The basis of all parts of an emulated modem: signals, their durations, settings, sound."""

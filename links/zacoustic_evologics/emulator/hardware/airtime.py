@@ -1,28 +1,28 @@
-"""How long a modem sounds, and how long it pauses.
+"""Airtimes and pauses of a modem.
 
 Instant messages follow a published table of measured durations; sizes between its rows are
-interpolated, and what a piggyback message adds beyond 64 bytes continues its last slope. Bursts and
-service signals have no published figures but the acknowledgement of a capture: they are made of
-that, and of the bit rate of the connection.
+interpolated, and bytes of a piggyback message beyond 64 continue its last slope. For bursts and
+service signals only the acknowledgement of a capture is known: their durations follow from that,
+and from the bit rate of the connection.
 
 Source:
     Durations and processing delays: the table of the S2C in DESERT Underwater's samples, which
     reports the same duration for 53 bytes as a real modem. Acknowledgement and turnaround: capture
-    of an exchange with firmware 1.9; the turnaround is what remains of it after the other terms.
+    of an exchange with firmware 1.9; the turnaround is its rest after the other terms.
 """
 
 from bisect import bisect_left
 from typing import Final
 
 TURNAROUND_NS: Final = 110_000_000
-"""From the end of a message to the beginning of its acknowledgement, at the answering modem."""
+"""From the end of a message to the beginning of its acknowledgement, at the answering modem, ns."""
 ACKNOWLEDGEMENT_NS: Final = 139_376_000
-"""Acknowledgement, and any other signal that only serves a connection."""
+"""Acknowledgement, and any other signal that only serves a connection, ns."""
 GAP_NS: Final = 90_400_000
-"""From the end of a message to the next one of the same modem; measured are 88…93 ms. With it 64
-bytes take 0.951 s, which are 539 bit/s."""
+"""From the end of a message to the next one of the same modem, ns; measured: 88…93 ms. With it 64
+bytes take 0.951 s, which is 539 bit/s."""
 PREPARATION_NS: Final = 15_950_000
-"""How long before a scheduled signal the modem announces it: measured delay between the layers."""
+"""How long before a scheduled signal the modem announces it, ns: measured between the layers."""
 
 _TABLE_US: Final = {
     1: 172_102,
@@ -53,10 +53,10 @@ _IM_LIMIT_BYTES: Final = 64
 
 
 def im_airtime_ns(payload_bytes: int) -> int:
-    """Return how long an instant message sounds, ns, whole microseconds.
+    """Return the airtime of an instant message, ns, whole microseconds.
 
     Args:
-        payload_bytes: 1 or more, a piggyback message that goes with it included.
+        payload_bytes: 1 or more, including a piggyback message that goes with it.
     """
     place = min(max(bisect_left(_SIZES, payload_bytes), 1), len(_SIZES) - 1)
     low, high = _SIZES[place - 1], _SIZES[place]
@@ -65,17 +65,17 @@ def im_airtime_ns(payload_bytes: int) -> int:
 
 
 def service_airtime_ns(piggyback_bytes: int) -> int:
-    """Return how long an acknowledgement sounds, ns; with a piggyback message as long as that."""
+    """Return the airtime of an acknowledgement, ns; a piggyback message determines it."""
     return im_airtime_ns(piggyback_bytes) if piggyback_bytes else ACKNOWLEDGEMENT_NS
 
 
 def burst_airtime_ns(payload_bytes: int, bit_rate_bps: int) -> int:
-    """Return how long a train of burst packets sounds, ns, whole microseconds."""
+    """Return the airtime of a train of burst packets, ns, whole microseconds."""
     return _BURST_PREAMBLE_NS + round(payload_bytes * 8_000_000 / bit_rate_bps) * 1000
 
 
 def equivalent_bytes(airtime_ns: int) -> int:
-    """Return the size of the instant message that sounds about as long, 1…64 bytes.
+    """Return the size of the instant message with about that airtime, 1…64 bytes.
 
     The error rates of the channel are those of instant messages; other signals are as vulnerable as
     the message of their length.

@@ -1,8 +1,8 @@
-"""What all parts of an emulated modem share: settings, clocks, agenda, and the way to the ports.
+"""Shared by all parts of an emulated modem: settings, clocks, agenda, and the way to the ports.
 
-Three clocks: `now` of the caller, ns; the modem's clock, µs in 32 bits, from some start of its own,
-which stamps signals and goes on through a restart; the system clock, µs since the restart or what
-`AT!UT` has set.
+There are three clocks: `now` of the caller, ns; the modem's clock, µs in 32 bits, from an arbitrary
+start, which stamps signals and continues through a restart; the system clock, µs since the restart,
+or set by `AT!UT`.
 """
 
 import random
@@ -25,7 +25,7 @@ from zacoustic_evologics.emulator.hardware.store import SettingsStore
 CLOCK_SPAN_US: Final = 1 << 32
 """The modem's clock wraps here, after 71.6 minutes."""
 BROADCAST: Final = 255
-"""Address of everybody."""
+"""Address of all nodes."""
 
 WRONG_FORMAT: Final = Refused(RefusalKind.ERROR, "WRONG FORMAT")
 UNKNOWN_COMMAND: Final = Refused(RefusalKind.ERROR, "UNKNOWN COMMAND")
@@ -41,32 +41,32 @@ DELIVERING: Final = Refused(RefusalKind.BUSY, "DELIVERING INSTANT MESSAGE")
 
 
 class Behaviour(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What sources disagree about, and a test may want otherwise."""
+    """Choices where sources disagree; a test may want others."""
 
     firmware: Firmware = "1.9"
-    """What the modem runs; see `firmware`."""
+    """Version of the firmware; see `firmware`."""
 
     second_im: Literal["busy", "cancel"] = "busy"
-    """An instant message while another one is under way: BUSY, or it takes the other's place."""
+    """An instant message while another one is under way: BUSY, or it replaces the other."""
     while_receiving: Literal["busy", "wait"] = "busy"
-    """An instant message while a signal comes in: BUSY, or it is sent afterwards."""
+    """An instant message during a reception: BUSY, or it is sent afterwards."""
     strict_control: bool = False
-    """Settings need `AT@CTRL` before; otherwise only if another port has sent it."""
+    """Settings require an earlier `AT@CTRL`; otherwise only if another port has sent it."""
     restart_s: float = 4.0
-    """How long a modem is away after `ATZ0`, s."""
+    """Duration of a restart by `ATZ0`, s."""
     reach_s: float = 3500.0 / 1500.0
-    """Longest propagation delay for which a modem waits, s; the published range, if not farther."""
+    """Longest propagation delay for which a modem waits, s; at least the published range."""
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """Where a command comes from."""
+    """The source of a command."""
 
     port_id: int
     """Port."""
     pid: int
-    """Its protocol id."""
+    """Protocol id of the port."""
     interpreter: Interpreter
-    """Who reads there."""
+    """Interpreter of the port."""
 
 
 Spoken: TypeAlias = Notification | CommandReply | Noise | RawData
@@ -74,28 +74,28 @@ Spoken: TypeAlias = Notification | CommandReply | Noise | RawData
 
 
 class Said(msgspec.Struct, frozen=True):
-    """Something for the ports."""
+    """A message for the ports."""
 
     message: Spoken
-    """What."""
+    """The message."""
     port_id: int | None = None
-    """For this port only; None: for all that want it."""
+    """The only port that gets it; None: all that want it."""
 
 
 class WentDown(msgspec.Struct, frozen=True):
-    """The modem restarts: its ports are gone."""
+    """The modem restarts: its ports are closed."""
 
 
 class CameUp(msgspec.Struct, frozen=True):
-    """The modem is there again."""
+    """The modem has restarted."""
 
 
 Output: TypeAlias = Said | WentDown | CameUp
-"""What `poll_output` gives."""
+"""Results of `poll_output`."""
 
 
 class Measurements:
-    """What the modem knows from the last signals; zero: nothing."""
+    """Measurements of the last signals; zero: none."""
 
     def __init__(self) -> None:
         self.propagation_us = 0
@@ -115,8 +115,8 @@ class Chassis:
 
     Args:
         store: Settings.
-        behaviour: What sources disagree about.
-        rng: For all that the modem draws.
+        behaviour: Choices where sources disagree.
+        rng: Source of all randomness of the modem.
     """
 
     def __init__(self, store: SettingsStore, behaviour: Behaviour, rng: random.Random) -> None:
@@ -139,9 +139,10 @@ class Chassis:
 
     @property
     def answer_wait_ns(self) -> int:
-        """How long after a message its answer must have begun to come in, ns.
+        """Time after a message within which its answer must begin to arrive, ns.
 
-        No source has it. It must reach as far as sound does, and not be below the retry timeout.
+        No source states it. It must suffice for the farthest node, and not be below the retry
+        timeout.
         """
         reach_ns = seconds_to_ns(2 * self.behaviour.reach_s)
         shortest_ns = reach_ns + TURNAROUND_NS + ACKNOWLEDGEMENT_NS // 2
@@ -161,16 +162,16 @@ class Chassis:
         self._unix_us = seconds * 1_000_000 - now // 1000
 
     def next_number(self) -> int:
-        """Return a number for an exchange."""
+        """Return the next number for an exchange."""
         self._number += 1
         return self._number
 
     def say(self, message: Spoken, port_id: int | None = None) -> None:
-        """Say something, to one port or to all that want it."""
+        """Output a message, to one port or to all that want it."""
         self.outputs.append(Said(message, port_id))
 
     def restart(self, at: int) -> None:
-        """Forget what does not outlive a restart."""
+        """Discard the state that a restart loses."""
         self.agenda.clear()
         self.store.restart()
         self.measured = Measurements()

@@ -1,4 +1,4 @@
-"""What differs between the firmwares of the modem, as far as drivers have met it.
+"""Differences between the modem's firmwares, as far as drivers have met them.
 
 ========  ==========================================================================================
 up to 1.6 RECVIM and RECVPBM have bit rate and propagation delay instead of the duration
@@ -10,28 +10,28 @@ up to 1.8 no external clock, `AT@ZA`
 from typing import Final, Literal, TypeAlias
 
 Firmware: TypeAlias = Literal["1.6", "1.7", "1.8", "1.9"]
-"""What `ATI0` answers."""
+"""Answer of `ATI0`."""
 IM_BIT_RATE_BPS: Final = 976
-"""What an older firmware calls the bit rate of a message."""
+"""Bit rate of a message as reported by older firmware, bit/s."""
 
 _MISSPELT: Final = {"IM Retry Count": "IM Rerty Count"}
 
 
 def tells_delays(firmware: Firmware) -> bool:
-    """Whether messages come with bit rate and delay instead of their duration."""
+    """Whether reports of messages have bit rate and delay instead of the duration."""
     return firmware == "1.6"
 
 
 def knows_control(firmware: Firmware) -> bool:
-    """Whether one port can have the modem for itself."""
+    """Whether one port can take exclusive control of the modem."""
     return firmware not in ("1.6", "1.7")
 
 
 def knows_external_clock(firmware: Firmware) -> bool:
-    """Whether the external clock can be notified."""
+    """Whether the external clock can be reported."""
     return firmware == "1.9"
 
 
 def label(text: str, firmware: Firmware) -> str:
-    """Return how `AT&V` calls a setting."""
+    """Return the name of a setting in `AT&V`."""
     return text if knows_control(firmware) else _MISSPELT.get(text, text)

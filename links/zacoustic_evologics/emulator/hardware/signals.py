@@ -1,4 +1,4 @@
-"""Signals between emulated modems, and what a modem decodes of them."""
+"""Signals between emulated modems, and their receptions."""
 
 import enum
 from typing import Final
@@ -12,7 +12,7 @@ from zacoustic_evologics.at.notifications import ImFlag
 class SignalKind(enum.Enum):
     """The kinds of signals; the value is the word in SENDSTART, SENDEND and RECVSRV.
 
-    Seen in captures are `im` and `ims`; the others are ours.
+    Captures show `im` and `ims`; the other words are ours.
     """
 
     IM = "im"
@@ -24,17 +24,17 @@ class SignalKind(enum.Enum):
     PROBE = "probe"
     """Probe signal."""
     CONNECT = "connect"
-    """Asks for a connection."""
+    """Request for a connection."""
     ACCEPT = "accept"
-    """Grants it."""
+    """Grant of a connection."""
     TRAIN = "data"
-    """Burst packets, one behind the other."""
+    """Burst packets, one after the other."""
     TRAIN_ACK = "dataack"
-    """Acknowledges a train."""
+    """Acknowledgement of a train."""
 
     @property
     def service(self) -> str:
-        """What people call it: a train is the burst that it carries."""
+        """Name for people: a train is the burst that it carries."""
         return _SERVICES.get(self, self.value)
 
 
@@ -58,42 +58,42 @@ class BurstPacket(msgspec.Struct, frozen=True):
     pid: int
     """Protocol id."""
     is_raw: bool
-    """From the data mode of a port, and for the data mode of others."""
+    """It comes from the data mode of a port, and is for the data mode of others."""
 
 
 class Signal(msgspec.Struct, frozen=True, kw_only=True):
     """One signal."""
 
     kind: SignalKind
-    """What it is."""
+    """Its kind."""
     source: int
     """Network address of the sender."""
     destination: int
-    """Network address of the receiver, 255 for everybody."""
+    """Network address of the receiver; 255: broadcast."""
     duration_ns: int
-    """How long it sounds, whole microseconds."""
+    """Airtime, ns, whole microseconds."""
     number: int
-    """Of the exchange: an answer has that of what it answers, a repetition that of the first."""
+    """Number of the exchange: an answer and a repetition have that of the first signal."""
     payload: bytes = b""
-    """Of a message."""
+    """Payload of a message."""
     flag: ImFlag = ImFlag.NOACK
-    """Of an instant message."""
+    """Flag of an instant message."""
     pid: int = 0
     """Protocol id of a message."""
     piggyback: Piggyback | None = None
-    """What goes with it."""
+    """The piggyback message that goes with it."""
     packets: tuple[BurstPacket, ...] = ()
-    """Of a train."""
+    """Packets of a train."""
     bit_rate_bps: int = 0
-    """Of a train, and what an accepting modem proposes."""
+    """Bit rate of a train, or the one that an accepting modem proposes, bit/s."""
     bit: int = 0
-    """Of a probe signal."""
+    """Bit of a probe signal."""
     level: int = 0
     """Source level, 0 loudest … 3."""
 
     @property
     def content_bytes(self) -> int:
-        """Bytes of hosts that go with it: message, piggyback message, packets."""
+        """Bytes of hosts in it: message, piggyback message, packets."""
         piggyback_bytes = len(self.piggyback.payload) if self.piggyback else 0
         return len(self.payload) + piggyback_bytes + sum(len(each.payload) for each in self.packets)
 
@@ -102,25 +102,25 @@ class Hearing(msgspec.Struct, frozen=True, kw_only=True):
     """A signal that has ended at a modem."""
 
     sound: int
-    """Which sound: as it was announced when it began."""
+    """Number of the sound, as announced at its beginning."""
     signal: Signal
-    """What was sent."""
+    """The signal."""
     reception: Reception
-    """How it came, and what became of it."""
+    """Its reception, with the outcome."""
     rssi_db: int
     """Level, dB re 1 V."""
     integrity: int
     """Signal integrity."""
     offset_m: tuple[float, float, float]
-    """Where the sender is from here: east, north, up, m."""
+    """Position of the sender relative to here: east, north, up, m."""
     sound_speed_m_s: float
     """True speed of sound."""
     is_unheard: bool = False
-    """The modem has missed it, whatever the channel says."""
+    """The modem has missed it, whatever its outcome on the channel."""
 
     @property
     def is_received(self) -> bool:
-        """Whether the modem could read it."""
+        """Whether the modem could decode it."""
         return self.reception.is_received and not self.is_unheard
 
     @property
@@ -135,7 +135,7 @@ class Hearing(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def duration_ns(self) -> int:
-        """How long it sounded here."""
+        """Its duration here, ns."""
         return self.ends_at - self.starts_at
 
     @property
@@ -145,7 +145,7 @@ class Hearing(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def propagation_us(self) -> int:
-        """Propagation delay, one way."""
+        """Propagation delay, one way, µs."""
         return round(self.reception.arrival.propagation_s * 1e6)
 
     @property

@@ -1,6 +1,6 @@
-"""The settings of a modem: in force, stored, and of the factory.
+"""The settings of a modem: present, stored, and factory settings.
 
-Options of a port (`AT@Z…`, protocol id) are not here but in `port`.
+Options of a port (`AT@Z…`, protocol id) are in `port`.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from zacoustic_evologics.at.settings import SETTINGS
 from zacoustic_evologics.emulator.hardware.firmware import Firmware, label
 
 PORT_OPTIONS: Final = ("ZS", "ZF", "ZX", "ZU", "ZA", "ZB")
-"""Settings that each port has for itself."""
+"""Settings that belong to a port."""
 
 _NAMES: Final = tuple(name for name in SETTINGS if name not in PORT_OPTIONS)
 
@@ -20,7 +20,7 @@ class SettingsStore:
     """The numbers of one modem.
 
     Args:
-        presets: What differs from the factory's settings, also after `AT&F`: a modem keeps the
+        presets: Differences from the factory's settings, also after `AT&F`: a modem keeps the
             address that is printed on it.
     """
 
@@ -36,7 +36,7 @@ class SettingsStore:
         return self._values[name]
 
     def change(self, name: str, value: int) -> bool:
-        """Change a setting, if it may have that value; return whether."""
+        """Change a setting if the value is allowed; return whether it is."""
         is_allowed = SETTINGS[name].allows(value)
         if name == "AL":
             is_allowed = is_allowed and value <= self["AM"]
@@ -55,11 +55,11 @@ class SettingsStore:
         self._values = dict(self._stored)
 
     def restore(self) -> None:
-        """`AT&F`: bring back what the factory set."""
+        """`AT&F`: restore the factory settings."""
         self._values = dict(self._factory)
 
     def shown(self, firmware: Firmware) -> SettingsReply:
-        """Return what `AT&V` shows."""
+        """Return the answer of `AT&V`."""
         return SettingsReply(
             tuple(
                 ShownSetting(label(setting.label, firmware), self[setting.name])

@@ -1,7 +1,7 @@
 """The acoustic end of a modem: one outgoing signal at a time, and the received ones.
 
-Half-duplex: a transmitting modem hears nothing, and one that begins to transmit loses the incoming
-signal. The medium decides what that costs; here it is only known whether something sounds.
+Half-duplex: a transmitting modem receives nothing, and loses an incoming signal when it begins. The
+medium decides such losses; this module only knows whether a sound is present.
 """
 
 import enum
@@ -17,20 +17,20 @@ class PhyState(enum.Enum):
     """States of the physical layer; the value is `AT?S`'s word."""
 
     LISTEN = "INITIATION LISTEN"
-    """All it can."""
+    """Full operation."""
     NOISE = "INITIATION NOISE"
     """Measures noise, receives nothing."""
     DEAF = "INITIATION DEAF"
     """Receives nothing."""
     OFF = "PHY"
-    """Given over to another protocol."""
+    """Handed over to another protocol."""
 
 
 class Transducer:
     """Transmits and listens.
 
     Args:
-        chassis: Of the modem.
+        chassis: Chassis of the modem.
         sent: Called when a signal has left.
     """
 
@@ -38,9 +38,9 @@ class Transducer:
         self.state = PhyState.LISTEN
         self.transmits_until = 0
         self.ready_at = 0
-        # Set by the burst service: until then only what is forced is taken.
+        # Set by the burst service: until then it accepts only forced signals.
         self.backoff_until = 0
-        # Answers that are due soon, of this modem; and the exchange that waits for one of another.
+        # Answers of this modem that are due soon; and the exchange that awaits one of another.
         self.owed = 0
         self.awaiting: object = None
         self._chassis = chassis
@@ -50,20 +50,20 @@ class Transducer:
 
     @property
     def is_on(self) -> bool:
-        """Whether it transmits at all."""
+        """Whether it can transmit at all."""
         return self.state is not PhyState.OFF
 
     @property
     def is_receiving(self) -> bool:
-        """Whether a signal comes in."""
+        """Whether a signal is being received."""
         return bool(self._sounds) and self.state is PhyState.LISTEN
 
     def is_transmitting(self, now: int) -> bool:
-        """Whether a signal goes out."""
+        """Whether a signal is being transmitted."""
         return now < self.transmits_until
 
     def announce(self, signal: Signal, now: int, starts_at: int) -> None:
-        """Say that a signal will begin."""
+        """Announce the beginning of a signal."""
         delay_us = (starts_at - now) // 1000
         self._chassis.say(
             SendStart(
@@ -75,7 +75,7 @@ class Transducer:
         )
 
     def transmit(self, signal: Signal, now: int, *, is_announced: bool = False) -> None:
-        """Begin a signal; only when none goes out."""
+        """Begin a signal; only while none is transmitted."""
         assert not self.is_transmitting(now)
         if not is_announced:
             self.announce(signal, now, now)
@@ -86,7 +86,7 @@ class Transducer:
         self._chassis.agenda.push(self.transmits_until, self._end, signal, self.transmits_until)
 
     def hear_begin(self, sound: int, now: int) -> None:
-        """Notice that a sound begins."""
+        """Note the beginning of a sound."""
         self._sounds.add(sound)
         hears = self.state is PhyState.LISTEN and not self.is_transmitting(now)
         if hears and self._following is None:
@@ -94,7 +94,7 @@ class Transducer:
             self._chassis.say(RecvStart())
 
     def hear_end(self, hearing: Hearing) -> bool:
-        """Notice that a sound ends; return whether it was received."""
+        """Note the end of a sound; return whether it was received."""
         was_there = hearing.sound in self._sounds
         self._sounds.discard(hearing.sound)
         was_followed = self._following == hearing.sound
@@ -127,7 +127,7 @@ class Transducer:
         return False
 
     def restart(self) -> None:
-        """Forget received signals; an outgoing one still goes out."""
+        """Discard receptions; an outgoing signal goes on."""
         self.state = PhyState.LISTEN
         self.owed = 0
         self.backoff_until = 0

@@ -1,1 +1,1 @@
-"""One emulated modem, sans-IO: what its host asks of it, and what it hears."""
+"""One emulated modem, sans-IO: commands of its host, and received signals."""

@@ -1,4 +1,4 @@
-"""The commands of one letter, but for the restart, which is the modem's own affair."""
+"""The commands of one letter, except for the restart, which `modem` handles."""
 
 from typing import Final
 
@@ -35,14 +35,14 @@ _STATES: Final = {
 
 
 class Actions:
-    """What one modem can be made to do.
+    """Executes the actions of one modem.
 
     Args:
-        chassis: Of the modem.
-        transducer: Of the modem.
+        chassis: Chassis of the modem.
+        transducer: Transducer of the modem.
         instant: Its messages.
         bursts: Its connections.
-        answers: Knows who may change the modem.
+        answers: Knows which port may change the modem.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Actions:
         self._answers = answers
 
     def act(self, command: Act, origin: Origin, now: int) -> CommandReply:
-        """Do it, and return the reply."""
+        """Execute an action and return the reply."""
         action, value = command.action, command.value
         match action:
             case Action.LISTEN | Action.MEASURE_NOISE | Action.DEAF:

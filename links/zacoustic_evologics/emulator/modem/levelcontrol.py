@@ -1,9 +1,10 @@
 """`AT!LC1`: the source level follows from the received level at the other modem.
 
-Sources have that the source level changes then and that `SRCLEVEL` reports it, but no rule. Here
-the answer of another modem gives the level at which this one was heard: the distance is the same in
-both directions, and an answer carries its own source level. The limits are those of useful levels,
--85…-20, a little inside at the loud end, where the receiver reports -20 for all that is louder.
+Sources say that the source level changes then and that `SRCLEVEL` reports it, but give no rule.
+Here the answer of another modem tells the level at which it received this one: the distance is the
+same in both directions, and an answer carries its own source level. The limits are those of useful
+levels, -85…-20, slightly inside at the loud end, where the receiver reports -20 for all that is
+louder.
 """
 
 from typing import Final
@@ -14,23 +15,23 @@ from zacoustic_evologics.emulator.hardware.signals import Hearing
 from zacoustic_evologics.emulator.medium import SOURCE_LEVELS_DB
 
 TOO_LOUD_DB: Final = -25
-"""Above it, a modem goes one step quieter; dB re 1 V."""
+"""Above this level at the other modem, a modem becomes one step quieter; dB re 1 V."""
 TOO_QUIET_DB: Final = -85
-"""Below it, a modem goes one step louder."""
+"""Below it, one step louder; dB re 1 V."""
 
 
 class LevelControl:
     """The source level of one modem.
 
     Args:
-        chassis: Of the modem.
+        chassis: Chassis of the modem.
     """
 
     def __init__(self, chassis: Chassis) -> None:
         self._chassis = chassis
 
     def handle_answer(self, hearing: Hearing) -> None:
-        """Follow from an answer."""
+        """Adapt the level to an answer."""
         store = self._chassis.store
         if not store["LC"]:
             return

@@ -1,4 +1,4 @@
-"""What a modem does with a signal that it has received: report it, answer it, or only note it."""
+"""What a modem does with a received signal: report it, answer it, or only note it."""
 
 from typing import Any
 
@@ -31,15 +31,15 @@ _SERVICES = frozenset({SignalKind.ACK, SignalKind.CONNECT, SignalKind.ACCEPT, Si
 
 
 class Listener:
-    """The ear of one modem.
+    """Handles the received signals of one modem.
 
     Args:
-        chassis: Of the modem.
-        transducer: Of the modem.
+        chassis: Chassis of the modem.
+        transducer: Transducer of the modem.
         instant: Its messages.
         bursts: Its connections.
-        head: Its position finder.
-        level: Its source level.
+        head: Its USBL head.
+        level: Its level control.
     """
 
     def __init__(
@@ -59,11 +59,11 @@ class Listener:
         self._level = level
 
     def handle(self, hearing: Hearing, now: int) -> None:
-        """Take a signal that was received."""
+        """Take a received signal."""
         signal = hearing.signal
         is_mine = signal.destination in (self._chassis.address, BROADCAST)
         is_reported = is_mine or self._chassis.store["RP"] == 1
-        # An acknowledgement frees its slot before anything that may fill it again.
+        # An acknowledgement frees its slot before anything may fill it again.
         if signal.kind in _SERVICES:
             self._handle_service(hearing, now)
         elif signal.kind is SignalKind.TRAIN:
@@ -133,7 +133,7 @@ class Listener:
         )
 
     def _timing(self, signal: Signal) -> dict[str, int]:
-        """A firmware's timing fields: a delay is that of the last exchange, 0 for none."""
+        """Return a firmware's timing fields: a delay is that of the last exchange, 0 for none."""
         if tells_delays(self._chassis.behaviour.firmware):
             delay_us = self._chassis.measured.propagation_us
             return {"bit_rate_bps": IM_BIT_RATE_BPS, "propagation_us": delay_us}

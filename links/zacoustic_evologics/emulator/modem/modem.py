@@ -8,7 +8,7 @@ Its inputs are commands (`handle_command`), raw data (`handle_raw`), sounds (`ha
 The parts, from the bottom up: `chassis` (settings, clocks), `transducer` (one signal at a time),
 `exchange` (a signal until it is answered), `instant` and `bursts` (the services), `usblhead`,
 `levelcontrol`, `listening` (receptions), `queries` (answers). `firmware` has the differences
-between the modem's own versions.
+between versions of the modem.
 """
 
 import random
@@ -65,9 +65,9 @@ class EmulatedModem:
     """One modem.
 
     Args:
-        settings: What differs from the factory's settings, such as the address `AL`.
-        behaviour: What sources disagree about.
-        rng: For all that the modem draws: the start of its clock, errors of fixes, pauses.
+        settings: Differences from the factory's settings, such as the address `AL`.
+        behaviour: Choices where sources disagree.
+        rng: Source of all randomness: the start of its clock, errors of fixes, pauses.
     """
 
     def __init__(
@@ -94,16 +94,16 @@ class EmulatedModem:
 
     @property
     def address(self) -> int:
-        """Network address, as `AT?AL` answers."""
+        """Network address, the answer to `AT?AL`."""
         return self._chassis.address
 
     @property
     def firmware(self) -> Firmware:
-        """What it runs."""
+        """Version of the firmware."""
         return self._chassis.behaviour.firmware
 
     def clock_us(self, now: int) -> int:
-        """Return what `AT?CLOCK` answers."""
+        """Return the answer to `AT?CLOCK`, µs."""
         return self._chassis.clock_us(now)
 
     def system_us(self, now: int) -> int:
@@ -111,11 +111,11 @@ class EmulatedModem:
         return self._chassis.system_us(now)
 
     def close_port(self, port_id: int) -> None:
-        """Take note that a port is gone."""
+        """Note that a port is gone."""
         self._answers.close_port(port_id)
 
     def handle_command(self, origin: Origin, command: Command, now: int) -> None:
-        """Take a command; exactly one reply precedes all that it causes, or none at all."""
+        """Take a command; exactly one reply precedes its effects, or there is no reply at all."""
         if not self.is_up:
             return
         chassis = self._chassis
@@ -146,13 +146,13 @@ class EmulatedModem:
         self._look(now)
 
     def handle_timeout(self, now: int) -> None:
-        """Do the due actions."""
+        """Run the due actions."""
         self._chassis.agenda.run(now)
         if self.is_up:
             self._look(now)
 
     def poll_timeout(self) -> int | None:
-        """Return when something is due, None when nothing is."""
+        """Return the next due instant, ns; None: none."""
         return self._chassis.agenda.next_at()
 
     def poll_output(self) -> Output | None:

@@ -47,8 +47,8 @@ class Answers:
     """Reads and changes the numbers of one modem.
 
     Args:
-        chassis: Of the modem.
-        transducer: Of the modem.
+        chassis: Chassis of the modem.
+        transducer: Transducer of the modem.
         instant: Its messages.
         bursts: Its connections.
     """
@@ -85,7 +85,7 @@ class Answers:
         }
 
     def answer(self, query: Query, origin: Origin, now: int) -> CommandReply | Noise:
-        """`AT?…`, but for what belongs to the port."""
+        """`AT?…`, except for queries about the port."""
         name = query.name
         if name in self._numbers:
             return Number(self._numbers[name]())
@@ -138,7 +138,7 @@ class Answers:
         return Accepted()
 
     def change_option(self, command: SetOption, origin: Origin, now: int) -> CommandReply:
-        """`AT@…`, but for what belongs to the port."""
+        """`AT@…`, except for options of the port."""
         has_control = knows_control(self._chassis.behaviour.firmware)
         match command.name, command.value:
             case "CTRL", None if has_control:
@@ -157,11 +157,11 @@ class Answers:
                 return WRONG_FORMAT
 
     def may_store(self, origin: Origin) -> bool:
-        """Whether a port may keep or restore the settings."""
+        """Whether a port may store or restore the settings."""
         return self._may_change(origin)
 
     def close_port(self, port_id: int) -> None:
-        """Take control from a port that is gone."""
+        """Take control from a closed port."""
         if self.controller == port_id:
             self.controller = None
 
@@ -188,7 +188,7 @@ class Answers:
         )
 
     def _multipath(self) -> MultipathReply:
-        """The direct path and its echoes, ever weaker; none before anything was heard."""
+        """Return the direct path and its weaker echoes; none before the first reception."""
         if not self._chassis.measured.integrity:
             return MultipathReply((_NO_PATH,) * _PATHS)
         echoes = tuple(

@@ -1,7 +1,7 @@
 """A fleet on the running loop, at any time scale: one timer, and a callback for each port.
 
-The loop may be late: what was due is done at its own instant then, one after the other. All is
-called on the loop, and calls back from within.
+The loop may be late: due actions then happen at their own instants, one after the other. All calls
+and callbacks are on the loop.
 """
 
 import time
@@ -18,14 +18,14 @@ from zacoustic_evologics.emulator.station.station import ModemDown, ModemUp, Por
 
 
 class PortHost(Protocol):
-    """Who is at the other end of a port."""
+    """The other end of a port."""
 
     def bytes_said(self, content: bytes) -> None:
         """Take a message of the modem."""
         ...
 
     def port_closed(self) -> None:
-        """The modem has closed the port; nothing comes any more."""
+        """Note that the modem has closed the port; nothing follows."""
         ...
 
 
@@ -33,10 +33,10 @@ class RunningFleet:
     """Drives a fleet by a clock.
 
     Args:
-        fleet: Stepped here only, from now on.
-        time_scale: How many times faster than real, > 0. Guard times and restarts scale, too.
-        clock: Where instants come from.
-        changed: Told that a modem has gone down (False) or come up (True).
+        fleet: The fleet; only this class may step it from now on.
+        time_scale: How many times faster than real time, > 0. Guard times and restarts scale, too.
+        clock: Source of instants.
+        changed: Called when a modem goes down (False) or comes up (True).
 
     Raises:
         ConfigError: The time scale is not above 0.
@@ -58,7 +58,7 @@ class RunningFleet:
         self._is_closed = False
 
     def start(self) -> None:
-        """Begin to follow the clock, so that a script of faults happens without any port."""
+        """Begin to follow the clock, so that scripted faults happen even without a port."""
         self._service()
 
     def open_port(
@@ -72,7 +72,7 @@ class RunningFleet:
         """Open a port of a modem.
 
         Raises:
-            ConnectionRefusedError: The modem takes no connection.
+            ConnectionRefusedError: The modem accepts no connection.
         """
         now = self._now()
         port_id = self.fleet.open_port(
@@ -83,7 +83,7 @@ class RunningFleet:
         return port_id
 
     def move(self, address: int, position: Position) -> None:
-        """Tell where a modem is from now on; raises what `EmulatedFleet.move` does."""
+        """Set the position of a modem from now on; raises as `EmulatedFleet.move`."""
         self.fleet.move(address, position, self._now())
 
     def close_port(self, port_id: int) -> None:
@@ -98,17 +98,17 @@ class RunningFleet:
         self._service()
 
     def close(self) -> None:
-        """Stop; nothing is called after it. May be repeated."""
+        """Stop; nothing is called afterwards. May be repeated."""
         self._is_closed = True
         self._hosts.clear()
         self._alarm.stop()
 
     def _now(self) -> int:
-        """Instant of the fleet; never decreases."""
+        """Return the instant of the fleet; never decreases."""
         return max(self.fleet.now, self._clock.now())
 
     def _service(self) -> None:
-        """Hand over the fleet's messages, then set the one timer."""
+        """Deliver the fleet's messages, then set the one timer."""
         while not self._is_closed and (output := self.fleet.poll_output()) is not None:
             match output:
                 case PortBytes(port_id, content):
@@ -125,6 +125,6 @@ class RunningFleet:
             self._alarm.set(self.fleet.poll_timeout())
 
     def _expire(self, due_at: int) -> None:
-        # The loop may be early by its resolution: then it is the due instant that counts.
+        # The loop may be early by its resolution; the due instant counts.
         self.fleet.handle_timeout(max(self._now(), due_at))
         self._service()

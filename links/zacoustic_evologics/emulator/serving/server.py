@@ -1,11 +1,11 @@
-"""Emulated modems that other programs connect to: TCP ports and pseudo-terminals.
+"""Emulated modems for other programs: TCP ports and pseudo-terminals.
 
-A TCP port takes several clients, each a port of the modem with options of its own. While the modem
-restarts nobody listens there. A pseudo-terminal is one serial line, and is silent meanwhile; its
-baud rate is whatever the client sets, unless one is given, and does not slow it.
+A TCP port accepts several clients; each is a port of the modem with its own options. During a
+restart of the modem nobody listens there. A pseudo-terminal is one serial line, and is silent
+meanwhile; it accepts any baud rate of the client, unless one is given, and is not slowed by it.
 
-A client that does not read loses its TCP connection at `BACKLOG_LIMIT_BYTES`; on a line without
-handshake unread bytes are lost.
+A client that does not read loses its TCP connection at `BACKLOG_LIMIT_BYTES`; a line without
+handshake loses unread bytes.
 """
 
 import asyncio
@@ -23,12 +23,12 @@ from zacoustic.link.serving import cannot_listen, place_name
 from zacoustic_evologics.emulator.serving.running import RunningFleet
 
 BACKLOG_LIMIT_BYTES: Final = 1_048_576
-"""What may wait for a TCP client, bytes."""
+"""Bytes that may wait for a TCP client."""
 
 _READ_BYTES: Final = 65_536
 _LISTEN_AGAIN_S: Final = 0.2
 _OUTPUT_SPEED: Final = 5
-"""Where it stands in what `tcgetattr` returns."""
+"""Index of the output speed in the result of `tcgetattr`."""
 
 _logger = logging.getLogger(__name__)
 
@@ -37,9 +37,9 @@ class Place(msgspec.Struct, frozen=True):
     """The place of a modem."""
 
     address: int
-    """Of the modem."""
+    """Address of the modem."""
     locator: str
-    """`tcp:HOST:PORT` or `serial:PATH`, as a byte stream takes it."""
+    """`tcp:HOST:PORT` or `serial:PATH`, as for a byte stream."""
 
 
 class FleetServer:
@@ -56,10 +56,10 @@ class FleetServer:
         running.changed = self._change
 
     async def listen(self, address: int, host: str, port: int) -> Place:
-        """Serve a modem on a TCP port; 0 takes any that is free.
+        """Serve a modem on a TCP port; 0 takes any free one.
 
         Raises:
-            LinkOpenError: The address cannot be listened at.
+            LinkOpenError: The address cannot be used.
         """
         listener = _Listener(self.running, address, host, port)
         await listener.open()
@@ -70,18 +70,18 @@ class FleetServer:
         """Serve a modem on a new pseudo-terminal.
 
         Args:
-            address: Of the modem.
-            baudrate: Its rate: at another one both ends read nonsense. None: any will do.
+            address: Address of the modem.
+            baudrate: Its rate; with another one both ends read nonsense. None: any.
 
         Raises:
-            LinkOpenError: There are none on this system.
+            LinkOpenError: This system has no pseudo-terminals.
         """
         terminal = _Terminal(self.running, address, baudrate)
         self._terminals.append(terminal)
         return Place(address, f"serial:{terminal.path}")
 
     async def close(self) -> None:
-        """Hang up on everybody and stop the fleet; may be repeated."""
+        """Close all connections and stop the fleet; may be repeated."""
         self.running.changed = None
         listeners = [each for several in self._listeners.values() for each in several]
         self._listeners.clear()
@@ -133,7 +133,7 @@ class _Listener:
         self._port = self._server.sockets[0].getsockname()[1]
 
     def pause(self) -> None:
-        """Stop to listen."""
+        """Stop listening."""
         if self._server is not None:
             self._server.close()
             self._server = None
@@ -144,7 +144,7 @@ class _Listener:
             self._resuming = asyncio.get_running_loop().create_task(self._resume())
 
     async def close(self) -> None:
-        """Hang up on all clients."""
+        """Close the connections of all clients."""
         if self._resuming is not None:
             self._resuming.cancel()
             await asyncio.wait([self._resuming])
@@ -215,7 +215,7 @@ class _Client(asyncio.Protocol):
             self._transport.close()
 
     def hang_up(self) -> None:
-        """End the connection; what it has not read yet is lost."""
+        """End the connection; unread bytes are lost."""
         if self._transport is not None:
             self._transport.abort()
 
@@ -231,7 +231,7 @@ class _Terminal:
         self._running = running
         self._loop = asyncio.get_running_loop()
         self._baudrate = baudrate
-        # The client's side stays open here, so that a client may come and go.
+        # The client's side stays open here, so that clients may come and go.
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._theirs)
         os.set_blocking(self._ours, False)
@@ -247,7 +247,7 @@ class _Terminal:
                 _logger.debug("%s: nobody reads, bytes are lost", self.path)
 
     def port_closed(self) -> None:
-        """A serial line is not closed by its modem."""
+        """Do nothing: a modem cannot close a serial line."""
 
     def close(self) -> None:
         self._loop.remove_reader(self._ours)
@@ -264,7 +264,7 @@ class _Terminal:
             self._running.handle_bytes(self._port_id, self._on_the_line(data))
 
     def _on_the_line(self, content: bytes) -> bytes:
-        """Return what the other end reads: nonsense, where the rates differ."""
+        """Return the bytes that the other end reads: nonsense if the rates differ."""
         import termios
 
         if self._baudrate is None:
@@ -272,5 +272,5 @@ class _Terminal:
         speed = getattr(termios, f"B{self._baudrate}", None)
         if termios.tcgetattr(self._ours)[_OUTPUT_SPEED] == speed:
             return content
-        # Bits are taken for others: no byte that means anything here comes out.
+        # Wrong bits: no byte with a meaning here may come out.
         return bytes(0x80 | byte >> 1 for byte in content)

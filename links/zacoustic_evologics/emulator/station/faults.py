@@ -1,4 +1,4 @@
-"""What goes wrong between an emulated modem and its host: by chance with a seed, or by script.
+"""Faults between an emulated modem and its host: by chance with a seed, or by script.
 
 ::
 
@@ -8,13 +8,13 @@
                 { kind: "lost_ack", at_s: 20, count: 2 },
                 { kind: "reset", at_s: 30, modem: 1 } ] }
 
-A rate is the chance at each opportunity, between `from_s` and `until_s`. A fault of the script
-happens at the first `count` opportunities from its instant on, or at all of `lasts_s`; `reset` and
-`drop_connection` need no opportunity and happen at the instant.
+A rate is the probability at each opportunity, between `from_s` and `until_s`. A scripted fault
+happens at the first `count` opportunities from its instant on, or at all within `lasts_s`; `reset`
+and `drop_connection` need no opportunity and happen at their instant.
 
-Garbage stands between messages. `half_line`, `wrong_length` and `corrupt` damage them, and what is
-damaged inside of a received message can look like another one, since the grammar has no check: a
-host cannot be blamed for taking it. `spares_payloads` keeps these to lines that carry none.
+Garbage comes between messages. `half_line`, `wrong_length` and `corrupt` damage messages. A damaged
+received message can look like a valid one, since the grammar has no check, so a host may accept it.
+`spares_payloads` limits the three to lines without a payload.
 """
 
 import enum
@@ -30,10 +30,10 @@ from zacoustic.errors import ConfigError
 
 
 class FaultKind(enum.Enum):
-    """What can go wrong, and when it has an opportunity."""
+    """The kinds of faults, with their opportunities."""
 
     BUSY = "busy"
-    """A command that sends is answered BUSY, and not executed."""
+    """A sending command is answered BUSY, and not executed."""
     LOST_REPLY = "lost_reply"
     """A reply is omitted."""
     STARRED = "starred"
@@ -41,7 +41,7 @@ class FaultKind(enum.Enum):
     EFAULT = "efault"
     """`ERROR EFAULT` comes before a reply."""
     LATE = "late"
-    """A notification comes later by at most `late_s`, behind those that follow it."""
+    """A notification is late by at most `late_s`, after those that follow it."""
     DUPLICATE = "duplicate"
     """A received instant message is reported twice."""
     LOST_ACK = "lost_ack"
@@ -49,34 +49,34 @@ class FaultKind(enum.Enum):
     GARBAGE = "garbage"
     """Noise on the line before a message."""
     HALF_LINE = "half_line"
-    """A message ends in the middle, and nothing replaces the rest."""
+    """A message ends in the middle; its rest is lost."""
     WRONG_LENGTH = "wrong_length"
     """The length that a received message announces is wrong."""
     CORRUPT = "corrupt"
     """Bits of a message are flipped."""
     PIECES = "pieces"
-    """A message is given to the host byte by byte."""
+    """A message reaches the host byte by byte."""
     STALE = "stale"
-    """A new connection begins with the end of something older."""
+    """A new connection begins with the end of an older message."""
     DROP_CONNECTION = "drop_connection"
-    """A TCP connection is closed, when the host has sent something."""
+    """A TCP connection is closed after the host has sent something."""
     RESET = "reset"
-    """The modem restarts, when the host has sent something."""
+    """The modem restarts after the host has sent something."""
 
 
 class ScriptedFault(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Something that goes wrong at an instant."""
+    """A fault at an instant."""
 
     kind: FaultKind
-    """What."""
+    """Kind of the fault."""
     at_s: float
-    """From when on, s since the start."""
+    """Its beginning, s since the start."""
     modem: int = 0
     """Address of the modem in the scenario; 0: each of them."""
     count: int = 1
-    """At how many opportunities; ignored with `lasts_s`."""
+    """Number of opportunities; ignored with `lasts_s`."""
     lasts_s: float | None = None
-    """At all opportunities of so many seconds."""
+    """It happens at all opportunities within this time, s."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -92,20 +92,20 @@ class ScriptedFault(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class FaultPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All that goes wrong."""
+    """All faults."""
 
     seed: int = 1
-    """Every draw follows from it."""
+    """Seed of every draw."""
     from_s: float = 0.0
-    """Rates hold from here, s since the start."""
+    """Begin of the rates, s since the start."""
     until_s: float = 1e9
-    """Rates hold up to here, s."""
+    """End of the rates, s."""
     rates: Mapping[FaultKind, float] = {}
-    """Chance of each kind, 0…1."""
+    """Probability of each kind, 0…1."""
     late_s: float = 2.0
-    """By how much a late notification is late at most, s."""
+    """Largest delay of a late notification, s."""
     spares_payloads: bool = False
-    """Nothing is damaged in records that carry a payload."""
+    """Records with a payload are not damaged."""
     script: tuple[ScriptedFault, ...] = ()
     """Scripted faults."""
 
@@ -121,18 +121,18 @@ class FaultPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 NO_FAULTS: Final = FaultPlan()
-"""Nothing goes wrong."""
+"""No fault."""
 TIMED: Final = (FaultKind.DROP_CONNECTION, FaultKind.RESET)
-"""Kinds that the script makes happen by themselves."""
+"""Kinds that happen at a scripted instant, without an opportunity."""
 DAMAGING: Final = (FaultKind.HALF_LINE, FaultKind.WRONG_LENGTH, FaultKind.CORRUPT)
-"""Kinds that change bytes of a message."""
+"""Kinds that change the bytes of a message."""
 
 
 def plan_from_mapping(mapping: object, *, source: str) -> FaultPlan:
-    """Convert what a parser made of a file of faults.
+    """Convert a parsed file of faults.
 
     Raises:
-        ConfigError: One line: file and what is wrong.
+        ConfigError: One line: the file and the fault in it.
     """
     try:
         return msgspec.convert(mapping, FaultPlan)
@@ -141,10 +141,10 @@ def plan_from_mapping(mapping: object, *, source: str) -> FaultPlan:
 
 
 class Misfortune:
-    """What goes wrong at one modem.
+    """Decides the faults of one modem.
 
     Args:
-        plan: What goes wrong.
+        plan: All faults.
         node: Address of the modem in the scenario.
     """
 
@@ -155,30 +155,30 @@ class Misfortune:
         self._script = [_Pending(each) for each in plan.script if each.modem in (0, node)]
 
     def strikes(self, kind: FaultKind, now: int) -> bool:
-        """Tell whether this opportunity goes wrong."""
-        # The script first, but the draw in any case: a script does not change what chance does.
+        """Tell whether a fault happens at this opportunity."""
+        # Check the script first, but always draw: a script must not change the random faults.
         rate = self._plan.rates.get(kind, 0.0) if now in self._rates_hold else 0.0
         is_drawn = rate > 0.0 and self.rng.random() < rate
         is_scripted = any(each.take(kind, now) for each in self._script)
         return is_scripted or is_drawn
 
     def damages(self, kind: FaultKind, now: int, *, has_payload: bool) -> bool:
-        """Tell whether a message is damaged so."""
+        """Tell whether a message gets this damage."""
         assert kind in DAMAGING
         return self.strikes(kind, now) and not (has_payload and self._plan.spares_payloads)
 
     def timed_at(self) -> list[int]:
-        """Return when the script makes something happen by itself, ns."""
+        """Return the instants of faults without an opportunity, ns."""
         pending = (each for each in self._script if each.left and each.fault.kind in TIMED)
         return [each.from_ns for each in pending]
 
     def take_timed(self, now: int) -> list[FaultKind]:
-        """Return what the script makes happen now."""
+        """Return the faults without an opportunity that are due now."""
         pending = (each for each in self._script if each.fault.kind in TIMED)
         return [each.fault.kind for each in pending if each.take(each.fault.kind, now)]
 
     def late_ns(self) -> int:
-        """Draw by how much a notification is late."""
+        """Draw the delay of a late notification, ns."""
         return seconds_to_ns(self._plan.late_s * self.rng.random())
 
     def garbage(self) -> bytes:
@@ -188,7 +188,7 @@ class Misfortune:
         return noise.replace(b"\n", b"?").replace(b"+", b"?") + b"\r\n"
 
     def cut(self, content: bytes) -> bytes:
-        """Draw how much of a message is left."""
+        """Return a message cut at a drawn place."""
         return content[: int(self.rng.random() * len(content))]
 
     def other_length(self, length: int) -> int:

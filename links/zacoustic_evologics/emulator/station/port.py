@@ -1,8 +1,8 @@
 """One port of an emulated modem: a TCP connection or a serial line.
 
-What belongs to a port and not to the modem: which interpreter reads on it and in which mode, its
-protocol id, which notifications it wants, and the second of silence that guards `+++`. Commands
-about these are answered here; the others are for the modem.
+A port, not the modem, has an interpreter and its mode, a protocol id, the wanted notifications, and
+the second of silence that guards `+++`. This module answers commands about these; the others are
+for the modem.
 """
 
 from collections.abc import Mapping
@@ -65,9 +65,9 @@ from zacoustic_evologics.emulator.hardware.firmware import Firmware, knows_exter
 from zacoustic_evologics.emulator.hardware.store import PORT_OPTIONS
 
 GUARD_NS: Final = 1_000_000_000
-"""Silence before and after `+++`."""
+"""Silence before and after `+++`, ns."""
 ECLK_PERIOD_NS: Final = 1_000_000_000
-"""Between two notifications of the external clock, for a port that has asked for them."""
+"""Period of notifications of the external clock, ns, for a port that has asked for them."""
 
 Extended: TypeAlias = (
     RecvStart
@@ -84,7 +84,7 @@ Extended: TypeAlias = (
     | Status
     | ClockOffset
 )
-"""What comes with extended notifications only. Sources differ in some of them."""
+"""Messages that come only with extended notifications. Sources differ in some of them."""
 
 
 class Port:
@@ -92,11 +92,11 @@ class Port:
 
     Args:
         port_id: Number in the fleet.
-        interpreter: Who reads here.
+        interpreter: Interpreter of the port.
         is_serial: A serial line, which stays when the modem restarts.
-        firmware: Of the modem.
-        options: What differs from the options of a new port, by name (`ZF`).
-        now: Instant at which it is opened.
+        firmware: Firmware of the modem.
+        options: Differences from the options of a new port, by name (`ZF`).
+        now: Instant of its opening, ns.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Port:
         self.restart(now)
 
     def restart(self, now: int) -> None:
-        """Start as a new port, in data mode if there is one."""
+        """Become a new port, in data mode if there is one."""
         is_net = self.interpreter is Interpreter.NET
         self._framing = Framing.LINES if is_net else Framing.PACKETS
         self._decoder = CommandDecoder(self.interpreter, self._framing)
@@ -126,21 +126,21 @@ class Port:
         self._bytes_since_silence = 0
         self._is_silent = False
         self._eclk_at = now
-        # Name of the command whose answer the modem owes, for the packet of the answer.
+        # Name of the command whose answer is due, for the packet of the answer.
         self._asked = ""
 
     @property
     def origin(self) -> Origin:
-        """What the modem knows of this port."""
+        """The modem's view of this port."""
         return Origin(self.port_id, self._options["ZS"], self.interpreter)
 
     @property
     def held_bytes(self) -> int:
-        """Bytes that wait for more."""
+        """Number of bytes waiting for more."""
         return self._decoder.held_bytes
 
     def feed(self, content: bytes, now: int) -> list[CommandMessage]:
-        """Take bytes of the host; give each message of the result to `take`, in order."""
+        """Take bytes of the host; pass each message of the result to `take`, in order."""
         if now - self._read_at >= GUARD_NS:
             self._bytes_since_silence = 0
         self._bytes_since_silence += len(content)
@@ -149,7 +149,7 @@ class Port:
         return self._decoder.feed(content)
 
     def poll_timeout(self) -> int | None:
-        """Return when something is due, None when nothing is."""
+        """Return the next due instant, ns; None: none."""
         waits = self._framing is Framing.PACKETS and self.held_bytes > 0 and not self._is_silent
         due_at = [self._read_at + GUARD_NS] if waits else []
         if self._options["ZA"]:
@@ -157,7 +157,7 @@ class Port:
         return min(due_at, default=None)
 
     def handle_timeout(self, now: int) -> list[CommandMessage]:
-        """Do the due actions; the result is as that of `feed`."""
+        """Run the due actions; the result is as that of `feed`."""
         if self._is_silent or not self.held_bytes or now < self._read_at + GUARD_NS:
             return []
         self._is_silent = True
@@ -166,7 +166,7 @@ class Port:
         return self._decoder.silence(guarded=is_guarded)
 
     def take_eclk(self, now: int) -> bool:
-        """Tell whether the external clock is to be notified now."""
+        """Tell whether a notification of the external clock is due."""
         is_due = self._options["ZA"] == 1 and now >= self._eclk_at + ECLK_PERIOD_NS
         if is_due:
             self._eclk_at = now
@@ -176,8 +176,7 @@ class Port:
         """Take a message of the host.
 
         Returns:
-            A command or raw data for the modem; or the reply, which `encode` writes; or None if
-            there is neither.
+            A command or raw data for the modem; or the reply, which `encode` writes; or None.
         """
         match message:
             case RawData():
@@ -213,12 +212,12 @@ class Port:
             if message.pid > 7:
                 return Refused(RefusalKind.ERROR, "PROTOCOL ID")
             if not self._options["ZF"]:
-                # A host that sends a protocol ID looks for one in received messages, in vain.
+                # A host that sends a protocol id would look for one in received messages, in vain.
                 return WRONG_FORMAT
         return message
 
     def wants(self, message: Spoken) -> bool:
-        """Whether something that is for all ports is for this one."""
+        """Tell whether this port wants a message that is for all ports."""
         if isinstance(message, Extended):
             return self._options["ZX"] == 1
         if isinstance(message, UsblNotification):
@@ -232,7 +231,7 @@ class Port:
         return True
 
     def encode(self, message: Spoken) -> bytes:
-        """Write something for this port."""
+        """Encode a message for this port."""
         if isinstance(message, ReceivedMessage) and not self._options["ZF"]:
             message = msgspec.structs.replace(message, pid=None)
         if isinstance(message, CommandReply):

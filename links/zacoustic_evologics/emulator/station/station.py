@@ -1,4 +1,4 @@
-"""One modem with its ports, and what goes wrong between them and their hosts."""
+"""One modem with its ports, and the faults between them and their hosts."""
 
 import re
 from collections import deque
@@ -44,32 +44,32 @@ class PortBytes(msgspec.Struct, frozen=True):
     port_id: int
     """Port."""
     content: bytes
-    """At least one."""
+    """One byte or more."""
 
 
 class PortClosed(msgspec.Struct, frozen=True):
-    """The modem has closed a TCP port; it is forgotten."""
+    """The modem has closed a TCP port, which no longer exists."""
 
     port_id: int
     """Port."""
 
 
 class ModemDown(msgspec.Struct, frozen=True):
-    """A modem restarts: it takes no connections, and serial lines are dead."""
+    """A modem restarts: it accepts no connections, and serial lines are dead."""
 
     address: int
-    """Its place in the scenario."""
+    """Its address in the scenario."""
 
 
 class ModemUp(msgspec.Struct, frozen=True):
-    """A modem is back."""
+    """A modem has restarted."""
 
     address: int
-    """Its place in the scenario."""
+    """Its address in the scenario."""
 
 
 FleetOutput: TypeAlias = PortBytes | PortClosed | ModemDown | ModemUp
-"""What comes out of a fleet."""
+"""Outputs of a fleet."""
 
 
 class Station:
@@ -78,8 +78,8 @@ class Station:
     Args:
         node: Address in the scenario.
         modem: The modem.
-        plan: What goes wrong.
-        options: Of new ports, where they differ from the usual ones.
+        plan: The faults.
+        options: Options of new ports that differ from the usual ones.
     """
 
     def __init__(
@@ -111,12 +111,12 @@ class Station:
             self.outputs.append(PortBytes(port_id, _STALE))
 
     def close_port(self, port_id: int) -> None:
-        """Forget a port."""
+        """Close a port."""
         if self.ports.pop(port_id, None) is not None:
             self.modem.close_port(port_id)
 
     def handle_bytes(self, port_id: int, content: bytes, now: int) -> None:
-        """Take bytes of a host; those for a modem that restarts are lost."""
+        """Take bytes of a host; they are lost while the modem restarts."""
         if not self.modem.is_up:
             return
         self._handle_messages(port_id, self.ports[port_id].feed(content, now), now)
@@ -127,7 +127,7 @@ class Station:
         self._collect(now)
 
     def handle_sound(self, sound: int, now: int) -> None:
-        """Take note that a signal begins."""
+        """Note the beginning of a signal."""
         self.modem.handle_sound(sound, now)
         self._collect(now)
 
@@ -141,14 +141,14 @@ class Station:
         self._collect(now)
 
     def poll_timeout(self) -> int | None:
-        """Return when something is due, None when nothing is."""
+        """Return the next due instant, ns; None: none."""
         instants = [self.modem.poll_timeout(), self._late.next_at()]
         if self.modem.is_up:
             instants += [port.poll_timeout() for port in self.ports.values()]
         return min((at for at in instants if at is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
-        """Do the due actions."""
+        """Run the due actions."""
         self._late.run(now)
         self.modem.handle_timeout(now)
         for port_id, port in tuple(self.ports.items()):
@@ -177,7 +177,7 @@ class Station:
             self._collect(now)
 
     def _collect(self, now: int) -> None:
-        """Give the modem's messages to its ports."""
+        """Pass the modem's messages to its ports."""
         while (output := self.modem.poll_output()) is not None:
             match output:
                 case Said(message, None):
@@ -212,7 +212,7 @@ class Station:
             self.outputs.append(PortClosed(port_id))
 
     def _happen(self, now: int) -> None:
-        """Let happen what the script wants at this instant."""
+        """Run the faults that are due now without an opportunity."""
         for kind in self._misfortune.take_timed(now):
             if kind is FaultKind.RESET and self.modem.is_up:
                 self.modem.restart(now)
@@ -241,7 +241,7 @@ class Station:
             self._put(port, message, now)
 
     def _put(self, port: Port, message: Spoken, now: int) -> None:
-        """Write a message for a port, as the line lets it through."""
+        """Write a message to a port, with the faults of the line."""
         if port.port_id not in self.ports or not self.modem.is_up:
             return
         content = port.encode(message)

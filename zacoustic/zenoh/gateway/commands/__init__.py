@@ -1,1 +1,1 @@
-"""What is asked of the gateway itself: commands, pings, objects."""
+"""Requests to the gateway itself: commands, pings, objects."""

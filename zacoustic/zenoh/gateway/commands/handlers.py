@@ -1,4 +1,4 @@
-"""What is asked of the gateway itself, and where: commands, pings, objects, its own health."""
+"""Declares the keys for requests to the gateway: commands, pings, objects, its health."""
 
 from functools import partial
 
@@ -17,10 +17,10 @@ class Handlers:
     """The handlers of one gateway; for the loop, except for `declare` and `undeclare`.
 
     Args:
-        objects: Gives large samples up.
+        objects: Cancels large samples.
         commands: Takes commands.
         pings: Takes pings.
-        health: Answers what holds now.
+        health: Answers with the current state.
     """
 
     def __init__(
@@ -33,11 +33,11 @@ class Handlers:
         self._declared: list[zenoh.Queryable[None]] = []
 
     def take_answer(self, event: ResponseReceived | CallFailed) -> bool:
-        """Take the answer to a command or a ping; False: it is one of a service."""
+        """Take the answer to a command or a ping; False: it answers a service call."""
         return self.commands.answered(event) or self.pings.answered(event)
 
     def declare(self, zenoh_session: ZenohSession, queries: QueryHandler) -> None:
-        """Declare where the gateway is asked; in the worker."""
+        """Declare the queryables; in the worker."""
         for expression, serve, complete in self._places():
             queryable = zenoh_session.session.declare_queryable(
                 zenoh.KeyExpr(expression),
@@ -48,7 +48,7 @@ class Handlers:
             self._declared.append(queryable)
 
     def undeclare(self) -> None:
-        """Be asked no more; in the worker."""
+        """Undeclare them; in the worker."""
         while self._declared:
             self._declared.pop().undeclare()  # type: ignore[no-untyped-call]
 
@@ -57,7 +57,7 @@ class Handlers:
             (self._health.expression, self._health.answer, True),
             (self.objects.key, self.objects.serve, True),
             *((key, self.commands.serve, True) for key in self.commands.own_keys),
-            # Not complete: the gateway of a local node answers alone.
+            # Not complete: for a local node only that node's gateway answers.
             *((key, self.commands.serve_beyond, False) for key in self.commands.keys_beyond),
             (self.pings.key, self.pings.serve, False),
         )

@@ -1,11 +1,11 @@
-"""Samples larger than a frame: how far they are, and giving one up.
+"""Samples larger than a frame: their progress, and how to cancel one.
 
-``@acoustic/ADDRESS/objects`` is a document of the health report: what is being sent, what is on its
-way to here, and how the last ones ended. A `get` on ``@acoustic/ADDRESS/objects/cancel`` gives one
-up; the answer is ``{"cancelled": true}``, or false when it was over::
+``@acoustic/ADDRESS/objects`` is a document of the health report: what is being sent, what is
+arriving, and how the last ones ended. A `get` on ``@acoustic/ADDRESS/objects/cancel`` cancels one;
+the answer is ``{"cancelled": true}``, or false if it was already over::
 
-    @acoustic/2/objects/cancel?id=7                    one that is sent from here
-    @acoustic/2/objects/cancel?source=1;transfer=12    one that is on its way to here
+    @acoustic/2/objects/cancel?id=7                    one that this node sends
+    @acoustic/2/objects/cancel?source=1;transfer=12    one that this node receives
 """
 
 from collections import deque
@@ -34,7 +34,7 @@ class ObjectHandler:
 
     Args:
         table: The streams.
-        runner: Whose engine.
+        runner: Runs the engine.
     """
 
     def __init__(self, table: StreamTable, runner: LinkRunner) -> None:
@@ -46,11 +46,11 @@ class ObjectHandler:
 
     @property
     def key(self) -> str:
-        """Where one is given up."""
+        """Key of the queryable that cancels."""
         return f"{PREFIX}/{self._runner.engine.address}/objects/cancel"
 
     def note(self, event: ObjectProgress) -> None:
-        """One has come further, or has ended."""
+        """Note the progress or the end of one."""
         if event.object_id is not None:
             self._sending.pop(event.object_id, None)
         else:
@@ -82,7 +82,7 @@ class ObjectHandler:
         }
 
     def serve(self, held: HeldQuery) -> None:
-        """Take a query; one that means everything under a prefix is not for a service."""
+        """Take a query; a wildcard never cancels anything."""
         if not str(held.query.key_expr).endswith("/cancel"):
             held.answer([])
             return

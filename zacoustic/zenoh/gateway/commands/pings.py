@@ -1,11 +1,11 @@
-"""Pings from the local network: does the node answer, how fast, how far away is it?
+"""Pings from the local network: does a node answer, how fast, and how far away is it?
 
 The gateway asks the node whether it is silent (a command that changes nothing,
-`zacoustic.core.transport.commands`): an answer, also a refusal, shows that its engine runs, not
+`zacoustic.core.transport.commands`): any answer, also a refusal, shows that its engine runs, not
 only its modem. Then, if the modem measures ranges and has reported none on those frames, the
-gateway asks for one: after the answer, since a modem that waits for an acknowledgement is deaf to
-it. A wire without remote commands gives the range alone. With `status` the node is asked for its
-status in place of its silence (`zacoustic.core.transport.status`).
+gateway asks for one: after the answer, because a modem that waits for an acknowledgement cannot
+receive it. A wire profile without remote commands gives only the range. With `status` the gateway
+asks for the node's status instead of its silence (`zacoustic.core.transport.status`).
 """
 
 from collections.abc import Iterable
@@ -40,18 +40,18 @@ RANGE_LIMIT_S: Final = 10.0
 
 
 _ROUNDING_S: Final = 1.0
-"""Both clocks are told in whole seconds."""
+"""Both clocks report whole seconds."""
 _AGE_STEP: Final = 0.02
-"""How much of an age its code may be wrong."""
+"""Relative error of a coded age."""
 
 
 class PingHandler:
     """Takes pings of the local network; for the loop.
 
     Args:
-        runner: Whose engine asks.
+        runner: Runs the engine that asks.
         redundant: The local gateways.
-        clock: Where instants come from.
+        clock: Source of instants.
     """
 
     def __init__(self, runner: LinkRunner, redundant: RedundantGateways, *, clock: Clock) -> None:
@@ -63,12 +63,12 @@ class PingHandler:
 
     @property
     def key(self) -> str:
-        """Where nodes are pinged."""
+        """Key expression of pings."""
         return PINGS
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        # Zenoh's stubs do not declare that they can be iterated over.
+        # Zenoh's stubs do not declare that parameters can be iterated over.
         parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
         key = str(held.query.key_expr)
         target = pinged_node(key)
@@ -88,14 +88,14 @@ class PingHandler:
         self._runner.apply(partial(self._begin, held, asked))
 
     def answered(self, event: ResponseReceived | CallFailed) -> bool:
-        """The node has answered, or not; False: it was asked nothing by this call."""
+        """Take the answer of a node, or its absence; False: it belongs to no ping."""
         ping = self._by_call.pop(event.call_id, None)
         if ping is not None:
             self._take_answer(ping, event)
         return ping is not None
 
     def ranged(self, event: RangeMeasured | RangeFailed) -> bool:
-        """A range is there, or will not come; False: it belongs to no ping."""
+        """Take a range, or its failure; False: it belongs to no ping."""
         ping = None if event.range_id is None else self._by_range.pop(event.range_id, None)
         if ping is None:
             return False
@@ -126,7 +126,7 @@ class PingHandler:
             self._answer(ping)
 
     def _is_ours(self, node: int) -> bool:
-        """Tell whether this gateway asks, of the local ones."""
+        """Return whether this one of the local gateways asks."""
         nodes = self._runner.engine.table.nodes
         is_known = 1 <= node <= 254 and (not nodes or node in nodes)
         return is_known and self._redundant.address == self._redundant.alive[0]
@@ -181,12 +181,12 @@ class PingHandler:
         ping.held.answer([Answer(key=key, payload=msgspec.json.encode(found), encoding=JSON)])
 
     def _compared(self, ping: "_Ping", propagation_s: float | None) -> PeerStatus:
-        """Return what a node has said, compared with what holds here."""
+        """Return the reported status of a node, compared with the values here."""
         said, here = ping.status, self._runner.engine.status.own(ping.answered_at)
         assert said is not None
         ahead_s = doubt_s = None
         if said.utc_s is not None and here.utc_s is not None:
-            # What it takes beside the age is half of the round trip at most, if no range is known.
+            # If no range is known, the status was at most half of the round trip on its way.
             on_way_s = (ping.round_trip_s or 0.0) / 2 if propagation_s is None else propagation_s
             unknown_s = on_way_s if propagation_s is None else 0.0
             ahead_s = said.utc_s + ping.status_age_s + on_way_s - here.utc_s
@@ -203,7 +203,7 @@ class PingHandler:
 
 
 class _Ping:
-    """One that waits for its answer."""
+    """A ping that waits for its answer."""
 
     def __init__(self, held: HeldQuery, node: int, within_s: float, asked_at: int) -> None:
         self.held = held
@@ -213,11 +213,11 @@ class _Ping:
         self.round_trip_s: float | None = None
         """Of the node's own answer; None: it has not answered, or was not asked."""
         self.status: NodeStatus | None = None
-        """What it says of itself; None: nothing."""
+        """Its reported status; None: it reports none."""
         self.status_age_s = 0.0
-        """How old that was when it arrived, without its way, s."""
+        """Age of the status on arrival, without the propagation delay, s."""
         self.answered_at = 0
-        """When it arrived, ns."""
+        """Instant of its arrival, ns."""
 
 
 def _rounded(value: float | None, digits: int = 3) -> float | None:

@@ -1,11 +1,11 @@
-"""Remote commands from the local network: executed here for this node, else sent to the other one.
+"""Remote commands from the local network: executed here for this node, else sent to another one.
 
 The keys are those of `zacoustic.zenoh.session.asking.commands`. Each gateway answers for its own
-node. For a remote node the lowest local gateway asks, unless that node's own gateway is here; a
-command for an unknown node is left to others. A query with a wildcard in place of the address is
-for the local gateways only: browsing commands no remote node.
+node. For a remote node the local gateway with the lowest address asks, unless that node's own
+gateway is local. Commands for unknown nodes are left to other gateways. A query with a wildcard in
+place of the address is for the local gateways only: browsing never commands a remote node.
 
-A command is answered when it is in the journal of the node that executes it.
+The answer to a command goes out when the executing node has journalled the command.
 """
 
 import time
@@ -44,10 +44,10 @@ class CommandHandler:
 
     Args:
         table: All streams.
-        runner: Its engine executes, or sends.
+        runner: Its engine executes or sends commands.
         redundant: The local gateways.
-        clock: Where instants come from.
-        wall_clock: Tells UTC, ns since 1970.
+        clock: Source of instants.
+        wall_clock: Returns UTC, ns since 1970.
     """
 
     def __init__(
@@ -68,12 +68,12 @@ class CommandHandler:
 
     @property
     def own_keys(self) -> tuple[str, ...]:
-        """Where this node is asked."""
+        """Keys of the commands for this node."""
         return tuple(f"{PREFIX}/{self._redundant.address}/{subject}" for subject in SUBJECTS)
 
     @property
     def keys_beyond(self) -> tuple[str, ...]:
-        """Where other nodes are asked, among others."""
+        """Key expressions that include the commands for other nodes."""
         return _EVERYWHERE
 
     def serve(self, held: HeldQuery) -> None:
@@ -110,7 +110,7 @@ class CommandHandler:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
 
     def answered(self, event: ResponseReceived | CallFailed) -> bool:
-        """Answer the sender of a command to another node; False: it is the answer to no command."""
+        """Answer the sender of a command to another node; False: the event is of no command."""
         sent = self._sent.pop(event.call_id, None)
         if sent is None:
             return False
@@ -127,7 +127,7 @@ class CommandHandler:
         return True
 
     def silence(self, event: SilenceChanged) -> SilenceState:
-        """Return the engine's answer in the words of a reply."""
+        """Return the engine's answer in the form of a reply."""
         left_s = None
         if event.ends_at is not None:
             left_s = ns_to_seconds(event.ends_at - self._clock())
@@ -137,13 +137,13 @@ class CommandHandler:
     # Below the methods above
 
     def _read(self, held: HeldQuery, is_for_us: Callable[[int | None], bool]) -> Asked | None:
-        """Read a query, or end it: with an error only where it is for us to answer."""
+        """Read a query, or end it; an error reply goes out only if this gateway has to answer."""
         key = str(held.query.key_expr)
         target = read_target(key)
         if target is None or not is_for_us(target[0]):
             held.answer([])
             return None
-        # Zenoh's stubs do not declare that they can be iterated over.
+        # Zenoh's stubs do not declare that parameters can be iterated over.
         parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
         try:
             return read_query(key, dict(parameters))
@@ -152,7 +152,7 @@ class CommandHandler:
             return None
 
     def _is_ours(self, node: int | None) -> bool:
-        """Tell whether this gateway asks a remote node."""
+        """Return whether this one of the local gateways asks a remote node."""
         if node is None:
             return False
         alive = self._redundant.alive

@@ -1,10 +1,10 @@
 """Dialects: the form of a stream on the local network.
 
-Frames are the same for all local programs. Locally, a topic is a key with samples of some form,
-each with an attachment that marks samples from the channel; a service is a key with questions and
-answers. A dialect is these forms. `PlainTopic` and `PlainService` are those of Zenoh programs: keys
-as the configuration writes them, CBOR or JSON, and a mark (`zenoh_session.marker`). Nodes of ROS 2
-have another one: `zacoustic.zenoh.gateway.dialect.ros`.
+Frames are the same for all local programs. On the local network, a topic is a key with samples of
+some form, each with an attachment that marks samples from the channel; a service is a key with
+queries and replies. A dialect defines these forms. `PlainTopic` and `PlainService` are for Zenoh
+programs: keys as in the configuration, CBOR or JSON, and a mark (`zenoh_session.marker`). ROS 2
+nodes have another one: `zacoustic.zenoh.gateway.dialect.ros`.
 """
 
 from abc import ABC, abstractmethod
@@ -32,7 +32,7 @@ class Declared(Protocol):
     """A declaration on the local network that can be withdrawn."""
 
     def undeclare(self) -> Any:  # noqa: ANN401 (Zenoh's own)
-        """Take it back; in the worker."""
+        """Withdraw it; in the worker."""
         ...
 
 
@@ -40,18 +40,18 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
     """A local sample, decoded."""
 
     value: Any
-    """For the engine."""
+    """Value for the engine."""
     encoding: str | None = None
-    """Its encoding if it is another than the stream's."""
+    """Its encoding if it differs from the stream's."""
     age_ns: int | None = None
-    """How old it was when it was read, ns; None: as old as its parcel."""
+    """Its age when it was read, ns; None: the age of its parcel."""
 
 
 class Written(msgspec.Struct, frozen=True, kw_only=True):
     """A sample from the channel, encoded."""
 
     payload: bytes
-    """For the local network."""
+    """Payload for the local network."""
     encoding: str
     """Its Zenoh encoding."""
     attachment: bytes | None
@@ -75,11 +75,11 @@ class TopicDialect(ABC):
 
     @property
     def is_latched(self) -> bool:
-        """Tell whether late subscribers get the last samples."""
+        """Return whether late subscribers get the last samples."""
         return self._latched is not None
 
     def key(self, stream_key: str) -> str:
-        """Return the local key of a key, or key expression, of the stream."""
+        """Return the local key for a key, or key expression, of the stream."""
         return stream_key
 
     def stream_key(self, key: str) -> str:
@@ -88,7 +88,7 @@ class TopicDialect(ABC):
 
     @abstractmethod
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether a sample with this attachment came from the channel; on any thread."""
+        """Return whether a sample with this attachment came from the channel; on any thread."""
 
     @abstractmethod
     def read(self, parcel: Parcel) -> Reading:
@@ -112,7 +112,7 @@ class TopicDialect(ABC):
 
     @abstractmethod
     def mark_again(self, last: LastValue) -> bytes:
-        """Return the attachment of a value of a former boot epoch that is put again."""
+        """Return the attachment of a value from before the restart that is put again."""
 
     def put(self, key: str, written: Written) -> None:
         """Put a sample on the local network; into a cache if the topic is latched."""
@@ -138,7 +138,7 @@ class TopicDialect(ABC):
     def subscribe(
         self, expression: str, take: Callable[[zenoh.Sample], None]
     ) -> Sequence[Declared]:
-        """Subscribe to local samples, of a latched topic also to earlier ones; in the worker."""
+        """Subscribe to local samples, for a latched topic also to earlier ones; in the worker."""
         if self._latched is None:
             subscriber = self._zenoh_session.session.declare_subscriber(
                 zenoh.KeyExpr(expression),
@@ -161,7 +161,7 @@ class PlainTopic(TopicDialect):
     """A topic of Zenoh."""
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether it is a gateway's mark."""
+        """Return whether it is a gateway's mark."""
         return is_marked(attachment)
 
     def read(self, parcel: Parcel) -> Reading:
@@ -171,18 +171,18 @@ class PlainTopic(TopicDialect):
         return Reading(value=value, encoding=encoding)
 
     def write(self, key: str, event: SampleReceived) -> Written:
-        """Encode it in the encoding of its publication."""
+        """Encode in the encoding of the publication."""
         stream = self.stream
         payload, encoding = to_local(event.value, stream.type, event.encoding, stream.encoding)
         mark = Marker(acoustic=event.source, age_s=event.age_s).encode()
         return Written(payload=payload, encoding=encoding, attachment=mark)
 
     def mark_of(self, last: LastValue, now: int) -> bytes | None:
-        """Return a mark with the age of now."""
+        """Return a mark with the current age."""
         return Marker(acoustic=last.source, age_s=last.age_at(now)).encode()
 
     def mark_again(self, last: LastValue) -> bytes:
-        """Return a mark with the age that it has."""
+        """Return a mark with its stored age."""
         return Marker(acoustic=last.source, age_s=last.age_s).encode()
 
 
@@ -203,11 +203,11 @@ class ServiceDialect(ABC):
 
     @abstractmethod
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether a call with this attachment came from the channel."""
+        """Return whether a call with this attachment came from the channel."""
 
     @abstractmethod
     def read_request(self, payload: bytes, encoding: object) -> tuple[object, str]:
-        """Read what a program asks; returns the value, and the encoding that it hopes for.
+        """Read a program's request; returns the value, and the encoding it wants in return.
 
         Raises:
             PayloadInvalidError: It cannot be read.
@@ -215,15 +215,15 @@ class ServiceDialect(ABC):
 
     @abstractmethod
     def write_response(self, value: object, encoding: str) -> tuple[bytes, str]:
-        """Write an answer in the encoding hoped for; returns it with its encoding."""
+        """Write an answer in the wanted encoding; returns it with its encoding."""
 
     @abstractmethod
     def write_request(self, value: object) -> tuple[bytes, str]:
-        """Write a request for the program that serves; returns it with its encoding."""
+        """Write a request for the serving program; returns it with its encoding."""
 
     @abstractmethod
     def read_response(self, payload: bytes, encoding: object) -> object:
-        """Read what the program that serves has answered.
+        """Read the answer of the serving program.
 
         Raises:
             PayloadInvalidError: It cannot be read.
@@ -231,7 +231,7 @@ class ServiceDialect(ABC):
 
     @abstractmethod
     def answer_mark(self, asked: bytes | None) -> bytes:
-        """Return the attachment of the answer to a question with the attachment `asked`."""
+        """Return the attachment of the answer to a query with the attachment `asked`."""
 
     @abstractmethod
     def question_mark(self, call: CallKey) -> bytes:
@@ -242,7 +242,7 @@ class PlainService(ServiceDialect):
     """A service of Zenoh."""
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether it is a gateway's mark."""
+        """Return whether it is a gateway's mark."""
         return is_marked(attachment)
 
     def read_request(self, payload: bytes, encoding: object) -> tuple[object, str]:
@@ -254,16 +254,16 @@ class PlainService(ServiceDialect):
         return value, said or stream.encoding
 
     def write_response(self, value: object, encoding: str) -> tuple[bytes, str]:
-        """Write it in the encoding of the request."""
+        """Write in the encoding of the request."""
         return to_local(value, self.stream.response_type, encoding, self.stream.encoding)
 
     def write_request(self, value: object) -> tuple[bytes, str]:
-        """Write it in the encoding of the stream."""
+        """Write in the encoding of the stream."""
         stream = self.stream
         return to_local(value, stream.type, stream.encoding, stream.encoding)
 
     def read_response(self, payload: bytes, encoding: object) -> object:
-        """Decode it by its encoding."""
+        """Decode by the encoding."""
         stream = self.stream
         return from_local(payload, encoding, stream.response_type, stream.encoding)[0]
 
@@ -278,7 +278,7 @@ class PlainService(ServiceDialect):
 
 
 class Dialects:
-    """The dialect of each stream: plain ones, unless a subclass knows better.
+    """The dialect of each stream: plain ones, unless a subclass overrides that.
 
     Args:
         zenoh_session: The session of the streams.
@@ -288,15 +288,15 @@ class Dialects:
         self._zenoh_session = zenoh_session
 
     def topic(self, stream: Stream) -> TopicDialect:
-        """Make the dialect of a topic."""
+        """Return the dialect of a topic."""
         return PlainTopic(stream, self._zenoh_session)
 
     def service(self, stream: Stream) -> ServiceDialect:
-        """Make the dialect of a service."""
+        """Return the dialect of a service."""
         return PlainService(stream)
 
     def action(self, stream: Stream) -> ActionForm:
-        """Make the form of the messages about an action's goals."""
+        """Return the form of the messages about an action's goals."""
         return ActionMessages(
             stream.name, stream.type, stream.feedback_type, stream.response_type, stream.encoding
         )
@@ -304,7 +304,7 @@ class Dialects:
     def put_about_goals(
         self, stream: Stream, form: ActionForm
     ) -> Callable[[ActionKey, bytes], None]:
-        """Make what puts feedback and status of remote goals."""
+        """Return a function that puts feedback and status of remote goals."""
         assert isinstance(stream.spec, ActionSpec)
         mark = Marker(acoustic=stream.spec.server).encode()
 
@@ -319,7 +319,7 @@ class Dialects:
 
         return put
 
-    # Parts of a job besides subscribers and queryables
+    # Parts of a job beside subscribers and queryables
 
     async def open(self) -> None:
         """Begin to watch the local network, and become visible."""
@@ -329,19 +329,19 @@ class Dialects:
         return []
 
     def stands_back(self, stream: Stream) -> bool:
-        """Tell whether not to stand in for the server of a service or an action."""
+        """Return whether not to represent the server of a service or an action."""
         return False
 
     def note_peer(self, address: int, *, is_lost: bool) -> bool:
-        """Note that a node is lost, or is back; return whether jobs may have changed."""
+        """Note that a node was lost or is back; return whether jobs may have changed."""
         return False
 
     def visible(self, stream: Stream) -> bool:
-        """Tell whether programs can see the caller of calls from the channel."""
+        """Return whether programs can see the client of calls from the channel."""
         return False
 
     def settle(self) -> bool:
-        """Take observations of the local network; return whether jobs may have changed."""
+        """Process observations of the local network; return whether jobs may have changed."""
         return False
 
     def undeclare(self) -> None:

@@ -1,7 +1,7 @@
 """The last value of each key from the channel, for a `get` on a topic.
 
-A key that has never arrived, or that was deleted, has none: then a `get` ends without a reply,
-which is what Zenoh says when nobody has a value.
+A key that never arrived or was deleted has none. A `get` then ends without a reply, as always in
+Zenoh when nobody has a value.
 """
 
 from typing import Final
@@ -11,18 +11,18 @@ import msgspec
 from zacoustic.core.base.clock import ns_to_seconds
 
 KEYS_LIMIT: Final = 4096
-"""Keys whose value is kept; the one that has not changed for longest makes room."""
+"""Number of keys with a stored value; the least recently changed one makes room."""
 
 
 class LastValue(msgspec.Struct, frozen=True, kw_only=True):
-    """What a key was last set to."""
+    """The last value of a key."""
 
     key: str
     """The concrete key."""
     stream_id: int
     """Its stream."""
     payload: bytes
-    """As it was put on the local network."""
+    """Payload as put on the local network."""
     encoding: str
     """Its Zenoh encoding."""
     source: int
@@ -35,7 +35,7 @@ class LastValue(msgspec.Struct, frozen=True, kw_only=True):
     """Its attachment."""
 
     def age_at(self, now: int) -> float | None:
-        """Return the age with the time of its storage here, s."""
+        """Return the age including the time of its storage here, s."""
         return None if self.age_s is None else self.age_s + ns_to_seconds(now - self.received_at)
 
 
@@ -58,7 +58,7 @@ class LastValues:
         self._by_key.pop(key, None)
 
     def of(self, stream_id: int) -> list[LastValue]:
-        """Return the values of a stream, the one that changed last at the end."""
+        """Return the values of a stream, the latest change at the end."""
         return [value for value in self._by_key.values() if value.stream_id == stream_id]
 
     def __len__(self) -> int:

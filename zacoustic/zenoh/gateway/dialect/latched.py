@@ -1,6 +1,6 @@
 """A latched topic: late subscribers get the last samples at once, from a cache here.
 
-A cache is declared in the worker, and what arrives before that waits.
+A cache is declared in the worker; samples that arrive before that wait.
 """
 
 import threading
@@ -17,9 +17,9 @@ class LatchedPublisher:
 
     Args:
         key: The key.
-        depth: How many samples it keeps.
+        depth: Number of samples that it keeps.
         zenoh_session: The session.
-        priority: Of its samples.
+        priority: Priority of its samples.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class LatchedPublisher:
         self._waiting: deque[tuple[bytes, str, bytes | None]] = deque(maxlen=depth)
 
     def declare(self) -> None:
-        """Declare it, unless it is, and put waiting samples; in the worker."""
+        """Declare it if needed, and put waiting samples; in the worker."""
         if self._publisher is not None:
             return
         publisher = latched_publisher(self._zenoh_session, self._key, self._depth, self._priority)
@@ -55,10 +55,10 @@ class LatchedPublisher:
         publisher.put(payload, encoding=encoding, attachment=attachment)
 
     def clear(self) -> Latched | None:
-        """Forget all samples; on the loop. What is put later waits for the next `declare`.
+        """Forget all samples; on the loop. Later puts wait for the next `declare`.
 
         Returns:
-            What still has them, to be undeclared in the worker.
+            The publisher that still has them, to be undeclared in the worker.
         """
         with self._guard:
             publisher, self._publisher = self._publisher, None
@@ -66,7 +66,7 @@ class LatchedPublisher:
         return publisher
 
     def undeclare(self) -> None:
-        """Take it back; in the worker. What is put later waits for the next `declare`."""
+        """Undeclare it; in the worker. Later puts wait for the next `declare`."""
         with self._guard:
             publisher, self._publisher = self._publisher, None
         if publisher is not None:
@@ -77,9 +77,9 @@ class LatchedKeys:
     """The caches of one topic, one for each key that has or may have a sample.
 
     Args:
-        depth: How many samples each keeps.
+        depth: Number of samples that each keeps.
         zenoh_session: Their session.
-        priority: Of the samples.
+        priority: Priority of the samples.
     """
 
     def __init__(self, depth: int, zenoh_session: ZenohSession, priority: Priority) -> None:
@@ -112,19 +112,19 @@ class LatchedKeys:
             cache.declare()
 
     def undeclare(self) -> None:
-        """Take them back; in the worker."""
+        """Undeclare them; in the worker."""
         self._is_declared = False
         for cache in list(self._caches.values()):
             cache.undeclare()
 
     def _renew(self, cache: LatchedPublisher, full: Latched | None) -> None:
-        """Zenoh's cache cannot be emptied: withdraw it, and declare another one."""
+        """Undeclare a cache, which Zenoh cannot empty, and declare another one."""
         if full is not None:
             full.undeclare()  # type: ignore[no-untyped-call]
         if self._is_declared:
             cache.declare()
 
     def _cache(self, key: str) -> LatchedPublisher:
-        # Made by the loop or by the worker, the first of them; `setdefault` is one step.
+        # Either the loop or the worker comes first; `setdefault` is atomic.
         made = LatchedPublisher(key, self._depth, self._zenoh_session, self._priority)
         return self._caches.setdefault(key, made)

@@ -1,8 +1,8 @@
 """Samples from Zenoh's threads to the loop: bounded mailboxes.
 
-Zenoh calls a subscriber on its own thread and, when that thread is slow, stalls the whole
-session. So the callback does two things only: `Mailbox.post`, which keeps the newest samples of
-each key, and `WakeUp.ring`. The loop empties all mailboxes whenever the bell has rung.
+Zenoh calls a subscriber on its own thread and stalls the whole session while that thread is slow.
+So the callback does two things only: `Mailbox.post`, which keeps the newest samples of each key,
+and `WakeUp.ring`. After a wake-up the loop empties all mailboxes.
 """
 
 import threading
@@ -13,12 +13,12 @@ import msgspec
 
 from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
 
-# A stalled loop costs at most this much for each stream, whatever its depth and number of keys;
-# four times the largest value that is read at all.
+# A stalled loop costs at most this much per stream, whatever its depth and number of keys: four
+# times the largest value that is accepted.
 MAILBOX_LIMIT_BYTES: Final = 4 * LARGEST_VALUE_BYTES
-"""What one mailbox holds, bytes, counting each parcel with `PARCEL_OVERHEAD_BYTES`."""
+"""Capacity of one mailbox, bytes, counting each parcel with `PARCEL_OVERHEAD_BYTES`."""
 PARCEL_OVERHEAD_BYTES: Final = 256
-"""Memory of a parcel without its payload, bytes; estimated high."""
+"""Memory of a parcel without its payload, bytes; an upper estimate."""
 
 
 class Parcel(msgspec.Struct, frozen=True):
@@ -27,9 +27,9 @@ class Parcel(msgspec.Struct, frozen=True):
     key: str
     """The concrete key."""
     payload: bytes
-    """As it was published; empty for a delete."""
+    """Payload as published; empty for a delete."""
     encoding: str
-    """Zenoh's text."""
+    """Zenoh's text of the encoding."""
     deleted: bool
     """The key was deleted."""
     arrived_at: int
@@ -40,13 +40,13 @@ class Mailbox:
     """The newest samples of one stream, by key; `post` from any thread, the rest on the loop.
 
     Args:
-        depth: Samples kept of each key, ≥ 1; the newest ones.
+        depth: Newest samples kept per key, ≥ 1.
         limit_bytes: Size of all; beyond it the oldest key makes room.
     """
 
     def __init__(self, depth: int, *, limit_bytes: int = MAILBOX_LIMIT_BYTES) -> None:
         self.superseded = 0
-        """Samples that newer ones pushed out before the loop took them."""
+        """Samples that newer ones replaced before the loop took them."""
         self.oversized = 0
         """Samples with a payload above `LARGEST_VALUE_BYTES`."""
         self._depth = depth
@@ -57,7 +57,7 @@ class Mailbox:
 
     @property
     def oldest_at(self) -> int | None:
-        """Instant at which the oldest of its samples came, ns; None: it has none."""
+        """Arrival of its oldest sample, ns; None: it has none."""
         with self._guard:
             return min((kept[0].arrived_at for kept in self._by_key.values()), default=None)
 

@@ -1,6 +1,6 @@
 """Values and their encodings between the local network and the engine.
 
-A sample's encoding crosses only where it is another than the stream's, which both ends know.
+A sample's encoding crosses only if it differs from the stream's, which both ends know.
 """
 
 from typing import Final
@@ -15,7 +15,7 @@ _SCHEMA_MARK: Final = ";"
 def from_local(
     payload: bytes, encoding: object, type_spec: TypeSpec | None, stream_encoding: str
 ) -> tuple[object, str | None]:
-    """Read what an application sent.
+    """Read a payload of an application.
 
     Args:
         payload: Its bytes.
@@ -24,14 +24,14 @@ def from_local(
         stream_encoding: The stream's encoding.
 
     Returns:
-        The value for the engine, and its encoding if it is another than the stream's.
+        The value for the engine, and its encoding if it differs from the stream's.
 
     Raises:
         PayloadInvalidError: It cannot be read.
     """
     said = said_encoding(encoding, stream_encoding)
     if type_spec is not None:
-        # A schema names what the type has already, and would cost its text on the channel.
+        # A schema repeats the type, and its text would cost bytes on the channel.
         said = said.partition(_SCHEMA_MARK)[0]
         stream_encoding = stream_encoding.partition(_SCHEMA_MARK)[0]
     value = read_value(payload, type_spec, said)
@@ -43,8 +43,8 @@ def to_local(
 ) -> tuple[bytes, str]:
     """Write a value from the engine for an application; returns the bytes and their encoding.
 
-    A typed value whose encoding cannot carry it, which only another implementation sends, is
-    written in the stream's.
+    A typed value may have an encoding that cannot carry it; only another implementation sends such
+    a value. It is written in the stream's encoding.
     """
     try:
         return write_value(value, type_spec, encoding), encoding

@@ -1,1 +1,1 @@
-"""Events of the engine: who takes them, and what people are told."""
+"""Events of the engine: their dispatch, and the notices about them."""

@@ -1,4 +1,4 @@
-"""The event dispatcher: each event of the engine goes to those that take events of its type."""
+"""The event dispatcher hands each event of the engine to the handlers of its type."""
 
 from collections.abc import Callable
 from typing import Any, get_args
@@ -33,18 +33,18 @@ Take = Callable[[Any], object]
 """Takes an event of one type."""
 
 _HEARD_ELSEWHERE = (DeliveryStored, PeerMeasured, ModemRead, TransportEvent, CommandHandled)
-"""For programs on a link, and the audit log; of measurements the health report asks the engine."""
+"""Events for programs on a link and the audit log; the health report asks for measurements."""
 
 
 class EventDispatcher:
-    """Hands events on; for the loop.
+    """Hands on events; for the loop.
 
     Args:
         streams: Take samples, calls and goals.
         handlers: Take answers to commands of the local network, and progress of objects.
         network: Sees engines restart, and peers go and come.
-        status: Takes note of the rest, and tells people.
-        notices: Makes what people are told.
+        status: Records the rest, and emits notices.
+        notices: Makes the notices.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class EventDispatcher:
 
     def deliver(self, event: Event) -> None:
         """Take an event of the engine."""
-        for take in self._takers.get(type(event), ()):  # of a transport's own events there is none
+        for take in self._takers.get(type(event), ()):  # a transport's own events have no taker
             take(event)
 
     def _answer(self, event: ResponseReceived | CallFailed) -> None:

@@ -1,4 +1,4 @@
-"""What people want to know of the engine's events: a notice for each that is worth a line."""
+"""Notices of the engine's events, for those worth a line."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -53,8 +53,8 @@ class EventNotices:
 
     Args:
         table: All streams.
-        runner: Whose link.
-        commands: Puts silence into words.
+        runner: Runs the link.
+        commands: Describes silence.
     """
 
     def __init__(self, table: StreamTable, runner: LinkRunner, commands: CommandHandler) -> None:
@@ -137,7 +137,7 @@ class EventNotices:
 
     def _late(self, event: DeadlineMissed) -> Notice | None:
         if not event.is_first:
-            return None  # it has its notice, and the health report counts
+            return None  # it has had its notice, and the health report counts the rest
         return SampleLate(
             stream=event.key, address=event.source, side=event.side.value, missed=event.missed
         )

@@ -1,1 +1,1 @@
-"""The local network of a gateway: what it declares there, and whom it sees."""
+"""The local network of a gateway: its declarations there, and other gateways."""

@@ -1,4 +1,4 @@
-"""`LocalNetwork`: a gateway as its local network sees it, and whom it sees there."""
+"""`LocalNetwork`: the gateway's declarations on its local network, and its view of it."""
 
 import asyncio
 import contextlib
@@ -18,7 +18,7 @@ from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
 FAREWELL_LIMIT_S: Final = 3.0
-"""How long the last replies may take at the end, s, and how long undeclaring may."""
+"""Time limit for the last replies at the end, and for undeclaring, s."""
 
 
 class LocalNetwork:
@@ -73,16 +73,16 @@ class LocalNetwork:
         """Declare the streams.
 
         Args:
-            declare: Declares what else is to be there, in the worker.
-            attend: Called on the loop when there is something to take in.
+            declare: Makes further declarations, in the worker.
+            attend: Called on the loop when there is something to process.
         """
         self._routes.reconcile()
-        await self.zenoh_session.worker.run(declare)  # and all that was to be declared
+        await self.zenoh_session.worker.run(declare)  # behind all declarations submitted so far
         self._wake_up.open(attend)
         self._wake_up.ring()
 
     def attend(self) -> None:
-        """Take in whom Zenoh's threads have seen come and go, and the queries."""
+        """Process observations of Zenoh's threads, and the queries."""
         changed = [
             self.redundant.update(address, is_alive=is_alive)
             for address, is_alive in self._presence.take().items()
@@ -96,23 +96,23 @@ class LocalNetwork:
             serve(held)
 
     def note_peer(self, event: PeerLost | PeerFound) -> None:
-        """A node is lost, or back: its programs are."""
+        """Note that a node was lost or is back, and its programs with it."""
         if self._dialects.note_peer(event.address, is_lost=isinstance(event, PeerLost)):
             self._routes.reconcile()
 
     def go_on(self, event: EngineRestarted) -> None:
-        """Take in what has waited while there was no engine."""
+        """Process what waited while there was no engine."""
         self._wake_up.ring()
 
     async def settle(self) -> None:
-        """Wait until all replies are out, if that is soon."""
+        """Wait until all replies are sent, up to a time limit."""
         await self._in_worker(lambda: None)
 
     async def leave(self, undeclare: Callable[[], None]) -> None:
         """Undeclare everything, and close the session.
 
         Args:
-            undeclare: Undeclares what else there is, in the worker.
+            undeclare: Undeclares the further declarations, in the worker.
         """
 
         def undeclare_all() -> None:

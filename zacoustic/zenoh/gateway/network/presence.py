@@ -1,15 +1,14 @@
-"""Liveliness tokens: which gateways are alive on this network.
+"""Liveliness tokens: the live gateways on this network.
 
 Each gateway declares two::
 
-    @acoustic/ADDRESS/gateway           the address is taken, by a gateway of whatever fleet
+    @acoustic/ADDRESS/gateway           a gateway of any fleet uses the address
     @acoustic/ADDRESS/gateway/DIGEST    with the digest of its stream table
 
-and watches the second kind, with its own digest: those are redundant gateways.
-Gateways with other tables belong to other fleets and share nothing but the network. Tokens are the
-session's: they vanish with the process, and come back when a router does. A key that begins with
-``@`` matches no wildcard of an application, and no stream can have one, so nothing of this ever
-crosses the channel.
+and watches the second kind with its own digest: those are redundant gateways. Gateways with other
+tables belong to other fleets and share nothing but the network. Tokens belong to the session: they
+vanish with the process, and come back with a router. A key that begins with ``@`` matches no
+wildcard of an application, and no stream can have one, so tokens never cross the channel.
 """
 
 import re
@@ -23,7 +22,7 @@ from zacoustic.errors import SessionError
 from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession
 
-# A get of tokens ends when all routers have answered; only a dying one uses up the time.
+# A get of tokens ends when all routers have answered; only a failing one uses up the time.
 _LOOK_LIMIT_S: Final = 2.0
 _ADDRESS: Final = re.compile(rf"{PREFIX}/([0-9]{{1,3}})/gateway/")
 
@@ -52,10 +51,10 @@ class Presence:
         self._declared: list[zenoh.LivelinessToken | zenoh.Subscriber[None]] = []
 
     async def declare(self) -> list[int]:
-        """Become visible; returns the addresses of redundant gateways that are there already.
+        """Become visible; returns the addresses of redundant gateways already present.
 
         Raises:
-            SessionError: A gateway with this address is there.
+            SessionError: A gateway with this address is already there.
         """
         return await self._zenoh_session.worker.run(self._declare)
 

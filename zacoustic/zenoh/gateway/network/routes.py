@@ -9,14 +9,14 @@ deliver    a queryable                the keys of remote nodes; it answers a `ge
                                       know more
 proxy      complete queryables        the service's name, or all keys of the action; not
                                       while its dialect stands back
-serve      nothing of Zenoh's         a service of this node: what makes its client visible
+serve      nothing of Zenoh's         a service of this node: its client becomes visible
 attend     a subscriber               the feedback of the program that serves the action
 watch      publishers that put        the keys of an on-demand topic that is delivered here:
            nothing                    Zenoh tells them whether there are subscribers
 =========  =========================  ====================================================
 
-Keys are those of the stream's dialect, which also declares what makes the job visible. Each
-declaration costs a thread of Zenoh's. Declaring may block, so the worker does it, in order.
+Keys are those of the stream's dialect, which also makes the job visible. Each declaration costs a
+thread of Zenoh's. Declaring may block, so the worker does it, in order.
 """
 
 from functools import partial
@@ -41,7 +41,7 @@ class Routes:
     Args:
         table: All streams.
         zenoh_session: The session of the declarations.
-        redundant: Which jobs are ours, of those that redundant gateways share.
+        redundant: Decides which of the shared jobs this gateway does.
         streams: Take samples, calls and goals.
         dialects: Make jobs visible, and see local programs.
         queries: Takes queries from Zenoh's threads.
@@ -60,7 +60,7 @@ class Routes:
         runner: LinkRunner,
     ) -> None:
         self.jobs: frozenset[tuple[str, int]] = frozenset()
-        """Job and stream id of present declarations, or soon to be."""
+        """Job and stream id of present declarations, and of those in progress."""
         self.table = table
         """All streams."""
         self._zenoh_session = zenoh_session
@@ -69,11 +69,11 @@ class Routes:
         self._dialects = dialects
         self._queries = queries
         self._runner = runner
-        # Of the worker alone.
+        # Used by the worker only.
         self._declared: dict[tuple[str, int], list[Declared]] = {}
 
     def reconcile(self) -> None:
-        """Declare new jobs, undeclare former ones."""
+        """Declare new jobs, undeclare ended ones."""
         wanted = frozenset(
             (job, stream.stream_id)
             for stream in self.table
@@ -111,7 +111,7 @@ class Routes:
         return is_ours and self._dialects.visible(stream)
 
     def _declare(self, job: str, stream: Stream) -> None:
-        # Whoever sees that something is there may use it at once: so that comes last.
+        # A program may use what it sees at once, so the visible part comes last.
         self._declared[(job, stream.stream_id)] = [
             *self._entities(job, stream),
             *self._dialects.declare(job, stream),
@@ -155,7 +155,7 @@ class Routes:
             entity.undeclare()
 
     def _served(self, job: str, stream: Stream) -> tuple[tuple[str, ...], Serve]:
-        """Return the keys of queryables, and who answers there."""
+        """Return the keys of queryables, and the function that answers."""
         stream_id = stream.stream_id
         if job == DELIVER:
             return (self._asked(stream),), self._answer(stream_id)
@@ -172,7 +172,7 @@ class Routes:
         return self._streams.topics.dialects[stream.stream_id].key(expression)
 
     def _sources(self, stream: Stream) -> tuple[int, ...]:
-        """Return the remote nodes that may publish, as far as they are listed."""
+        """Return the remote nodes that may publish, if they are listed."""
         publishers = self._redundant.publishers_beyond(stream)
         if publishers is None:
             return tuple(each for each in self.table.nodes if each not in self._redundant.alive)

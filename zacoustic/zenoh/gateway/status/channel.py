@@ -1,8 +1,8 @@
 """The frames on the channel: the one being sent, and the last ones sent and heard.
 
 ``@acoustic/ADDRESS/channel`` is a document of the health report. Counters show how much has
-crossed; this shows what crosses now, for a user who waits. A frame that was sent is still under way
-for the propagation delay: instants are those of its beginning.
+crossed; this shows what crosses now, for a user who waits. Instants are those of a frame's
+beginning: after its end it is still under way for the propagation delay.
 """
 
 import time
@@ -31,13 +31,13 @@ class Frame(msgspec.Struct, kw_only=True):
     """The other node; null: everybody, or unknown."""
     bytes: int
     streams: list[str]
-    """Names, each once; empty: the link's own business, as acknowledgements."""
+    """Names, each once; empty: the link's own frame, such as an acknowledgement."""
     begun_unix_s: float
-    """When it was given to the modem; of one that was heard, when it began to arrive."""
+    """When the modem got it, or, if received, when it began to arrive."""
     airtime_s: float
-    """By the modem's rate."""
+    """By the modem's bit rate."""
     outcome: str = ""
-    """Of a sent one, once the modem has reported it: a word of `TransmitOutcome`."""
+    """Reported outcome of a sent frame: a word of `TransmitOutcome`."""
 
 
 class FrameLog:
@@ -46,7 +46,7 @@ class FrameLog:
     Args:
         table: Its streams.
         link: Its link.
-        unix_s: The clock of people, s.
+        unix_s: The wall clock, s.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class FrameLog:
         self._last: deque[Frame] = deque(maxlen=KEPT)
 
     def note(self, record: TraceRecord) -> None:
-        """Take notice of what the engine does."""
+        """Take a record of the engine's trace."""
         match record.what:
             case "transmit":
                 peer = None if record.peer == BROADCAST else record.peer

@@ -1,9 +1,9 @@
-"""Dates of a gateway's documents: by the wall clock, also when that is set.
+"""Dates of a gateway's documents: by the wall clock, even when somebody sets it.
 
-People set clocks, and network time sets them by years after a start. An earlier date would then be
-hours old at once, or new for hours. So dates come from a clock that only goes on, from the wall
-clock's value at the start; later changes of the wall clock are added when a document is made. So
-the difference between two dates is always the time that has passed.
+People set clocks, and network time moves them by years after a start. An earlier date would then
+suddenly be hours old, or new for hours. So dates come from a clock that never jumps, starting at
+the wall clock's first value. Later changes of the wall clock are added when a document is made, so
+the difference between two dates is always the time between them.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ import msgspec
 from zacoustic.core.base.clock import NS_PER_S, Clock
 
 _SET_NS: Final = NS_PER_S // 20
-"""Reading two clocks one after the other differs by less."""
+"""Two clocks that are read one after the other differ by less."""
 _SUFFIX: Final = "unix_s"
 
 
@@ -22,8 +22,8 @@ class Dates:
     """The clocks of one gateway.
 
     Args:
-        clock: Where instants come from.
-        utc_ns: Tells UTC, ns since 1970.
+        clock: Source of instants.
+        utc_ns: Returns UTC, ns since 1970.
     """
 
     def __init__(self, clock: Clock, utc_ns: Callable[[], int]) -> None:
@@ -32,25 +32,25 @@ class Dates:
         self._began_ns = utc_ns() - clock()
         self._set_by_ns = 0
         self.times_set = 0
-        """How often the wall clock was seen to have been set."""
+        """How often somebody set the wall clock."""
 
     def unix_s(self) -> float:
-        """Return the instant for a fact that is kept, s since 1970."""
+        """Return the current instant for storage, s since 1970."""
         return (self._clock() + self._began_ns) / NS_PER_S
 
     def now_unix_s(self) -> float:
-        """Return the instant as documents have it, s since 1970."""
+        """Return the current instant as in documents, s since 1970."""
         return self.unix_s() + self._set_by_ns / NS_PER_S
 
     def look(self) -> None:
-        """See whether the wall clock has been set."""
+        """Check whether somebody has set the wall clock."""
         set_by_ns = self._utc_ns() - self._clock() - self._began_ns
         if abs(set_by_ns - self._set_by_ns) > _SET_NS:
             self._set_by_ns = set_by_ns
             self.times_set += 1
 
     def told(self, document: object) -> object:
-        """Return a document with its dates by the wall clock as it is now."""
+        """Return a document with its dates by the current wall clock."""
         if not self._set_by_ns:
             return document
         return self._moved(msgspec.to_builtins(document))

@@ -3,7 +3,7 @@
 ``@acoustic/ADDRESS/frames`` has a `FrameRecord` for each frame sent or received,
 ``@acoustic/ADDRESS/reports`` a `ReportRecord` for each transmission that has ended, both in JSON
 with `unix_s`. Zenoh reports whether there are subscribers; without any, no record is made. Unlike
-the health documents they are no state, so a `get` has no answer.
+the health documents they are not state, so a `get` has no answer.
 """
 
 import asyncio
@@ -32,8 +32,8 @@ class FrameFeed:
     """The feed of one gateway; for the loop, except for `declare` and `undeclare`.
 
     Args:
-        runner: Whose link.
-        zenoh_session: Where it is put.
+        runner: Runs the link.
+        zenoh_session: The session that puts it.
     """
 
     def __init__(self, runner: LinkRunner, zenoh_session: ZenohSession) -> None:
@@ -47,7 +47,7 @@ class FrameFeed:
         self._is_closed = False
 
     def declare(self) -> None:
-        """Have the subscribers watched; in the worker."""
+        """Watch for subscribers; in the worker."""
         for name in (FRAMES, REPORTS):
             publisher = self._zenoh_session.session.declare_publisher(
                 zenoh.KeyExpr(f"{self._prefix}/{name}"),
@@ -64,12 +64,12 @@ class FrameFeed:
         tell_loop(self._loop, self._settle)
 
     def undeclare(self) -> None:
-        """Watch no more; in the worker."""
+        """Stop to watch; in the worker."""
         while self._declared:
             self._declared.pop().undeclare()
 
     def close(self) -> None:
-        """Put nothing more."""
+        """Put nothing any more."""
         self._is_closed = True
         self._runner.watch = None
 

@@ -1,7 +1,7 @@
 """Health as plain Zenoh keys: the state of the link, the channel and the streams.
 
-JSON under ``@acoustic/ADDRESS/``, put when it has changed, at most once in `INTERVAL_S` and not
-more than `BYTES_PER_S` of each, and answered to a `get`:
+JSON under ``@acoustic/ADDRESS/``, put on a change, at most once in `INTERVAL_S` and with no more
+than `BYTES_PER_S` of each, and as answer to a `get`:
 
 ============  =====================================================================================
 ``node``      name, version, start, locator
@@ -18,14 +18,14 @@ more than `BYTES_PER_S` of each, and answered to a `get`:
               lack the last writes (a line that ``node`` has as well)
 ``events``    the last notable events, errors among them
 ``dropped``   dropped receptions and useless local input
-``clock``     the time here; answered to a `get`, and put when the clock has been set
+``clock``     the time here; as answer to a `get`, and put when somebody has set the clock
 ============  =====================================================================================
 
 and the peer status by `peer_status`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``,
 ``…/position``, ``…/direction``, ``modem``.
 
 The keys begin with ``@``: no wildcard of an application and no stream covers them, so they never
-cross the channel. The one timer is armed by a change and not re-armed: an idle gateway has none.
+cross the channel. A change arms the only timer, once: an idle gateway has none.
 """
 
 import asyncio
@@ -43,9 +43,9 @@ from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.session import ZenohSession
 
 INTERVAL_S: Final = 1.0
-"""Least time between two puts of one document, s."""
+"""Minimum time between two puts of one document, s."""
 BYTES_PER_S: Final = 8_000
-"""Of a larger document so many bytes are put a second: `peers` of 254 nodes has some 80 kB."""
+"""Rate of puts of a larger document, bytes per second: `peers` of 254 nodes has some 80 kB."""
 
 
 class Health:
@@ -53,10 +53,10 @@ class Health:
 
     Args:
         address: Acoustic address of the gateway.
-        zenoh_session: Where the report is put.
-        report: What it says.
+        zenoh_session: The session that puts it.
+        report: The documents.
         dates: Dates of the documents.
-        interval_s: Least time between two puts of one document, s.
+        interval_s: Minimum time between two puts of one document, s.
     """
 
     def __init__(
@@ -87,13 +87,13 @@ class Health:
         return f"{self._prefix}/**"
 
     def touch(self) -> None:
-        """Something has changed: publish soon."""
+        """Publish soon, because something has changed."""
         self._arm(max(self._loop.time(), self._last_at_s + self._interval_s))
 
     def answer(self, held: HeldQuery) -> None:
         """Answer a `get`."""
         asked = held.query.key_expr
-        # Monitors ask for the clock every second, to know that this gateway runs.
+        # Monitors ask for the clock every second, as a check that this gateway runs.
         is_pulse = str(asked).endswith("/clock")
         documents = {**({} if is_pulse else self._encoded()), **self._clock_document()}
         held.answer(
@@ -105,7 +105,7 @@ class Health:
         )
 
     def close(self) -> None:
-        """Publish no more."""
+        """Publish nothing any more."""
         self._is_closed = True
         if self._timer is not None:
             self._timer.cancel()
@@ -118,7 +118,7 @@ class Health:
         documents = self._encoded()
         if self._times_set != self._dates.times_set:
             self._times_set = self._dates.times_set
-            documents = {**self._clock_document(), **documents}  # before those that it dates
+            documents = {**self._clock_document(), **documents}  # before those with dates by it
         for key, payload in documents.items():
             if self._published.get(key) == payload:
                 continue
@@ -134,7 +134,7 @@ class Health:
             self._arm(max(later_at_s, now_s + self._interval_s))
 
     def _arm(self, due_at_s: float) -> None:
-        """Publish then, or sooner if that is planned already."""
+        """Publish at that instant, unless an earlier one is planned."""
         if self._is_closed or (self._timer is not None and self._timer.when() <= due_at_s):
             return
         if self._timer is not None:
@@ -142,7 +142,7 @@ class Health:
         self._timer = self._loop.call_at(due_at_s, self._publish)
 
     def _clock_document(self) -> dict[str, bytes]:
-        """Shows a client how far the wall clocks are apart."""
+        """Return the document by which a client compares the wall clocks."""
         self._dates.look()
         now = {"now_unix_s": self._dates.now_unix_s()}
         return {f"{self._prefix}/clock": msgspec.json.encode(now)}

@@ -1,8 +1,8 @@
 """The health report for Prometheus: the same documents as metrics, and a server for them.
 
-A scrape comes on a thread of the server; the documents belong to the loop, which is asked for them.
-Counters are those of the documents, so they start again with each start of the gateway, as
-Prometheus expects. The table of streams, the addresses and words of the code bound the labels.
+A scrape comes on a thread of the server, which asks the loop for the documents. Counters are those
+of the documents, so they start again with each start of the gateway, as Prometheus expects. The
+stream table, the addresses and the words of the code bound the labels.
 """
 
 import asyncio
@@ -30,11 +30,11 @@ _OUTCOMES: Final = tuple(outcome.value for outcome in DeliveryOutcome)
 
 
 class MetricsServer:
-    """Answers to Prometheus; made and closed on the loop.
+    """Answers Prometheus; made and closed on the loop.
 
     Args:
-        host: Where it listens.
-        port: Where it listens; 0: any port that is free.
+        host: Host to listen at.
+        port: Port to listen at; 0: any free one.
         documents: Returns the documents of the health report; called on the loop.
     """
 
@@ -48,14 +48,14 @@ class MetricsServer:
 
     @property
     def url(self) -> str:
-        """Where it answers."""
+        """URL of the metrics."""
         return f"http://{place_name(self._host, self._port)}/metrics"
 
     async def open(self) -> None:
-        """Listen.
+        """Start to listen.
 
         Raises:
-            LinkOpenError: The place cannot be listened at.
+            LinkOpenError: It cannot listen there.
         """
         try:
             server, self._thread = await asyncio.to_thread(
@@ -68,7 +68,7 @@ class MetricsServer:
         self._port = server.server_port
 
     async def close(self) -> None:
-        """Listen no more. May be called again."""
+        """Stop to listen. May be called again."""
         server, self._server = self._server, None
         if server is not None and self._thread is not None:
             await asyncio.to_thread(server.shutdown)
@@ -86,7 +86,7 @@ class _HealthCollector(Collector):
         self._loop = loop
 
     def collect(self) -> Iterable[Metric]:
-        """Return the metrics of now; on the server's thread."""
+        """Return the current metrics; on the server's thread."""
         answer: futures.Future[dict[str, Any]] = futures.Future()
 
         def ask() -> None:
@@ -120,11 +120,11 @@ def _node(node: "Documents", link: "Documents") -> Iterator[Metric]:
 
 
 def _links(documents: "Documents") -> Iterator[Metric]:
-    """Return the metrics of each link; all of them have its name."""
+    """Return the metrics of each link, with its name as label."""
     several = [each for key, each in documents.items() if key.startswith("link/")]
     links = several or [documents["link"] | {"ledger": documents["ledger"]}]
     up = _gauges("link_up", "1 while frames can be given to the modem.", "link")
-    supply = _gauges("modem_supply_volts", "What the modem says of its supply.", "link")
+    supply = _gauges("modem_supply_volts", "Supply voltage reported by the modem.", "link")
     counters = {
         "frames_transmitted": _counter("frames_transmitted", "Frames given to the modem.", "link"),
         "frames_received": _counter(
@@ -211,7 +211,7 @@ def _peers(documents: "Documents") -> Iterator[Metric]:
         "peer_packet_error_ratio", "Of the last 64 of those, how many were lost.", "peer"
     )
     same = _gauges("peer_same_table", "1 if its stream table is ours.", "peer")
-    lost = _gauges("peer_lost", "1 if it was not heard for as long as the file says.", "peer")
+    lost = _gauges("peer_lost", "1 if it was not heard for the configured time.", "peer")
     ranges = _gauges("peer_range_meters", "Slant distance.", "peer")
     delays = _gauges("peer_propagation_seconds", "Propagation delay, one way.", "peer")
     snr = _gauges("peer_snr_decibels", "Signal-to-noise ratio.", "peer")

@@ -1,17 +1,17 @@
-"""Peer status besides samples, as documents of the health report.
+"""Peer status beside samples, as documents of the health report.
 
 ===========================  ======================================================================
-``peer/ADDRESS/range``       how far away: range, propagation delay, signal quality
-``peer/ADDRESS/position``    where, by an ultra-short baseline head: east, north, up
-``peer/ADDRESS/direction``   from where it was heard: bearing, elevation
-``peer/ADDRESS/lost``        whether nothing was heard of it for as long as the config says
-``peer/ADDRESS/late``        of topics with a deadline: whose next sample of it is overdue
-``modem``                    firmware, supply, source level, of the first link that tells them
+``peer/ADDRESS/range``       range, propagation delay, signal quality
+``peer/ADDRESS/position``    by an ultra-short baseline head: east, north, up
+``peer/ADDRESS/direction``   of its last frame: bearing, elevation
+``peer/ADDRESS/lost``        whether no frame of it came for the configured time
+``peer/ADDRESS/late``        topics with a deadline of which a sample of that node is overdue
+``modem``                    firmware, supply, source level, of the first link that reports them
 ``modem/NAME``               the same of each of several links
 ===========================  ======================================================================
 
-A document of a measurement is there from the first one on. All say when that was: by the clock of
-people, since nobody else's monotonic clock means anything to them.
+A document of a measurement exists from the first measurement on. All have the instant by the wall
+clock, since the monotonic clock means nothing to another computer.
 """
 
 import time
@@ -25,12 +25,12 @@ from zacoustic.run.runner import LinkRunner
 
 
 class PeerStatus:
-    """What one engine knows of others; for the loop.
+    """What one engine knows of other nodes; for the loop.
 
     Args:
-        runner: Whose engine.
-        clock: Where its instants come from.
-        unix_s: The clock of people, s.
+        runner: Runs the engine.
+        clock: Source of its instants.
+        unix_s: The wall clock, s.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class PeerStatus:
         return found | self._modems(engine)
 
     def _modems(self, engine: Engine) -> dict[str, object]:
-        """Return what the modems said of themselves: that of the first link that did, and each."""
+        """Return the modems' reports: that of the first link with one, and each."""
         found: dict[str, object] = {}
         for link in engine.links:
             read = engine.measurements.modems.get(link)
@@ -89,7 +89,7 @@ class PeerStatus:
         return found
 
     def _late(self, engine: Engine) -> dict[str, object]:
-        """Return of each node with topics that have a deadline which samples are overdue."""
+        """Return the overdue samples of each node with topics that have a deadline."""
         found: dict[str, object] = {}
         awaited = [each for each in engine.deadlines.awaited() if each.source != engine.address]
         for address in sorted({each.source for each in awaited}):
@@ -101,7 +101,7 @@ class PeerStatus:
         return found
 
     def _date(self, key: str, at: int) -> float:
-        """Return an instant by the clock of people, s; once for each, so that it stays the same."""
+        """Return an instant by the wall clock, s; computed once, so that it stays the same."""
         known_at, date_s = self._dated.get(key, (None, 0.0))
         if known_at != at:
             date_s = round(self._unix_s() - ns_to_seconds(self._clock() - at), 3)

@@ -13,9 +13,9 @@ from zacoustic.text.safetext import one_line
 from zacoustic.zenoh.gateway.notices import Notice, Notify
 
 EVENTS_KEPT: Final = 16
-"""Number of last events."""
+"""Number of events kept."""
 TROUBLES_KEPT: Final = 4
-"""Number of errors kept besides: usual events push no error out."""
+"""Number of errors kept in addition, so that usual events displace no error."""
 _LONGEST_TEXT: Final = 200
 INPUT_ERROR: Final = "input_error"
 """The `event` of an input error of the local network."""
@@ -25,7 +25,7 @@ class RecentEvents:
     """The recent events of one gateway; for the loop.
 
     Args:
-        unix_s: The clock of people, s.
+        unix_s: The wall clock, s.
     """
 
     def __init__(self, unix_s: Callable[[], float] = time.time) -> None:
@@ -43,7 +43,7 @@ class RecentEvents:
         self._keep(INPUT_ERROR, text, is_trouble=True)
 
     def documents(self) -> dict[str, object]:
-        """Return the document, by the end of its key; the oldest first."""
+        """Return the document, by the end of its key; oldest first."""
         return {"events": {"events": [*self._troubles, *self._events]}}
 
     def _keep(self, event: str, text: str, *, is_trouble: bool) -> None:
@@ -60,11 +60,11 @@ class RecentEvents:
 
 
 class Announcer:
-    """Tells people what they want to know, and keeps it for late readers.
+    """Emits notices, and keeps them for late readers.
 
     Args:
-        recent_events: Keeps it.
-        notify: Tells it.
+        recent_events: Keeps them.
+        notify: Receives them.
     """
 
     def __init__(self, recent_events: RecentEvents, notify: Notify) -> None:
@@ -73,11 +73,11 @@ class Announcer:
         self._is_closed = False
 
     def tell(self, notice: Notice) -> None:
-        """Tell a notice."""
+        """Emit a notice."""
         self._recent_events.note(notice)
         if not self._is_closed:
             self._notify(notice)
 
     def close(self) -> None:
-        """Tell nothing more."""
+        """Emit nothing any more."""
         self._is_closed = True

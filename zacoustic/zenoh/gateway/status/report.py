@@ -1,4 +1,4 @@
-"""The health report: documents by the end of their keys, from those that know."""
+"""The health report: documents of all sections by the end of their keys."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -7,10 +7,10 @@ from zacoustic.zenoh.gateway.status.dates import Dates
 
 
 class Section(Protocol):
-    """What knows some of the documents."""
+    """A component with documents."""
 
     def documents(self) -> dict[str, object]:
-        """Return them as they are now, by the end of their keys."""
+        """Return its current documents, by the end of their keys."""
         ...
 
 
@@ -18,7 +18,7 @@ class Report:
     """The health report of one gateway.
 
     Args:
-        sections: What knows its documents.
+        sections: The components with documents.
         dates: Their dates.
     """
 
@@ -27,7 +27,7 @@ class Report:
         self._dates = dates
 
     def documents(self) -> dict[str, object]:
-        """Return all documents as they are now, by the end of their keys."""
+        """Return all current documents, by the end of their keys."""
         self._dates.look()
         return {
             name: self._dates.told(document)

@@ -1,4 +1,4 @@
-"""What a gateway shows of itself: its health report, frames for who watches, notices."""
+"""What a gateway publishes about itself: its health report, frames for observers, notices."""
 
 from zacoustic.core.engine.events import PeerSeen, SampleReceived
 from zacoustic.zenoh.gateway.status.documents.peers import PeerTable
@@ -16,11 +16,11 @@ class Status:
     Args:
         report: The health report.
         health: Puts it on the local network.
-        feed: Puts frames while somebody watches.
-        traffic: Keeps how old samples were.
-        peers: Keeps introductions.
-        streams: Keeps outcomes, and streams that differ.
-        announcer: Tells people.
+        feed: Puts frames while there are subscribers.
+        traffic: Stores the ages of samples.
+        peers: Stores introductions.
+        streams: Stores outcomes, and streams that differ.
+        announcer: Emits notices.
     """
 
     def __init__(
@@ -46,16 +46,16 @@ class Status:
         self._announcer = announcer
 
     def note_sample(self, event: SampleReceived) -> None:
-        """Keep how old a sample was when it was sent."""
+        """Store the age of a sample when it was sent."""
         self._traffic.note_age(event.stream_id, event.age_s)
 
     def note_peer(self, event: PeerSeen) -> None:
-        """Keep a peer's introduction."""
+        """Store a peer's introduction."""
         self._peers.note(event)
         self._streams.note_peer(event)
 
     def close(self) -> None:
-        """Put nothing more, and tell people nothing more."""
+        """Put and emit nothing any more."""
         self._announcer.close()
         self.feed.close()
         self.health.close()

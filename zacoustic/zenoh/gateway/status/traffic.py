@@ -1,8 +1,8 @@
 """When each stream crossed, how often, and the outcomes of frames to each node.
 
-Facts that stay true while nothing happens: instants by the wall clock and mean times between two,
-not rates and ages, which an idle gateway would have to put again and again. Monitors compute rates
-and ages (`zacoustic.app.tools.watch`).
+These facts stay true while nothing happens: instants by the wall clock and mean intervals, not
+rates and ages, which an idle gateway would have to put again and again. Monitors compute rates and
+ages (`zacoustic.app.tools.watch`).
 
 The memory is bounded by 255 stream ids and 255 addresses.
 """
@@ -16,22 +16,22 @@ from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, TransmitOut
 from zacoustic.core.base.trace import TraceRecord
 
 EXCHANGES_KEPT: Final = 64
-"""The error rate of frames to a node is over the last so many with a modem acknowledgement."""
-# The last four intervals or so make the mean: a stream that was tuned shows it soon.
+"""Number of last frames with a modem acknowledgement that the error rate to a node covers."""
+# The mean covers about the last four intervals: it soon shows an override.
 _WEIGHT: Final = 1 / 4
 
 
 class Pulse:
-    """When something happened last, and how long it takes from one time to the next."""
+    """When something happened last, and the mean interval."""
 
     def __init__(self) -> None:
         self.last_at_unix_s: float | None = None
-        """When, s."""
+        """Last time, s."""
         self.period_s: float | None = None
-        """Mean time between two, the last ones counting most, s; None: there was one at most."""
+        """Mean interval, weighted towards the last ones, s; None: it happened at most once."""
 
     def beat(self, at_unix_s: float, times: int = 1) -> None:
-        """It happens, so many times since the last one."""
+        """Note that it happened, this many times since the last call."""
         if self.last_at_unix_s is not None:
             interval_s = max(at_unix_s - self.last_at_unix_s, 0.0) / times
             known_s = interval_s if self.period_s is None else self.period_s
@@ -40,22 +40,22 @@ class Pulse:
 
 
 class Exchanges:
-    """Frames to one node that its modem was to confirm."""
+    """Frames to one node for which its modem should return an acknowledgement."""
 
     def __init__(self) -> None:
         self.delivered = 0
-        """Those that it has confirmed."""
+        """Acknowledged frames."""
         self.not_delivered = 0
-        """Those that it has not."""
+        """Frames without acknowledgement."""
         self._last: deque[bool] = deque(maxlen=EXCHANGES_KEPT)
 
     @property
     def error_rate(self) -> float | None:
-        """Packet error rate of the last ones, both ways together, 0…1; None: there were none."""
+        """Packet error rate of the last frames, both ways together, 0…1; None: no frames."""
         return 1 - sum(self._last) / len(self._last) if self._last else None
 
     def note(self, is_delivered: bool) -> None:
-        """One has ended."""
+        """Note the end of one."""
         self.delivered += is_delivered
         self.not_delivered += not is_delivered
         self._last.append(is_delivered)
@@ -65,7 +65,7 @@ class Traffic:
     """Figures of streams and nodes from the trace of one engine; for the loop.
 
     Args:
-        unix_s: The clock of people, s.
+        unix_s: The wall clock, s.
     """
 
     def __init__(self, unix_s: Callable[[], float] = time.time) -> None:
@@ -91,14 +91,14 @@ class Traffic:
                 self._note_outcome(record.detail)
 
     def note_age(self, stream_id: int, age_s: float | None) -> None:
-        """Keep how old a sample was when its frame was composed."""
+        """Store the age of a sample when its frame was composed."""
         if age_s is not None and age_s != float("inf"):
             self._ages_s[stream_id] = age_s
         else:
             self._ages_s.pop(stream_id, None)
 
     def heard_at_unix_s(self) -> dict[int, float]:
-        """Return when each node was heard last."""
+        """Return when each node was heard last, s since 1970."""
         return dict(self._heard_at)
 
     def of_stream(self, stream_id: int) -> dict[str, float | None]:
@@ -114,7 +114,7 @@ class Traffic:
         }
 
     def of_peer(self, address: int) -> dict[str, float | None]:
-        """Return what became of frames to a node, for its row in the document."""
+        """Return the outcomes of frames to a node, for its row in the document."""
         exchanges = self._exchanges.get(address) or Exchanges()
         return {
             "delivered": exchanges.delivered,

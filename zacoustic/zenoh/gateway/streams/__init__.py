@@ -1,1 +1,1 @@
-"""What crosses: topics, services and actions, each with its streams."""
+"""The data that crosses: topics, services and actions."""

@@ -1,11 +1,12 @@
 """Actions: local goals for remote servers, and received goals.
 
-A local goal arrives in a `LocalGoalServer`, which stands for the remote server. Its local name, 16
-bytes, does not cross: on the channel a goal has a number. The engine keeps the name as its tag, so
-a restarted gateway still knows it.
+A local goal arrives in a `LocalGoalServer`, which represents the remote server. Its local id, 16
+bytes, does not cross: on the channel a goal has a number. The engine keeps the id as its tag, so a
+restarted gateway still knows it.
 
-A received goal is a `LocalGoalRequest`: sent to the local program that serves, followed to its end.
-If the program ends without one, the outcome is unknown, and the client learns that.
+A received goal becomes a `LocalGoalRequest`: sent to the local program that serves the action, and
+followed to its end. If the program ends without a result, the outcome is unknown, and the client
+is informed.
 """
 
 import contextlib
@@ -43,7 +44,7 @@ from zacoustic.zenoh.session.marker import Marker
 from zacoustic.zenoh.session.session import ZenohSession
 
 PROGRAM_PATIENCE_S: Final = 10.0
-"""How long a program that pursues a goal, or the router, may be away, s."""
+"""How long a program that executes a goal, or the router, may be away, s."""
 # Zenoh refuses a limit of 0.
 _LEAST_LIMIT_S: Final = 0.001
 
@@ -58,13 +59,13 @@ class Actions:
     """The actions of one gateway; for the loop, except for `ear`.
 
     Args:
-        address: Of this node.
+        address: Address of this node.
         table: All streams.
         zenoh_session: The session of the goals.
         input_errors: Takes the errors of local programs.
         dialects: The local forms of actions.
         runner: Drives the engine.
-        clock: Where instants come from.
+        clock: Source of instants.
     """
 
     def __init__(
@@ -108,7 +109,7 @@ class Actions:
         self._proxies[stream_id].goal_server.take(held)
 
     def ear(self, stream_id: int) -> Callable[[zenoh.Sample], None]:
-        """Return what takes the feedback of the program here, on Zenoh's thread."""
+        """Return a function that takes the local program's feedback, on Zenoh's thread."""
         return self._attendants[stream_id].ear.take
 
     def deliver(self, event: ActionEvent) -> None:
@@ -126,7 +127,7 @@ class Actions:
 
 
 class _Proxy:
-    """Stands locally for the remote server of one action; see `Pursuer`."""
+    """Represents the remote server of one action locally; see `Pursuer`."""
 
     def __init__(
         self,
@@ -231,7 +232,7 @@ class _Proxy:
 
 
 class _Attendant:
-    """Takes the received goals of one action to the program that serves it; see `GoalSender`."""
+    """Takes the received goals of one action to the local program; see `GoalSender`."""
 
     def __init__(
         self,
@@ -249,7 +250,7 @@ class _Attendant:
         self._input_errors = input_errors
         self._runner = runner
         self._clock = clock
-        # No two gateways, and no two boot epochs of one, give the same name to two goals.
+        # Random, so that no two gateways and no two boot epochs give two goals the same id.
         self._rng = random.SystemRandom()
         self._keys: dict[bytes, GoalKey] = {}
         self._ids: dict[GoalKey, bytes] = {}
@@ -295,7 +296,7 @@ class _Attendant:
             return
         self._accepted.add(goal_id)
         if not _apply(self._runner, lambda engine, now: engine.actions.accept(key, now)):
-            # Its client has given it up meanwhile: it must not run.
+            # Its client has meanwhile given it up: it must not run.
             self._goal_requests[goal_id].cancel()
 
     def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:
@@ -368,7 +369,7 @@ class _Attendant:
 
 
 def _apply(runner: LinkRunner, command: Callable[[Engine, int], bool]) -> bool:
-    """Give a command to the engine, if it still runs."""
+    """Send a command to the engine, if it still runs."""
     with contextlib.suppress(LinkClosedError):
         return runner.apply(command)
     return False

@@ -16,7 +16,7 @@ class StreamHandlers:
         topics: Samples, both ways.
         services: Calls, both ways.
         actions: Goals, both ways.
-        matching: Who subscribes to on-demand topics.
+        matching: Watches local subscribers of on-demand topics.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class StreamHandlers:
         self.matching = matching
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Restore what the former boot epoch has kept for late joiners."""
+        """Restore the samples for late joiners from before the restart."""
         self.topics.recover(stored)
 
     def drain(self, engine: Engine, now: int) -> None:
@@ -37,7 +37,7 @@ class StreamHandlers:
         self.services.drain(engine, now)
 
     def close(self) -> None:
-        """Ask the local network for nothing more."""
+        """Stop asking the local network."""
         self.matching.close()
         self.services.close()
         self.actions.close()

@@ -1,13 +1,13 @@
 """Latched samples in the journal: a gateway has them for late joiners also after a restart.
 
-A map that was published once may not come again for hours, so a gateway that begins with empty
-caches has nothing for late joiners. Each sample of a latched topic is journalled as it was put,
-with the instant by the wall clock, and put again after a restart. Earlier subscribers get it twice,
-as from any latched publisher that was restarted.
+A map that was published once may not come again for hours, so a gateway with empty caches would
+have nothing for late joiners. Each sample of a latched topic is journalled as it was put, with its
+wall-clock instant, and put again after a restart. Earlier subscribers get it twice, as from any
+latched publisher that restarts.
 
-The room is bounded: of each key as many samples as its topic keeps, and of all together
-`LIMIT_BYTES`; the oldest make room. Samples that arrive while no gateway runs are missing; a
-reliable topic gets them afterwards.
+The space is bounded: per key as many samples as its topic keeps, and `LIMIT_BYTES` for all
+together; the oldest make room. Samples that arrive while no gateway runs are missing; a reliable
+topic gets them afterwards.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +20,7 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
 
 LIMIT_BYTES: Final = 4 * 1024 * 1024
-"""What is kept of all latched topics, bytes, headers included."""
+"""Space for all latched topics, bytes, headers included."""
 _NAME: Final = "latched"
 _HEADER_BYTES: Final = 64
 
@@ -41,10 +41,10 @@ class KeptSamples:
     """The samples of the latched topics of one gateway; for the loop.
 
     Args:
-        write: Brings a name and a value, or None to delete it, to the journal.
-        clock: Where instants come from.
-        wall_clock: What time it is, ns since 1970.
-        limit_bytes: What is kept at most.
+        write: Journals a value under a name; None deletes it.
+        clock: Source of instants.
+        wall_clock: Returns UTC, ns since 1970.
+        limit_bytes: Maximum space.
     """
 
     def __init__(
@@ -60,17 +60,17 @@ class KeptSamples:
         self._wall_clock = wall_clock
         self._limit_bytes = limit_bytes
         self._sizes: dict[tuple[int, str, int], int] = {}
-        """Size of each by ``(stream id, key, serial)``, the oldest first."""
+        """Sizes by ``(stream id, key, serial)``, the oldest first."""
         self._bytes = 0
         self._next_serial = 0
 
     def recover(
         self, stored: Mapping[str, bytes], table: StreamTable
     ) -> Iterator[tuple[Stream, LastValue]]:
-        """Yield what a former boot epoch has kept, in order; delete unreadable entries.
+        """Yield the samples from before the restart, in order; delete unreadable entries.
 
         Args:
-            stored: What the journal has kept.
+            stored: The content of the journal.
             table: The streams.
         """
         found = sorted(

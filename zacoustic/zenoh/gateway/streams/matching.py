@@ -1,12 +1,12 @@
 """Local subscribers of on-demand topics, for which the gateway subscribes at remote nodes.
 
 Zenoh tells a publisher whether its key has subscribers (*matching*). So for each on-demand topic
-that this gateway delivers it declares a publisher that never puts anything: on the keys of the
-topic, or, if the name of the node is in them, one for each node that may publish. The gateway's own
-subscriptions do not count; those of another local gateway that forwards the same topic do.
+that it delivers, this gateway declares a publisher that never puts anything: on the keys of the
+topic or, if they contain the name of the node, one for each node that may publish. The gateway's
+own subscriptions do not count; those of another local gateway that forwards the same topic do.
 
-A subscriber that goes is often back at once: its program or the router restarts. So a subscription
-lasts `GRACE_S` longer than its last local subscriber, and nothing crosses for that.
+A subscriber that goes often comes back at once: its program or the router restarts. So a
+subscription outlasts its last local subscriber by `GRACE_S`, and such a restart costs no frames.
 """
 
 import asyncio
@@ -39,7 +39,7 @@ class Lookout:
         self._declared = declared
 
     def undeclare(self) -> None:
-        """Watch no more."""
+        """Stop to watch."""
         while self._declared:
             self._declared.pop().undeclare()
 
@@ -50,9 +50,9 @@ class MatchingSubscribers:
     Args:
         table: All streams.
         zenoh_session: Their session.
-        redundant: The local nodes.
-        topics: What topics look like there.
-        runner: Whose engine asks for what they want to see.
+        redundant: The local gateways.
+        topics: Dialects of the topics.
+        runner: Runs the engine that subscribes.
         ring: Wakes the loop, which then calls `settle`.
         grace_s: How long a subscription outlasts its last local subscriber, s.
     """
@@ -82,7 +82,7 @@ class MatchingSubscribers:
         self._matching: dict[tuple[int, int], bool] = {}
 
     def declare(self, stream: Stream) -> Lookout:
-        """Have the subscribers of a topic watched; in the worker."""
+        """Watch the subscribers of a topic; in the worker."""
         declared: list[Any] = []
         dialect = self._topics.dialects[stream.stream_id]
         nodes: tuple[int, ...] = (_ANY,)
@@ -110,7 +110,7 @@ class MatchingSubscribers:
         return Lookout(declared)
 
     def watch(self, stream_ids: set[int]) -> None:
-        """Care for these topics, and for no others: what others deliver, others ask for."""
+        """Set the watched topics: those that other gateways deliver are left to them."""
         for stream_id in self._watched - stream_ids:
             with self._guard:
                 for place in [each for each in self._matching if each[0] == stream_id]:
@@ -120,19 +120,19 @@ class MatchingSubscribers:
             self._settle(stream_id)
 
     def settle(self) -> None:
-        """Subscribe to the topics with local subscribers."""
+        """Subscribe to the topics that have local subscribers."""
         for stream_id in self._watched:
             self._settle(stream_id)
 
     def close(self) -> None:
-        """Subscribe to nothing more; subscriptions stay for the next start of the gateway."""
+        """Stop to subscribe; subscriptions stay for the next start of the gateway."""
         self._watched.clear()
         for timer in self._timers.values():
             timer.cancel()
         self._timers.clear()
 
     def _see(self, place: tuple[int, int], status: zenoh.MatchingStatus) -> None:
-        """Note that a topic has got its first subscriber, or lost its last; on Zenoh's thread."""
+        """Note that a topic got its first subscriber, or lost its last; on Zenoh's thread."""
         with self._guard:
             self._matching[place] = bool(status.matching)
         self._ring()

@@ -1,11 +1,11 @@
 """Services: local calls to remote servers, and received calls.
 
 A local call is a `Query` that is held until the engine has the answer or gives up at the stream's
-deadline; then it is answered or refused, never left silent. Zenoh does not tell how long the caller
-waits: 10 s by default, which is short for sound.
+deadline; then it is answered or refused, never left without a reply. Zenoh does not tell how long
+the caller waits: 10 s by default, which is short for sound.
 
-A received call becomes a local `get`. The first good reply is the answer; if there is none, the
-first error. Without any reply there is no server; but if one was there when it was asked, it has
+A received call becomes a local `get`. The first good reply is the answer; without one, the first
+error. Without any reply there is no server; but if a server was there when it was asked, it has
 ended without an answer, and the outcome is unknown.
 """
 
@@ -53,7 +53,7 @@ class Services:
         zenoh_session: The session of the servers.
         input_errors: Takes the errors of local answers.
         dialects: Their local forms.
-        clock: Where instants come from.
+        clock: Source of instants.
         ring: Wakes the loop, which then calls `drain`.
     """
 
@@ -78,15 +78,15 @@ class Services:
             if isinstance(stream.spec, ServiceSpec)
         }
         """The local form of each service, by stream id."""
-        # Own calls: call id → the waiting query, and its encoding.
+        # Calls of local programs: call id → the waiting query, and its encoding.
         self._calls: dict[int, tuple[HeldQuery, str]] = {}
-        # Local questions: the caller, and whether a server was there.
+        # Calls to local servers: the caller, and whether a server was there.
         self._asked: dict[Question, tuple[CallKey, bool]] = {}
         self._watched: dict[int, Any] = {}
         self._settled: deque[Question] = deque()
 
     def watch(self, address: int) -> None:
-        """Watch whether the servers of this node's services are there; in the worker."""
+        """Watch for local servers of this node's services; in the worker."""
         for stream in self._table:
             if isinstance(stream.spec, ServiceSpec) and stream.spec.server == address:
                 self._watched[stream.stream_id] = self._zenoh_session.session.declare_querier(
@@ -100,7 +100,7 @@ class Services:
         dialect = self.dialects[stream_id]
         query = held.query
         if str(query.key_expr) != dialect.key:
-            # Whoever looks around with a wildcard does not mean to run a service on a vehicle.
+            # A program that browses with a wildcard does not mean to call a service on a vehicle.
             text = f"a wildcard calls no service, only {dialect.key} itself does"
             held.refuse(CallFailure.BAD_REQUEST, text)
             return
@@ -159,7 +159,7 @@ class Services:
         )
 
     def drain(self, engine: Engine, now: int) -> None:
-        """Send the local answers."""
+        """Give the engine the local answers."""
         while self._settled:
             question = self._settled.popleft()
             asked = self._asked.pop(question, None)

@@ -1,7 +1,7 @@
 """Topics: local samples to the engine, received samples to the local network.
 
-What they look like there is a matter of the topic's dialect. A sample that cannot be read or that
-its type does not allow is counted and complained about; it harms nothing.
+The topic's dialect defines their local form. A sample that cannot be read or that its type does not
+allow is counted and reported as an input error; it does no harm.
 """
 
 import asyncio
@@ -28,7 +28,7 @@ from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
 _APART_S: Final = 0.1
-"""Between the frames of two local gateways: for the time that an event takes to both."""
+"""Time for one event to reach two local gateways, between their frames."""
 
 
 class Topics:
@@ -40,7 +40,7 @@ class Topics:
         input_errors: Takes the errors of local samples.
         dialects: Their local forms.
         kept: Samples of latched topics, in the journal.
-        clock: Where instants come from.
+        clock: Source of instants.
         ring: Wakes the loop, which then calls `drain`.
     """
 
@@ -75,7 +75,7 @@ class Topics:
         }
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Restore the former boot epoch's samples for late joiners."""
+        """Restore the samples for late joiners from before the restart."""
         for stream, value in self._kept.recover(stored, self._table):
             dialect = self.dialects.get(stream.stream_id)
             if dialect is None or not dialect.is_latched:
@@ -106,7 +106,7 @@ class Topics:
         self._ring()
 
     def drain(self, engine: Engine, now: int) -> None:
-        """Publish the local samples, when it is the turn of this gateway."""
+        """Publish the local samples when it is this gateway's turn."""
         later: list[int] = []
         for stream_id, mailbox in self._mailboxes.items():
             stream = self._table.by_id(stream_id)
@@ -159,7 +159,7 @@ class Topics:
             dialect.put(key, written)
 
     def answer(self, held: HeldQuery, stream_id: int) -> None:
-        """Answer a `get` on a topic with the last values that it asks for."""
+        """Answer a `get` on a topic with the last values of the keys asked for."""
         asked = held.query.key_expr
         now = self._clock()
         dialect = self.dialects[stream_id]
@@ -177,7 +177,7 @@ class Topics:
         )
 
     def losses(self) -> dict[str, dict[str, int]]:
-        """Return what mailboxes have lost, by stream and reason, where there is any."""
+        """Return the losses of mailboxes, by stream and reason, if any."""
         found = {}
         for stream_id, mailbox in self._mailboxes.items():
             lost = {"superseded": mailbox.superseded, "oversized": mailbox.oversized}
@@ -187,7 +187,7 @@ class Topics:
         return found
 
     def _turn_ns(self, stream: Stream, link: LinkCapabilities | None) -> int:
-        """How long a sample waits for what gateways before this one make of the same event."""
+        """Return how long a sample waits for frames of earlier gateways about the same event."""
         can_wait = (
             stream.qos.reliability is Reliability.BEST_EFFORT
             and stream.qos.priority is not Priority.REAL_TIME
@@ -201,7 +201,7 @@ class Topics:
         dialect = self.dialects[stream.stream_id]
         instance = stream.keys.match(dialect.stream_key(parcel.key), engine.address)
         if instance is None:
-            text = f"the key {parcel.key} is none of this stream's"
+            text = f"the key {parcel.key} is not one of this stream"
             self._input_errors.add(stream.name, "unknown_key", text)
             return
         try:

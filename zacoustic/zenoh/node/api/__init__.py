@@ -1,1 +1,1 @@
-"""What a program uses: the node, its publishers, subscriptions, clients and services."""
+"""The interface of a program: the node, its publishers, subscriptions, clients and services."""

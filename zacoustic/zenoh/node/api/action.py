@@ -1,4 +1,4 @@
-"""Actions: clients that send goals, and servers that pursue them with functions of the application.
+"""Actions: clients that send goals, and servers that execute them with application functions.
 
 The terms are those of ROS 2. The server accepts or rejects a goal. While the goal runs, its client
 gets feedback and may cancel it. It ends with a status and a result.
@@ -58,7 +58,7 @@ class GoalResult(msgspec.Struct, Generic[Result], frozen=True, kw_only=True):
     result: Result | None
     """The result; None: the server gave none."""
     text: str = ""
-    """One line for people, if the status does not say everything."""
+    """One line of text, if the status does not say everything."""
 
 
 FeedbackCallback = Callable[[Feedback], Awaitable[None] | None]
@@ -115,7 +115,7 @@ class GoalHandle(Generic[Goal, Feedback, Result]):
 
         Raises:
             TimeoutError: The goal has not ended in time; it goes on.
-            CallTimeoutError: Nothing was heard of the goal for the action's `result_timeout_s`.
+            CallTimeoutError: No message about the goal came for the action's `result_timeout_s`.
             DeliveryError: The goal was rejected, or the two ends define its stream differently.
             LinkClosedError: The node was closed, or has failed.
         """
@@ -197,7 +197,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     def recovered(
         self, *, feedback_callback: FeedbackCallback[Feedback] | None = None
     ) -> list[GoalHandle[Goal, Feedback, Result]]:
-        """Return the goals that former boot epochs of this node have sent, each once.
+        """Return the goals that this node sent before it restarted, each once.
 
         Only in direct mode with a journal; on Zenoh the gateway keeps them.
         """
@@ -313,12 +313,12 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
 
 
 Execute = Callable[[ServerGoalHandle[Goal, Feedback, Result]], Awaitable[Result | None]]
-"""Pursues a goal: a coroutine function. It calls `succeed`, `abort` or `canceled`, and either
+"""Executes a goal: a coroutine function. It calls `succeed`, `abort` or `canceled`, and either
 returns the result or passes it there."""
 Decide = Callable[[Goal], bool | Awaitable[bool]]
-"""Decides whether a goal is accepted; soon, because the client waits."""
+"""Decides whether to accept a goal; promptly, because the client waits."""
 DecideCancel = Callable[[ServerGoalHandle[Goal, Feedback, Result]], bool | Awaitable[bool]]
-"""Decides whether a goal may be cancelled."""
+"""Decides whether to accept a request to cancel."""
 
 
 class ActionServer(Generic[Goal, Feedback, Result]):
@@ -327,8 +327,8 @@ class ActionServer(Generic[Goal, Feedback, Result]):
     Each goal runs in a separate task. An exception of `execute` is logged and aborts the goal.
 
     Args:
-        route: Where goals come from.
-        execute: Pursues a goal.
+        route: The action.
+        execute: Executes a goal.
         goal_callback: Accepts or rejects a goal; None: accepts all.
         cancel_callback: Accepts or rejects a request to cancel; None: accepts all.
         carrier: Carries them.
@@ -367,11 +367,11 @@ class ActionServer(Generic[Goal, Feedback, Result]):
     # For the carrier
 
     def take(self, goal: TakenGoal) -> None:
-        """A goal arrived."""
+        """Take an arrived goal."""
         self._begin(self._decide(goal), f"goal of {self.name}")
 
     def cancel(self, goal: TakenGoal) -> None:
-        """An accepted goal was cancelled."""
+        """Take an accepted request to cancel a goal."""
         self._begin(self._decide_cancel(goal), f"cancel of {self.name}")
 
     # Below the methods above
@@ -417,7 +417,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
             handle.finish(GoalStatus.ABORTED, None)
             return
         if handle.status is None:
-            _logger.warning("%s: nobody said how the goal ended: it is aborted", self.name)
+            _logger.warning("%s: the callback set no status: the goal is aborted", self.name)
         handle.finish(handle.status or GoalStatus.ABORTED, result)
 
     async def _decide_cancel(self, taken: TakenGoal) -> None:

@@ -66,7 +66,7 @@ class Catalogue:
     def publisher(
         self, sample_type: object, name: str, qos: Qos | None, stream_id: int | None
     ) -> TopicRoute[Any]:
-        """Find where a publisher goes.
+        """Return the route of a publisher.
 
         Raises:
             ConfigError, LocalError: The name, the type or the id do not fit the node's streams.
@@ -96,7 +96,7 @@ class Catalogue:
     def subscription(
         self, sample_type: object, name: str, qos: Qos | None, stream_id: int | None
     ) -> TopicRoute[Any]:
-        """Find where a subscription listens.
+        """Return the route of a subscription.
 
         Raises:
             ConfigError, LocalError: The name, the type or the id do not fit the node's streams.
@@ -131,7 +131,7 @@ class Catalogue:
         stream_id: int | None,
         server: int | None,
     ) -> ServiceRoute[Any, Any]:
-        """Find where a client calls.
+        """Return the route of a client.
 
         Raises:
             ConfigError, LocalError: The name, the types or the id do not fit the node's streams.
@@ -143,7 +143,7 @@ class Catalogue:
     def server(
         self, service_type: object, name: str, qos: Qos | None, *, stream_id: int | None
     ) -> ServiceRoute[Any, Any]:
-        """Find which calls a service answers.
+        """Return the route of a service.
 
         Raises:
             ConfigError, LocalError: As for `client`, or another node is the server.
@@ -164,7 +164,7 @@ class Catalogue:
         stream_id: int | None,
         server: int | None,
     ) -> ActionRoute[Any, Any, Any]:
-        """Find where goals go.
+        """Return the route of an action client.
 
         Raises:
             ConfigError, LocalError: The name, the types or the id do not fit the node's streams.
@@ -176,7 +176,7 @@ class Catalogue:
     def action_server(
         self, action_type: object, name: str, qos: Qos | None, *, stream_id: int | None
     ) -> ActionRoute[Any, Any, Any]:
-        """Find which goals an action server pursues.
+        """Return the route of an action server.
 
         Raises:
             ConfigError, LocalError: As for `action_client`, or another node is the server.
@@ -365,7 +365,7 @@ class Catalogue:
         """Return the id under which an unknown name becomes a stream; None: a plain Zenoh key.
 
         Raises:
-            LocalError: The name can be neither.
+            LocalError: The name is neither.
         """
         if stream_id is not None and self._carrier.can_declare:
             return stream_id

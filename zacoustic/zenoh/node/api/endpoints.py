@@ -241,7 +241,7 @@ class EndpointMaker:
         *,
         stream_id: int | None = None,
     ) -> Service[Any, Any]:
-        """Serve a service.
+        """Create a service.
 
         Args:
             service_type: As for `create_client`.
@@ -347,12 +347,12 @@ class EndpointMaker:
         cancel_callback: DecideCancel[Any, Any, Any] | None = None,
         stream_id: int | None = None,
     ) -> ActionServer[Any, Any, Any]:
-        """Serve an action.
+        """Create an action server.
 
         Args:
             action_type: As for `create_action_client`.
             name: The action.
-            execute_callback: Pursues a goal in a separate task: a coroutine function that takes a
+            execute_callback: Executes a goal in a separate task: a coroutine function that takes a
                 `ServerGoalHandle`, sets the status there, and returns the result.
             qos: Priority and linger of feedback and results; None: as configured.
             goal_callback: Takes the goal and decides at once whether to accept it; None: accepts
@@ -389,7 +389,7 @@ class EndpointMaker:
         return self._catalogue
 
     def _maker(self) -> tuple[Carrier, Catalogue]:
-        """Return the parts of which endpoints are made; refuse other threads before that."""
+        """Return the catalogue and the carrier; raise first if called from another thread."""
         carrier, catalogue = self._opened(), self._known()
         if threading.get_ident() != self._thread:
             raise LocalError(

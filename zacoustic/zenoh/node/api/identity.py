@@ -70,7 +70,7 @@ def _read(config: str | Path | Config, name: str | int, address: int | None) -> 
 
 
 def _address_of(path: str | Path, name: str | int) -> int | None:
-    """Return the address that a file gives to the name, before anything else of it is read."""
+    """Return the address that a file gives to the name; reads nothing else of it."""
     from zacoustic.config.json5 import read_zenoh_config
 
     _, section = read_zenoh_config(path)

@@ -18,9 +18,9 @@ PARK_LIMIT_S: Final = 2.0
 class LoopThread:
     """Runs a loop from construction until `stop`.
 
-    A script may end without `stop`: the thread is a daemon and stands still by then. If it were in
-    foreign code, such as a put of Zenoh, it could not return to an interpreter that ends, and the
-    process would abort.
+    A script may end without `stop`: the thread is a daemon and has stopped by then. If it were in
+    foreign code, such as a put of Zenoh, its return to an ending interpreter would abort the
+    process.
 
     Args:
         name: Name of the thread.

@@ -1,4 +1,4 @@
-"""A bounded mailbox for arrivals that the application has not taken yet; the latest win.
+"""A bounded mailbox for arrivals that the application has not taken yet; it keeps the newest.
 
 Arrivals never wait for their reader. A mailbox keeps the newest `depth` items of each key, so that
 a talkative node does not replace the items of a quiet one, and returns them in the order of their

@@ -145,9 +145,9 @@ class Node(EndpointMaker):
     async def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
         """Measure the range of another node; direct mode only.
 
-        The node asks its modem to have a frame to the other node acknowledged: one that goes
-        anyway, or one of a single byte. The modem measures how long the answer takes. The node
-        repeats an exchange without a range.
+        The node requests an acknowledgement from the other modem, for a frame that goes anyway or
+        for one of a single byte, and its modem measures the delay. The node repeats an exchange
+        that brings no range.
 
         Args:
             peer: Acoustic address of the node, or its name in the configuration.
@@ -167,7 +167,7 @@ class Node(EndpointMaker):
     async def command(
         self, peer: int | str, command: RemoteCommand, *, timeout_s: float = COMMAND_TIMEOUT_S
     ) -> CommandState:
-        """Give a command to another node, or to this one: be silent, resume, override a topic.
+        """Send a command to another node, or to this one: be silent, resume, override a topic.
 
         The other node executes the command on arrival, at most once, and answers when the command
         is in its journal, if it has one. The answer to a command that begins a silence is the last
@@ -186,7 +186,7 @@ class Node(EndpointMaker):
                 sense here.
             ServiceError: The node refuses the command, with a reason.
             CallTimeoutError: No answer came in time; the node may have executed the command.
-            DeliveryError: The command cannot be given from here.
+            DeliveryError: The command cannot be sent from here.
             LinkClosedError: The node was closed, or has failed.
         """
         carrier = self._opened()
@@ -215,7 +215,7 @@ class Node(EndpointMaker):
             raise LocalError("an own sample cannot be refused", hint="cancel its Delivery")
         return self._opened().refuse(progress.peer, progress.transfer)
 
-    # What the node knows
+    # State of the node
 
     def events(self) -> AsyncIterator[NodeEvent]:
         """Iterate over events other than samples and calls: recent ones first, then new ones.
@@ -226,13 +226,13 @@ class Node(EndpointMaker):
           it may lack the last writes.
         - `SilenceChanged`: transmit silence has begun by command, or has ended.
         - `StreamOverridden`: a command overrides the settings of a topic.
-        - `PeerSeen`, `PeerLost`, `PeerFound`: a peer is heard first, or has restarted; it is lost,
-          or heard again, if the configuration has `lost_after_s`.
+        - `PeerSeen`, `PeerLost`, `PeerFound`: a peer is heard for the first time, or has restarted;
+          it is lost, or heard again, if the configuration has `lost_after_s`.
         - `SubscribersChanged`: nodes subscribe to an on-demand topic of this node, or unsubscribe.
         - `DeadlineMissed`: no sample of a topic with `deadline_s` was published, or came, in time.
         - `StreamsDiffer`: a peer defines streams differently.
         - `PeerMeasured`, `ModemRead`: the modem has measured a peer, or reports its own values.
-        - `DeliveryEnded`: a sample of a former boot epoch of this node has its outcome.
+        - `DeliveryEnded`: a sample from before this node's restart has its outcome.
         - `ObjectProgress`: a large sample, outgoing or incoming, has progressed or ended.
         - `ClockStateChanged`, `NothingHeard`, `EngineRestarted`, `SealAlarm`, `RosEntitySeen`.
 

@@ -84,7 +84,7 @@ def shown_value(value: object, encoding: str) -> dict[str, Any]:
 
 
 def line_of(shown: dict[str, Any]) -> str:
-    """Return the result of `shown_value` as one line for people."""
+    """Return the result of `shown_value` as one line."""
     if "text" in shown:
         return str(shown["text"])
     content = shown.get("value", shown)

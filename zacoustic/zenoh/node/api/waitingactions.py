@@ -78,7 +78,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     def recovered(
         self, *, feedback_callback: FeedbackCallback[Feedback] | None = None
     ) -> list[GoalHandle[Goal, Feedback, Result]]:
-        """Return the goals that former boot epochs of this node have sent, each once."""
+        """Return the goals that this node sent before it restarted, each once."""
         found = self._thread.apply(
             lambda: self._client.recovered(feedback_callback=feedback_callback)
         )
@@ -90,7 +90,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
 
 
 class ServerGoalHandle(Generic[Goal, Feedback, Result]):
-    """A goal that runs here, for the thread that pursues it; see `zacoustic.ServerGoalHandle`."""
+    """A goal that runs here, for the thread that executes it; see `zacoustic.ServerGoalHandle`."""
 
     def __init__(
         self, handle: action.ServerGoalHandle[Goal, Feedback, Result], thread: LoopThread
@@ -145,7 +145,7 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
 
 
 Execute = Callable[[ServerGoalHandle[Goal, Feedback, Result]], Result | None]
-"""Pursues a goal, in a separate thread; may block as long as it likes."""
+"""Executes a goal, in a separate thread; may block as long as it likes."""
 
 
 class ActionServer(Generic[Goal, Feedback, Result]):

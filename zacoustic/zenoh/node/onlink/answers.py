@@ -1,4 +1,4 @@
-"""Answers for which callers wait: to calls, to commands, of ranges."""
+"""Awaited answers: to calls, to commands, and ranges."""
 
 import asyncio
 import contextlib
@@ -48,7 +48,7 @@ class Answers(Generic[T]):
                     self._runner.apply(lambda engine, now: cancel(engine, number, now))
 
     def take(self, number: int | None, outcome: T | Exception) -> bool:
-        """Pass an answer, or an error in its place, to its caller; False: nobody has asked."""
+        """Pass an answer, or an error instead, to its caller; False: nobody waits for it."""
         answer = None if number is None else self._awaited.pop(number, None)
         if answer is None:
             return False
@@ -56,11 +56,11 @@ class Answers(Generic[T]):
         return True
 
     def awaits(self, number: int) -> bool:
-        """Tell whether a caller waits for this id."""
+        """Return whether a caller waits for this id."""
         return number in self._awaited
 
     def end_all(self, error: Exception) -> None:
-        """Tell the waiting callers that no answer will come."""
+        """Inform the waiting callers that no answer will come."""
         awaited, self._awaited = self._awaited, {}
         for answer in awaited.values():
             _settle(answer, error)

@@ -1,4 +1,4 @@
-"""Calls over a link, both ways: those that a local program makes, and those that it serves."""
+"""Calls over a link: those that a local program makes, and those that it serves."""
 
 import contextlib
 from collections.abc import Callable

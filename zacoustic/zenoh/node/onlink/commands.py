@@ -1,4 +1,4 @@
-"""Commands that a node on a link gives: to remote nodes, and to itself."""
+"""Commands of a node on a link: to remote nodes, and to itself."""
 
 import asyncio
 
@@ -11,7 +11,7 @@ from zacoustic.zenoh.node.onlink.answers import Answers
 
 
 class LinkCommands:
-    """The commands that one node has given.
+    """The commands that one node has sent.
 
     Args:
         runner: Drives the engine that sends them.
@@ -23,7 +23,7 @@ class LinkCommands:
         self.end_all = self._answers.end_all
 
     async def give(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
-        """Give a command and wait for the answer; cancelling gives up.
+        """Send a command and wait for the answer; cancelling gives up.
 
         Raises:
             LocalError: There is no such node, or a command to itself makes no sense.

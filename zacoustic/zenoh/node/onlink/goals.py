@@ -32,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 class LinkGoals:
-    """The goals that this node has sent, and those that it pursues.
+    """The goals that this node has sent, and those that it executes.
 
     Args:
         runner: Drives the engine.
@@ -76,7 +76,7 @@ class LinkGoals:
     def recovered(
         self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
     ) -> list["LinkSentGoal"]:
-        """Return the goals that former boot epochs have sent and that no caller has taken yet."""
+        """Return the goals sent before the restart that no caller has taken yet."""
         stream_id = route.known_stream.stream_id
         found = [
             sent
@@ -126,7 +126,7 @@ class LinkGoals:
                     self._forget_ended(sent)
 
     def end_all(self, error: Exception) -> None:
-        """Tell the waiting callers that nothing will come."""
+        """Inform the waiting callers that no answer will come."""
         sent = list(self._sent.values())
         self._sent.clear()
         self._taken.clear()
@@ -138,9 +138,9 @@ class LinkGoals:
         self._taken.pop(key, None)
 
     def _forget_ended(self, sent: "LinkSentGoal") -> None:
-        """Forget an ended goal, unless it is of a former boot epoch and nobody has asked for it.
+        """Forget an ended goal, unless it is from before the restart and nobody has asked for it.
 
-        The end may come before the application has created its client.
+        It may end before the application has created its client.
         """
         if sent.ended.done() and sent.feed is not None:
             self._sent.pop(sent.key, None)

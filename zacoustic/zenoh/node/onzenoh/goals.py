@@ -46,7 +46,7 @@ Keep = Callable[[Callable[[], None]], Callable[[], None]]
 
 
 class ZenohGoals:
-    """The goals that this node has sent, and those that it pursues.
+    """The goals that this node has sent, and those that it executes.
 
     Args:
         zenoh_session: Returns the session.
@@ -114,7 +114,7 @@ class ZenohGoals:
         return self._keep(end)
 
     def close(self) -> None:
-        """Tell the waiting callers that nothing will come."""
+        """Inform the waiting callers that no answer will come."""
         sent = list(self._sent.values())
         self._sent.clear()
         for each in sent:
@@ -220,7 +220,7 @@ class ZenohSentGoal:
         self.end_with(GoalEnd(status=ending.status, value=ending.result, text=ending.text))
 
     def lost(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
-        """End the goal, of which nothing more will be heard."""
+        """End the goal, because nothing more will be known of it."""
         if self.accepted and failure in (CallFailure.BAD_REQUEST, CallFailure.UNKNOWN):
             self.end_with(GoalEnd(text=text))  # no gateway knows it any more
         else:

@@ -1,8 +1,8 @@
 """Endpoints on a Zenoh session: the local gateway carries their values across the channel.
 
-Zenoh's callbacks run in its own threads and only hand over. On the loop, a put on a full connection
-is dropped; replies, gets and closing may block on one, so the worker of the `ZenohSession` does
-them.
+Zenoh's callbacks run in its own threads and only hand data over. On the loop, a put on a full
+connection is dropped. Replies, gets and closing may block on a full connection, so the worker of
+the `ZenohSession` does them.
 """
 
 import asyncio
@@ -123,7 +123,7 @@ class ZenohCarrier:
         zenoh_session.watch(lambda is_up: tell_loop(loop, partial(self._report_connection, is_up)))
 
     async def close(self) -> None:
-        """Close the session; tell the callers of calls under way. May be called again."""
+        """Close the session and inform the callers of open calls. May be called again."""
         if self._open_session is None:
             return
         self.goals.close()
@@ -300,7 +300,7 @@ class ZenohCarrier:
         )
 
     def _is_key(self, stream: Stream, key: str) -> bool:
-        """Tell whether a key is one of the stream's; its Zenoh expression may cover more."""
+        """Return whether a key is one of the stream's; its Zenoh expression may cover more."""
         nodes = self._config.nodes if self._config is not None else {}
         return any(stream.keys.match(key, address) is not None for address in nodes or (0,))
 
@@ -353,7 +353,7 @@ class _ZenohOutlet:
 def _settle(
     question: Question, route: ServiceRoute[Any, Any], answer: "asyncio.Future[object]"
 ) -> None:
-    """Pass the end of a question to its caller; on the loop."""
+    """Pass the end of a call to its caller; on the loop."""
     if answer.done():
         return
     if question.good is not None:

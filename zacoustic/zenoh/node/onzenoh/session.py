@@ -1,8 +1,7 @@
 """The Zenoh session of a node, and the router that it joins.
 
-A node is never a router: it joins the one that runs. So from a file that configures a router it
-takes the address at which that router listens, and all other settings (TLS, namespace, …) as they
-are.
+A node is never a router: it joins the running one. So from a file that configures a router it takes
+the address at which that router listens, and all other settings (TLS, namespace, …) unchanged.
 """
 
 import contextlib

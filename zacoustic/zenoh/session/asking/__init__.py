@@ -1,1 +1,1 @@
-"""Queries of both kinds: calls, commands and goals, asked and answered."""
+"""Queries for calls, commands and goals: sent and answered."""

@@ -1,4 +1,4 @@
-"""A question to the local gateways: a command, and their answers."""
+"""A command to the local gateways, and their answers."""
 
 import asyncio
 from typing import Final
@@ -12,25 +12,25 @@ from zacoustic.zenoh.session.asking.replies import read_error
 from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import tell_loop
 
-# Zenoh's own limit is above the gateway's, whose error says more.
+# Zenoh's own time limit is above the gateway's, because the gateway's error says more.
 _BEHIND_S: Final = 2.0
 
 
 class CommandQuery:
-    """One `get` and its replies, which come on threads of Zenoh's; for the loop.
+    """One `get` and its replies, which arrive on Zenoh's threads; for the loop.
 
     Args:
         node: Address; None: the nodes of all local gateways.
-        command: The question or the command.
+        command: The command.
         timeout_s: How long to try, s.
     """
 
     def __init__(self, node: int | None, command: RemoteCommand, timeout_s: float) -> None:
         self.command = command
         self.payloads: list[bytes] = []
-        """The good answers."""
+        """Successful answers."""
         self.failures: list[tuple[CallFailure, str]] = []
-        """The other ones."""
+        """Error answers."""
         self._key, self._parameters = selector(node, command, timeout_s)
         self._timeout_s = timeout_s
         self._loop = asyncio.get_running_loop()
@@ -38,14 +38,14 @@ class CommandQuery:
 
     @property
     def key(self) -> str:
-        """Where it is asked."""
+        """Key expression of the `get`."""
         return self._key
 
     async def ask(self, zenoh_session: ZenohSession) -> None:
-        """Ask, and wait for the last answer.
+        """Send it, and wait for the last answer.
 
         Raises:
-            ZError: It cannot be asked.
+            ZError: It cannot be sent.
         """
         await zenoh_session.worker.run(lambda: self._get(zenoh_session))
         await self._ended

@@ -11,8 +11,8 @@ A `get` returns the state; with parameters it commands::
     @acoustic/2/stream/11?on=true;min_interval_s=10;priority=background
     @acoustic/2/stream/11?reset=true              as its configuration says
 
-A local gateway answers for its own node, and asks remote nodes across the channel. `within_s` is
-how long it tries there, s.
+A local gateway answers for its own node, and sends commands to remote nodes across the channel.
+`within_s` limits how long it tries, s.
 """
 
 import math
@@ -31,16 +31,16 @@ from zacoustic.core.streams.commands import (
 from zacoustic.text.digits import real_number, whole_number
 
 PREFIX: Final = "@acoustic"
-"""First chunk of all keys about gateways and their nodes."""
+"""First chunk of all keys of gateways and their nodes."""
 ANY_NODE: Final = "*"
-"""In place of an address: each local gateway, for its own node."""
+"""Chunk in place of an address: each local gateway, for its own node."""
 DEFAULT_WITHIN_S: Final = 60.0
-"""How long a command is tried across the channel by default, s."""
+"""Default time limit of a command across the channel, s."""
 
 _SILENCE: Final = "silence"
 _STREAM: Final = "stream"
 SUBJECTS: Final = (_SILENCE, f"{_STREAM}/*")
-"""Key expressions of the commands for one node, without their beginning."""
+"""Key expressions of the commands for one node, without their prefix."""
 _KINDS: Final = {"begin": CommandKind.SILENCE, "resume": CommandKind.RESUME}
 _FLAGS: Final = {"true": True, "false": False}
 _TEXTS: Final[dict[str, Callable[[RemoteCommand], str | None]]] = {
@@ -63,32 +63,32 @@ class SilenceState(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     """The answer about silence."""
 
     address: int
-    """Of the node."""
+    """Address of the node."""
     silent: bool
-    """Nothing is transmitted now."""
+    """Whether it transmits nothing now."""
     commanded: bool
-    """By a command; otherwise, if silent, by a quiet window."""
+    """Whether a command began the silence; if not, and it is silent, a quiet window did."""
     until_utc: str | None
-    """End of the silence, as far as it is known."""
+    """End of the silence, if known."""
     left_s: float | None = None
-    """How long it still lasts, s, as far as it is known."""
+    """Remaining time, s, if known."""
     why: str = ""
-    """Of a local node: why it is silent without the time, or maybe for too long."""
+    """For a local node: why it is silent without knowing the time, or maybe for too long."""
 
 
 class StreamState(msgspec.Struct, frozen=True, kw_only=True):
     """The answer about a topic."""
 
     address: int
-    """Of the node."""
+    """Address of the node."""
     stream: int
     """Stream id."""
     name: str
-    """Its name here; empty: only the node has it."""
+    """Its name here; empty: only the other node knows it."""
     on: bool
     """The node sends its samples; otherwise they wait, expire and are superseded."""
     min_interval_s: float
-    """Least time between two samples of a key, s."""
+    """Minimum time between two samples of a key, s."""
     priority: str
     """Zenoh's priority."""
 
@@ -100,7 +100,7 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
     """Address; None: each local gateway, for its own node."""
     command: RemoteCommand
     within_s: float
-    """How long to try across the channel, s."""
+    """Time limit across the channel, s."""
 
 
 def selector(
@@ -111,7 +111,7 @@ def selector(
     Args:
         node: Address; None: the nodes of all local gateways.
         command: The command.
-        within_s: How long to try across the channel, s; None: the gateway's choice.
+        within_s: Time limit across the channel, s; None: the gateway's default.
     """
     subject = _SILENCE if command.stream_id is None else f"{_STREAM}/{command.stream_id}"
     key = f"{PREFIX}/{ANY_NODE if node is None else node}/{subject}"
@@ -124,7 +124,7 @@ def read_target(key: str) -> tuple[int | None, int | None] | None:
     """Read the target of a command from its key: node and stream.
 
     Returns:
-        Both, None for all nodes or no stream; or None: it is no command, but browsing.
+        Both, None for all nodes or no stream; or None: the key browses, it is no command.
     """
     chunks = key.split("/")
     if len(chunks) < 3 or chunks[0] != PREFIX:
@@ -146,7 +146,7 @@ def read_query(key: str, parameters: Mapping[str, str]) -> Asked | None:
         parameters: Its parameters.
 
     Returns:
-        It, or None: the key is not a command's, but browsing.
+        The command, or None: the key browses, it is no command.
 
     Raises:
         ValueError: Names a parameter, its value and the allowed values.
@@ -215,7 +215,7 @@ def _read_override(said: Mapping[str, str], stream_id: int | None) -> RemoteComm
 
 
 def _number(said: Mapping[str, str], name: str, most: float) -> float | None:
-    """Read a time above 0; None: it is absent, or none."""
+    """Read a time above 0; None: it is absent or invalid."""
     written = said.get(name)
     value = None if written is None else real_number(written)
     if value is not None and 0 < value < math.inf and value <= most:

@@ -1,4 +1,4 @@
-"""A goal request to the local server of its action: sent, followed, cancelled."""
+"""A goal request to the local server of its action: it sends, follows and cancels the goal."""
 
 import asyncio
 from collections.abc import Callable
@@ -18,30 +18,30 @@ from zacoustic.zenoh.session.wake_up import tell_loop
 T = TypeVar("T")
 
 RESULT_LIMIT_S: Final = 7 * 86400.0
-"""How long one question for a result waits, s; then it is asked again."""
+"""Time limit of one query for a result, s; then it is repeated."""
 CANCEL_LIMIT_S: Final = 600.0
-"""How long the answer to a cancel is waited for, s."""
+"""Time limit for the answer to a cancel, s."""
 _PAUSE_S: Final = 0.5
 _LONGEST_PAUSE_S: Final = 10.0
 
 
 class GoalSender(Protocol):
-    """Who has sent a goal; all of it is called on the loop, as soon as it is known."""
+    """The sender of a goal; all methods are called on the loop, at once."""
 
     def answered(self, goal_id: bytes, verdict: Verdict) -> None:
-        """The goal is accepted or rejected; accepted, `ended` or `lost` follows."""
+        """Take the answer to the goal; if it is accepted, `ended` or `lost` follows."""
         ...
 
     def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:
-        """It will end, or will not."""
+        """Take the answer to a cancel."""
         ...
 
     def ended(self, goal_id: bytes, ending: Ending) -> None:
-        """It has ended."""
+        """Take the end of the goal."""
         ...
 
     def lost(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
-        """Nothing more will be heard of it."""
+        """Take the news that nothing more will be known of the goal."""
         ...
 
 
@@ -51,11 +51,11 @@ class LocalGoalRequest:
     Args:
         zenoh_session: The session.
         form: Decodes and encodes the messages.
-        goal_id: Its name.
+        goal_id: Id of the goal.
         sender: Gets the outcome.
-        priority: Of the questions.
-        patience_s: How long to look for its server when no one answers for the result, s.
-        mark: A gateway's mark of the questions' origin.
+        priority: Priority of the queries.
+        patience_s: How long to look for the server when nobody answers for the result, s.
+        mark: A gateway's mark of the origin of the queries.
     """
 
     def __init__(
@@ -92,12 +92,12 @@ class LocalGoalRequest:
         self._ask(ActionKey.SEND_GOAL, payload, timeout_s, self._take_verdict)
 
     def cancel(self) -> None:
-        """Ask for its end."""
+        """Send a cancel."""
         payload = self._form.write_asked(ActionKey.CANCEL_GOAL, self._goal_id)
         self._ask(ActionKey.CANCEL_GOAL, payload, CANCEL_LIMIT_S, self._take_cancel)
 
     def close(self) -> None:
-        """Ask no further."""
+        """Send no more queries."""
         self._is_closed = True
         if self._retry is not None:
             self._retry.cancel()
@@ -160,7 +160,7 @@ class LocalGoalRequest:
         if failure not in (CallFailure.NO_SERVER, CallFailure.TIMED_OUT):
             self._sender.lost(self._goal_id, failure, text)
             return
-        # Whoever serves it may be starting again, or the router.
+        # The serving program or the router may be restarting.
         since_s = self._unanswered_since_s
         if since_s is None or now_s - since_s > self._patience_s + _LONGEST_PAUSE_S:
             since_s = self._unanswered_since_s = now_s
@@ -192,7 +192,7 @@ class FeedbackEar:
 
     Args:
         form: Reads it.
-        hear: Takes the goal's name and the feedback, on the loop.
+        hear: Takes the goal's id and the feedback, on the loop.
         hears_marked: Also feedback from the channel.
     """
 
@@ -204,7 +204,7 @@ class FeedbackEar:
         hears_marked: bool,
     ) -> None:
         self.unreadable = 0
-        """Samples that were none."""
+        """Samples that were no feedback."""
         self._form = form
         self._hear = hear
         self._hears_marked = hears_marked

@@ -1,8 +1,8 @@
 """Actions on Zenoh: five keys below ``<name>/_action``, named as in ROS 2, and their messages.
 
 ===============  ======================================  =========================================
-key              asked, or put                           answered
 ===============  ======================================  =========================================
+key              query, or put                           reply
 `send_goal`      ``{goal_id, goal}``                     ``{accepted, failure, text}``
 `cancel_goal`    ``{goal_id}``                           ``{accepted, text}``
 `get_result`     ``{goal_id}``                           ``{status, result, text}``, at the end
@@ -10,9 +10,9 @@ key              asked, or put                           answered
 `status`         put: ``{goal_id, status}``              –
 ===============  ======================================  =========================================
 
-Everything is a map: in CBOR, or in JSON where the stream's encoding says so and all three types are
-given. The client chooses the `goal_id`: 16 bytes, in JSON 32 hexadecimal digits. A goal that is
-sent twice under one id is one goal. The words of `status` are those of `GoalStatus` in lower case,
+Everything is a map: in CBOR, or in JSON if the stream has that encoding and all three types are
+known. The client chooses the `goal_id`: 16 bytes, in JSON 32 hexadecimal digits. Sending a goal
+twice under one id makes one goal. The words of `status` are those of `GoalStatus` in lower case,
 and before the end ``executing`` and ``canceling``.
 
 Nodes of ROS 2 have another form of the same messages (`zacoustic.zenoh.gateway.dialect.ros`).
@@ -37,7 +37,7 @@ from zacoustic.errors import PayloadInvalidError
 from zacoustic.zenoh.session.marker import is_marked
 
 GOAL_ID_BYTES: Final = 16
-"""Size of the name of a goal."""
+"""Size of the id of a goal."""
 
 
 class ActionKey(enum.StrEnum):
@@ -58,32 +58,32 @@ _PARTS: Final = {ActionKey.SEND_GOAL: "goal", ActionKey.FEEDBACK: "feedback"}
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
-    """Whether a goal, or the wish to cancel it, is accepted."""
+    """The answer to a goal, or to a request to cancel it."""
 
     accepted: bool
-    """It is."""
+    """Whether it is accepted."""
     failure: GoalFailure | None = None
-    """Why a goal is not."""
+    """Why a goal is not accepted."""
     text: str = ""
-    """The same, one line for people."""
+    """The reason as one line."""
 
 
 class Ending(msgspec.Struct, frozen=True, kw_only=True):
     """How a goal ended."""
 
     status: GoalStatus
-    """How."""
+    """Its status."""
     result: Any = None
     """The result, a dict or bytes; None: there is none."""
     text: str = ""
-    """One line for people."""
+    """One line of text."""
 
 
 class GoalState(msgspec.Struct, frozen=True, kw_only=True):
-    """How a goal is."""
+    """The state of a goal."""
 
     goal_id: bytes
-    """Its name, 16 bytes."""
+    """Its id, 16 bytes."""
     status: str
     """A word of `status`."""
     accepted_unix_ns: int
@@ -106,11 +106,11 @@ class ActionForm(ABC):
 
     @abstractmethod
     def write_asked(self, which: ActionKey, goal_id: bytes, value: object = None) -> bytes:
-        """Write a question or feedback.
+        """Write a query or feedback.
 
         Args:
-            which: `SEND_GOAL` with the goal, `FEEDBACK` with the feedback, or another question.
-            goal_id: Name of the goal.
+            which: `SEND_GOAL` with the goal, `FEEDBACK` with the feedback, or another query.
+            goal_id: Id of the goal.
             value: The goal or the feedback.
 
         Raises:
@@ -119,19 +119,19 @@ class ActionForm(ABC):
 
     @abstractmethod
     def read_asked(self, which: ActionKey, payload: bytes, encoding: str) -> "Asked":
-        """Read a question or feedback.
+        """Read a query or feedback.
 
         Raises:
-            PayloadInvalidError: It is not what it should be.
+            PayloadInvalidError: It is invalid.
         """
 
     @abstractmethod
     def write_status(self, changed: GoalState, states: Sequence[GoalState]) -> bytes:
-        """Write how goals are.
+        """Write the states of goals.
 
         Args:
             changed: The goal whose state has changed.
-            states: All goals that are known, that one included.
+            states: All known goals, including that one.
         """
 
     @abstractmethod
@@ -143,7 +143,7 @@ class ActionForm(ABC):
         """Read the answer to `SEND_GOAL` or `CANCEL_GOAL`.
 
         Raises:
-            PayloadInvalidError: It is none.
+            PayloadInvalidError: It is invalid.
         """
 
     @abstractmethod
@@ -159,23 +159,23 @@ class ActionForm(ABC):
         """Read the answer to `GET_RESULT`.
 
         Raises:
-            PayloadInvalidError: It is none.
+            PayloadInvalidError: It is invalid.
         """
 
     def write_refusal(self, which: ActionKey) -> bytes | None:
-        """Write the answer to what cannot be answered; None: it gets an error reply."""
+        """Write the answer to an unanswerable query; None: send an error reply."""
         return None
 
     def question_mark(self, which: ActionKey, mark: bytes | None) -> bytes | None:
-        """Return the attachment of a question; `mark` is a gateway's mark of its origin."""
+        """Return the attachment of a query; `mark` is a gateway's mark of its origin."""
         return mark
 
     def answer_mark(self, asked: bytes | None, mark: bytes | None) -> bytes | None:
-        """Return the attachment of the answer to a question with the attachment `asked`."""
+        """Return the attachment of the answer to a query with the attachment `asked`."""
         return mark
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether a message with this attachment came from the channel."""
+        """Return whether a message with this attachment came from the channel."""
         return is_marked(attachment)
 
 
@@ -212,19 +212,19 @@ class ActionMessages(ActionForm):
         """Return the key expression of all keys of the action."""
         return (f"{self._name}/_action/*",)
 
-    # Goals, and questions about them
+    # Goals, and queries about them
 
     def write_asked(self, which: ActionKey, goal_id: bytes, value: object = None) -> bytes:
-        """Write a question or feedback: the goal's id, and the goal or the feedback."""
+        """Write a query or feedback: the goal's id, and the goal or the feedback."""
         part = _PARTS.get(which)
         return self._write(goal_id, {} if part is None else {part: value})
 
     def write_status(self, changed: GoalState, states: Sequence[GoalState]) -> bytes:
-        """Write how the goal is that has changed."""
+        """Write the state of the changed goal."""
         return self._write(changed.goal_id, {"status": changed.status})
 
     def read_asked(self, which: ActionKey, payload: bytes, encoding: str) -> "Asked":
-        """Read a question or feedback."""
+        """Read a query or feedback."""
         said = self._read(payload, encoding)
         goal_id = said.get("goal_id")
         if isinstance(goal_id, str):
@@ -296,7 +296,7 @@ class ActionMessages(ActionForm):
         return encoding if kind in TYPED_ENCODINGS else self.encoding
 
     def _value(self, said: dict[str, Any], part: str, encoding: str) -> object:
-        """Return a value; what JSON cannot hold is in it as base64."""
+        """Return a value; base64 texts in JSON become bytes."""
         value, spec = said.get(part), self._types[part]
         if spec is None:
             if not isinstance(value, bytes):
@@ -310,13 +310,13 @@ class ActionMessages(ActionForm):
 
 
 class Asked(msgspec.Struct, frozen=True, kw_only=True):
-    """A question about a goal, feedback or a status, as it was read."""
+    """A query about a goal, feedback or a status, after reading."""
 
     goal_id: bytes
-    """Name of the goal, 16 bytes."""
+    """Id of the goal, 16 bytes."""
     value: Any
-    """The goal or the feedback, a dict or bytes; None where there is none."""
+    """The goal or the feedback, a dict or bytes; None: there is none."""
     is_about_all: bool = False
-    """It is about all goals, with any `goal_id`: only a cancel of ROS can be."""
+    """It concerns all goals, whatever `goal_id`: only a cancel of ROS can."""
     accepted_until_ns: int | None = None
-    """Of all only those that were accepted until then, ns since 1970."""
+    """With `is_about_all`: only those accepted until then, ns since 1970."""

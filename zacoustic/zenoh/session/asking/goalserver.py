@@ -1,7 +1,7 @@
 """The goal server of a local network: queries about goals, and their answers.
 
-A program pursues the goals, or a gateway for a remote server. A goal is begun once, however often
-it is sent; a query for its result waits for the end, or is answered from the kept one.
+A program executes the goals, or a gateway does so for a remote server. A goal begins once, however
+often it is sent. A query for its result waits for the end, or is answered from the stored one.
 """
 
 import time
@@ -22,17 +22,17 @@ from zacoustic.zenoh.session.asking.goals import (
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
 GOALS_LIMIT: Final = 256
-"""Goals of one action that are known at once; of those that have ended the oldest makes room."""
+"""Known goals of one action at once; the oldest of the ended ones makes room."""
 
 
 class Pursuer(Protocol):
-    """Pursues the goals of a goal server."""
+    """Executes the goals of a goal server."""
 
     def begin(self, goal_id: bytes, value: object, held: HeldQuery) -> None:
         """Begin a goal; `answer` or `fail` follows.
 
         Args:
-            goal_id: Its name.
+            goal_id: Its id.
             value: The goal, a value of its type.
             held: The query that brought it.
 
@@ -51,7 +51,7 @@ Put = Callable[[ActionKey, bytes], None]
 
 
 class _Known:
-    """A goal."""
+    """A known goal."""
 
     def __init__(self, goal_id: bytes) -> None:
         self.goal_id = goal_id
@@ -70,12 +70,12 @@ class LocalGoalServer:
 
     Args:
         form: Decodes and encodes the messages.
-        pursuer: Pursues the goals.
+        pursuer: Executes the goals.
         put: Puts feedback and status.
         keep_s: How long the end of a goal is kept, s.
-        clock: Where instants come from.
-        wall_clock: What time it is, ns since 1970.
-        mark: A gateway's mark of each answer's origin.
+        clock: Source of instants.
+        wall_clock: Returns UTC, ns since 1970.
+        mark: A gateway's mark of the origin of each answer.
     """
 
     def __init__(
@@ -136,14 +136,14 @@ class LocalGoalServer:
         else:
             self._say(goal)
 
-    # From who pursues them
+    # From the pursuer
 
     def adopt(self, goal_id: bytes) -> None:
-        """Restore a goal of a former boot epoch."""
+        """Restore a goal from before the restart."""
         self._goals[goal_id] = _Known(goal_id)
 
     def answer(self, goal_id: bytes, verdict: Verdict) -> None:
-        """A goal is accepted, or refused: then it is over."""
+        """Take the answer to a goal; a refused goal is over."""
         goal = self._goals.get(goal_id)
         if goal is None or goal.verdict is not None or goal.over_at is not None:
             return
@@ -156,7 +156,7 @@ class LocalGoalServer:
         self._say(goal)
 
     def answer_cancel(self, goal_id: bytes, verdict: Verdict) -> None:
-        """A goal will end, or will not."""
+        """Take the answer to a cancel."""
         goal = self._goals.get(goal_id)
         if goal is None:
             return
@@ -173,7 +173,7 @@ class LocalGoalServer:
         self._put(ActionKey.FEEDBACK, self._form.write_asked(ActionKey.FEEDBACK, goal_id, value))
 
     def end(self, goal_id: bytes, ending: Ending) -> None:
-        """A goal has ended.
+        """Take the end of a goal.
 
         Raises:
             PayloadInvalidError: The encoding cannot carry the result.
@@ -189,7 +189,7 @@ class LocalGoalServer:
         self._say(goal)
 
     def fail(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
-        """Nothing more will be heard of a goal."""
+        """End a goal of which nothing more will be known."""
         goal = self._goals.get(goal_id)
         if goal is not None and goal.over_at is None:
             self._is_over(goal, (failure, text))
@@ -234,7 +234,7 @@ class LocalGoalServer:
             self._pursuer.cancel(goal_id)
 
     def _make_room(self) -> None:
-        """Forget goals that ended long ago; and, where room is short, the oldest of the others."""
+        """Forget goals that ended long ago; if space is short, also the oldest ended ones."""
         now = self._clock()
         over = [
             (goal.over_at, goal_id)
@@ -251,7 +251,7 @@ class LocalGoalServer:
         goal.failure = failure
 
     def _say(self, goal: _Known) -> None:
-        """Answer the queries that waited for this."""
+        """Answer the queries that wait for the state of a goal."""
         if goal.verdict is not None:
             self._tell_verdict(goal, ActionKey.SEND_GOAL, goal.verdict)
         if goal.ending is not None:

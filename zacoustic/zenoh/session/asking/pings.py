@@ -1,8 +1,8 @@
 """A ping as a Zenoh key: the query, and the JSON of its answer.
 
-A `get` on ``@acoustic/2/ping?within_s=30`` makes the local gateway ask node 2, which answers by
-itself, whatever it is doing. With ``status=true`` the answer has what node 2 says of its journal,
-clock and medium access.
+A `get` on ``@acoustic/2/ping?within_s=30`` makes the local gateway ping node 2, whose engine
+answers without its application. With ``status=true`` the answer contains node 2's report on its
+journal, clock and medium access.
 """
 
 import math
@@ -16,47 +16,47 @@ from zacoustic.text.digits import real_number, whole_number
 from zacoustic.zenoh.session.asking.commands import ANY_NODE, PREFIX
 
 DEFAULT_PING_S: Final = 30.0
-"""How long an answer is awaited by default, s."""
+"""Default time limit of an answer, s."""
 PINGS: Final = f"{PREFIX}/{ANY_NODE}/ping"
 """Key expression of the pings of all nodes."""
 _FLAGS: Final = {"true": True, "false": False}
 
 
 class PeerStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """What a node says of itself, compared with the gateway that has asked."""
+    """The status that a node reports, compared with the asking gateway."""
 
     journal: str
     """`kept`; `none`; `doubted`: damaged, or an old copy; `failing`: it cannot be written now."""
     starts: int
-    """Starts of the node that its journal has seen, this one included; 0: none."""
+    """Starts of the node that its journal has recorded, including this one; 0: none."""
     clock_ahead_s: float | None = None
-    """How far its clock is ahead of the one here, s; None: one of them is not known."""
+    """How far its clock is ahead of the gateway's, s; None: one of the two is unknown."""
     clock_doubt_s: float | None = None
-    """How wrong that comparison may be, s."""
+    """Uncertainty of that comparison, s."""
     clock_error_s: float | None = None
-    """How wrong its clock is at most, as it says, s; None: nothing keeps it right."""
+    """Largest error of its clock as it reports it, s; None: nothing synchronises the clock."""
     range_m: int | None = None
-    """How far away this node is, as its modem has measured, m."""
+    """Range to this node as the other node's modem has measured it, m."""
     same_schedule: bool = True
-    """Its slots or turns are those of this node."""
+    """Its slots or turns are the same as here."""
 
 
 class PingAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """What a ping has found out."""
+    """The result of a ping."""
 
     address: int
-    """Of the node that was asked."""
+    """Address of the pinged node."""
     by: int
-    """Of the node that has asked."""
+    """Address of the pinging node."""
     round_trip_s: float | None = None
-    """From the question, through queue and water, to the answer of the node itself; None: its wire
-    knows no such question, and only the range was measured."""
+    """Time from the query, through queue and channel, to the node's answer; None: the wire profile
+    has no such query, and only the range was measured."""
     propagation_s: float | None = None
     """One way, s, as the modem measured it last; None: it measures none."""
     range_m: float | None = None
-    """Slant distance, m; None where the modem knows no sound speed."""
+    """Slant distance, m; None: the modem knows no sound speed."""
     range_age_s: float | None = None
-    """How old that measurement is, s."""
+    """Age of that measurement, s."""
     snr_db: float | None = None
     """Signal-to-noise ratio of its last frame, dB."""
     received_level_db: float | None = None
@@ -64,18 +64,18 @@ class PingAnswer(msgspec.Struct, frozen=True, kw_only=True):
     integrity: float | None = None
     """Signal quality in the modem's own scale."""
     status: PeerStatus | None = None
-    """What the node says of itself; None: it was not asked, or refuses to say."""
+    """The node's reported status; None: not requested, or refused."""
 
 
 class PingAsked(msgspec.Struct, frozen=True, kw_only=True):
     """A ping in a query."""
 
     node: int
-    """Address."""
+    """Address of the node to ping."""
     within_s: float = DEFAULT_PING_S
-    """How long an answer is awaited, s."""
+    """Time limit of an answer, s."""
     status: bool = False
-    """The node is asked for its status."""
+    """Whether to request the node's status."""
 
 
 def ping_selector(node: int, within_s: float, *, status: bool = False) -> tuple[str, str]:
@@ -84,7 +84,7 @@ def ping_selector(node: int, within_s: float, *, status: bool = False) -> tuple[
 
 
 def pinged_node(key: str) -> int | None:
-    """Read the target of a ping from its key; None: it is no ping, but browsing."""
+    """Read the target of a ping from its key; None: the key browses, it is no ping."""
     chunks = key.split("/")
     if len(chunks) != 3 or chunks[0] != PREFIX or chunks[2] != "ping":
         return None
@@ -95,7 +95,7 @@ def read_ping(key: str, parameters: Mapping[str, str]) -> PingAsked | None:
     """Read a ping.
 
     Returns:
-        It, or None: the key is browsing.
+        The ping, or None: the key browses.
 
     Raises:
         ValueError: Names a parameter, its value and the allowed values.

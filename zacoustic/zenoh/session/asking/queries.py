@@ -1,9 +1,9 @@
-"""Local queries: each is answered exactly once in any case.
+"""Local queries: each gets exactly one answer in any case.
 
-A `get` ends when its `Query` is dropped, and a query that is lost without an answer looks to the
-caller as if there were no server. So every query lives in a `HeldQuery` from the moment at which
-Zenoh hands it over: it is answered with values, refused with a reason, or refused when its holder
-stops. Too many at once are refused on the spot.
+A `get` ends when its `Query` is dropped, and to its caller a query that is dropped without an
+answer looks as if there were no server. So a `HeldQuery` holds every query from the moment Zenoh
+hands it over, until it is answered with values, refused with a reason, or refused because its
+holder stops. Queries beyond a limit are refused at once.
 """
 
 import logging
@@ -35,40 +35,40 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HeldQuery:
-    """One query that waits; `answer` or `refuse` ends it, from any thread, the first one counts."""
+    """One query that waits; `answer` or `refuse` ends it, from any thread; the first one counts."""
 
     def __init__(self, query: zenoh.Query, handler: "QueryHandler") -> None:
         self.query = query
         self._handler = handler
 
     def answer(self, answers: Sequence[Answer]) -> bool:
-        """Reply with these values; none: the `get` ends without a reply. False: it was ended."""
+        """Reply with these values; none: the `get` ends without a reply. False: it had ended."""
         return self._handler.finish(self, lambda query: _reply(query, answers))
 
     def refuse(self, failure: CallFailure, text: str) -> bool:
-        """Reply with an error. False: it was ended."""
+        """Reply with an error. False: it had ended."""
         return self._handler.finish(self, lambda query: _refuse(query, failure, text))
 
 
 Serve = Callable[[HeldQuery], None]
-"""What the loop does with a query."""
+"""Serves a query on the loop."""
 
 
 class QueryHandler:
-    """Takes queries from Zenoh's threads to the loop, and answers back.
+    """Brings queries from Zenoh's threads to the loop, and answers back.
 
     Args:
-        worker: Where replies are sent.
+        worker: Sends the replies.
         ring: Wakes the loop, which then calls `take`.
-        limit: Queries held at the same time, not yet answered.
-        closed_text: What a caller reads whose query is refused by `close`.
+        limit: Most unanswered queries held at once.
+        closed_text: Error text for callers whose queries `close` refuses.
     """
 
     def __init__(
         self, worker: Worker, ring: Callable[[], None], *, limit: int, closed_text: str
     ) -> None:
         self.refused = 0
-        """Queries that were refused because too many were held."""
+        """Queries refused because too many were held."""
         self._worker = worker
         self._ring = ring
         self._limit = limit
@@ -83,7 +83,7 @@ class QueryHandler:
         """Take a query; on Zenoh's thread.
 
         Args:
-            serve: What the loop is to do with it.
+            serve: Serves the query on the loop.
             query: The query.
         """
         held = HeldQuery(query, self)
@@ -134,7 +134,7 @@ class QueryHandler:
             waiting = {each for each, _ in self._waiting}
             self._waiting.clear()
         for each in held:
-            # A query whose service has begun may have had its effect.
+            # A service that has begun may have had its effect.
             failure = CallFailure.NO_SERVER if each in waiting else CallFailure.UNKNOWN
             each.refuse(failure, self._closed_text)
 

@@ -1,7 +1,7 @@
-"""A question to the local network: a `get` that calls a service.
+"""A call to a local service: a `get`.
 
-The first good reply is the answer; if there is none, the first error; without any reply there is no
-server. Replies come on threads of Zenoh's.
+The first good reply is the answer; without one, the first error; without any reply there is no
+server. Replies arrive on Zenoh's threads.
 """
 
 import threading
@@ -16,12 +16,12 @@ from zacoustic.zenoh.session.session import ZenohSession, zenoh_priority
 
 
 class Question:
-    """One question; asked once, in the worker.
+    """One call; sent once, in the worker.
 
     Args:
         key: The service.
-        settle: Called once with this question, on a thread of Zenoh's or in the worker, when `good`
-            or `error` holds what there is.
+        settle: Called once with this object, on a thread of Zenoh's or in the worker, when `good`
+            or `error` holds the result.
     """
 
     def __init__(self, key: str, settle: Callable[["Question"], None]) -> None:
@@ -29,7 +29,7 @@ class Question:
         self.good: tuple[bytes, str] | None = None
         """The answer and its encoding."""
         self.error: tuple[CallFailure, str] | None = None
-        """Where there is no answer: how far the call got, and a text."""
+        """Without an answer: how far the call got, and a text."""
         self._settle = settle
         self._cancellation = zenoh.CancellationToken()
         self._guard = threading.Lock()
@@ -46,10 +46,10 @@ class Question:
         timeout_s: float,
         attachment: bytes | None = None,
     ) -> None:
-        """Ask; in the worker.
+        """Send it; in the worker.
 
         Raises:
-            ZError: It cannot be asked; it is settled then.
+            ZError: It cannot be sent; it is settled then.
         """
         try:
             zenoh_session.session.get(
@@ -59,7 +59,7 @@ class Question:
                 encoding=encoding,
                 attachment=attachment,
                 timeout=timeout_s,
-                # Each reply at once: by default the newest of all is delivered at the end.
+                # Deliver each reply at once: by default only the newest comes, at the end.
                 consolidation=zenoh.ConsolidationMode.NONE,
                 priority=zenoh_priority(priority),
                 congestion_control=zenoh.CongestionControl.DROP,
@@ -71,7 +71,7 @@ class Question:
             raise
 
     def cancel(self) -> None:
-        """Ask no further; waits for a callback that runs, so in the worker."""
+        """Stop to wait for replies; in the worker, because it waits for a running callback."""
         self._cancellation.cancel()  # type: ignore[no-untyped-call]
 
     def _take(self, reply: zenoh.Reply) -> None:

@@ -1,7 +1,7 @@
-"""The texts of error replies, both ways: ``<service>: <failure>: <text>``.
+"""The texts of error replies, written and read: ``<service>: <failure>: <text>``.
 
 `<failure>`, a name of `CallFailure`, tells the caller how far the call got. An error reply of
-another form comes from a program that knows nothing of this: its handler has failed.
+another form comes from a program that does not know this form: its handler has failed.
 """
 
 from typing import Final
@@ -22,16 +22,16 @@ REASONS: Final = {
     CallFailure.CANCELLED: "given up",
     CallFailure.UNKNOWN: "the server ended without an answer",
 }
-"""Text where the other end sent none, which costs no airtime."""
+"""Text to show if the other end sent none, which saves airtime."""
 
 
 def error_text(name: str, failure: CallFailure, text: str) -> str:
     """Write the text of an error reply.
 
     Args:
-        name: The service, as it was asked for.
+        name: The service, as named in the query.
         failure: How far the call got.
-        text: One line for people; a name of the service in front of it is not repeated.
+        text: One line; the name of the service before it is not repeated.
     """
     return f"{name}: {failure.name}: {text.removeprefix(f'{name}: ') or REASONS[failure]}"
 

@@ -1,10 +1,10 @@
 """ROS 2 on the local network: streams in the dialect of rmw_zenoh.
 
-To the local nodes the gateway is one node more, ``/acoustic_gateway_ADDRESS``, with an endpoint for
-each remote endpoint. What it declares comes from the stream table, and from other nodes' tokens
-here; nothing of it ever crosses the channel.
+For local ROS nodes the gateway is another node, ``/acoustic_gateway_ADDRESS``, with an endpoint for
+each remote endpoint. It declares them from the stream table and from other nodes' local tokens; no
+token crosses the channel.
 
-- `graph`: the own node and its endpoints, and those of others;
+- `graph`: the gateway's node and endpoints, and those of other nodes;
 - `dialects`: `RosDialects`, the ROS streams;
 - `topics`, `latched`: samples; `services`: calls; `actions`: goals.
 """

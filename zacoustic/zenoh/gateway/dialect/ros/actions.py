@@ -1,9 +1,9 @@
-"""Actions of ROS 2: three services and two topics, as rmw_zenoh has them.
+"""Actions of ROS 2: three services and two topics, as in rmw_zenoh.
 
-On the channel a goal is a number of one byte, and each message about it one record. On the client's
-network the gateway makes of that the messages of a ROS server: answers, feedback, and after each
-change the status of all goals, which is a latched topic. On the server's network it is a client: it
-asks for the result as soon as a goal is accepted, and the rest arrives by itself.
+On the channel a goal has a number of one byte, and each message about it is one record. On the
+client's network the gateway turns them into the messages of a ROS server: answers, feedback, and
+after each change the status of all goals, a latched topic. On the server's network it is a client:
+it asks for the result as soon as a goal is accepted; the rest arrives by itself.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ STATUS_CODES: Final = {
     "canceled": 5,
     "aborted": 6,
 }
-"""Numbers of ``action_msgs/msg/GoalStatus`` by our words."""
+"""Numbers of ``action_msgs/msg/GoalStatus`` by this project's words."""
 
 _ENDINGS: Final = {4: GoalStatus.SUCCEEDED, 5: GoalStatus.CANCELED, 6: GoalStatus.ABORTED}
 _REJECTED: Final = 1
@@ -53,10 +53,10 @@ class RosActionForm(ActionForm):
 
     Args:
         stream: The action.
-        action: What it is in ROS.
+        action: Its ROS side.
         graph: Its endpoints.
         zenoh_session: The session.
-        wall_clock: What time it is, ns since 1970.
+        wall_clock: Returns UTC, ns since 1970.
     """
 
     encoding = CDR
@@ -112,14 +112,14 @@ class RosActionForm(ActionForm):
         return tuple(self._keys[which] for which in _SERVICES)
 
     def offer(self) -> Sequence[Declared]:
-        """Show a server; in the worker."""
+        """Announce a server; in the worker."""
         self._status.declare()
         shown = [token for which in _SERVICES for token in self.ends[which].offer()]
         tokens = [teller.token for teller in self._tellers.values()]
         return [self._status, *shown, *self._graph.announce(tokens)]
 
     def use(self) -> Sequence[Declared]:
-        """Show a client; in the worker."""
+        """Announce a client; in the worker."""
         shown = [token for which in _SERVICES for token in self.ends[which].use()]
         return [*shown, *self._graph.announce(self._subscriptions)]
 
@@ -172,11 +172,11 @@ class RosActionForm(ActionForm):
                     is_about_all=not any(goal_id),
                     accepted_until_ns=until_ns or None,
                 )
-        # What has no members is left out.
+        # A part without members is absent.
         return Asked(goal_id=_goal_id(said), value=said.get(part, {}) if part else None)
 
     def write_status(self, changed: GoalState, states: Sequence[GoalState]) -> bytes:
-        """Write how all goals are."""
+        """Write the status of all goals."""
         listed = [
             {
                 "goal_info": _goal_info(state.goal_id, state.accepted_unix_ns),
@@ -209,7 +209,7 @@ class RosActionForm(ActionForm):
         return Verdict(accepted=said["return_code"] == 0 and bool(said["goals_canceling"]))
 
     def write_ending(self, ending: Ending) -> bytes:
-        """Write a response; where there is no result it is zero."""
+        """Write a response; without a result it contains zeros."""
         code = STATUS_CODES[ending.status.name.lower()]
         return self._action.get_result.response.write({"status": code, "result": ending.result})
 
@@ -229,21 +229,21 @@ class RosActionForm(ActionForm):
     # Attachments
 
     def question_mark(self, which: ActionKey, mark: bytes | None) -> bytes | None:
-        """Return a number, and the gid of the gateway's own client."""
+        """Return a number, and the gid of the gateway's client."""
         return self.ends[which].question_mark()
 
     def answer_mark(self, asked: bytes | None, mark: bytes | None) -> bytes | None:
-        """Return number and gid of the question."""
+        """Return number and gid of the query."""
         return self.ends[ActionKey.SEND_GOAL].answer_mark(asked)
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether the gid is one of a gateway."""
+        """Return whether the gid belongs to a gateway."""
         read = read_attachment(attachment)
         return read is not None and self._graph.is_gateway(read.gid)
 
 
 def putter(form: ActionForm) -> Callable[[ActionKey, bytes], None]:
-    """Return what puts feedback and status of remote goals."""
+    """Return a function that puts feedback and status of remote goals."""
     assert isinstance(form, RosActionForm)
     return form.put
 

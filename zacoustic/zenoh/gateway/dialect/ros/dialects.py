@@ -1,4 +1,4 @@
-"""Which streams are of ROS 2, and what makes their jobs visible."""
+"""Selects the streams of ROS 2, and makes their jobs visible."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -30,11 +30,11 @@ class RosDialects(Dialects):
     Args:
         address: Acoustic address of this gateway.
         table: All streams.
-        ros: Which of them are of ROS.
+        ros: The ROS streams among them.
         zenoh_session: Their session.
-        input_errors: Takes what does not fit.
+        input_errors: Takes endpoints that do not fit.
         ring: Wakes the loop, which then calls `settle`.
-        wall_clock: What time it is, ns since 1970.
+        wall_clock: Returns UTC, ns since 1970.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class RosDialects(Dialects):
         self._lost: set[int] = set()
 
     def topic(self, stream: Stream) -> TopicDialect:
-        """Make the dialect of a topic."""
+        """Return the dialect of a topic."""
         ros = self._ros.get(stream.stream_id)
         if not isinstance(ros, RosTopic):
             return super().topic(stream)
@@ -72,7 +72,7 @@ class RosDialects(Dialects):
         return made
 
     def service(self, stream: Stream) -> ServiceDialect:
-        """Make the dialect of a service."""
+        """Return the dialect of a service."""
         ros = self._ros.get(stream.stream_id)
         if not isinstance(ros, RosService):
             return super().service(stream)
@@ -82,7 +82,7 @@ class RosDialects(Dialects):
         return made
 
     def action(self, stream: Stream) -> ActionForm:
-        """Make the form of the messages about an action's goals."""
+        """Return the form of the messages about an action's goals."""
         ros = self._ros.get(stream.stream_id)
         if not isinstance(ros, RosAction):
             return super().action(stream)
@@ -94,17 +94,17 @@ class RosDialects(Dialects):
     def put_about_goals(
         self, stream: Stream, form: ActionForm
     ) -> Callable[[ActionKey, bytes], None]:
-        """Make what puts feedback and status of remote goals."""
+        """Return a function that puts feedback and status of remote goals."""
         if stream.stream_id not in self._actions:
             return super().put_about_goals(stream, form)
         return putter(form)
 
     async def open(self) -> None:
-        """Become a node, and see the others."""
+        """Announce the gateway's node, and watch other nodes."""
         await self._graph.open()
 
     def declare(self, job: str, stream: Stream) -> Sequence[Declared]:
-        """Show the endpoints of a job; in the worker."""
+        """Announce the endpoints of a job; in the worker."""
         stream_id = stream.stream_id
         if isinstance(stream.spec, TopicSpec):
             topic = self._topics.get(stream_id)
@@ -117,7 +117,7 @@ class RosDialects(Dialects):
         return ends.offer() if job == PROXY else ends.use()
 
     def stands_back(self, stream: Stream) -> bool:
-        """Tell whether a program here serves it itself, or the node that serves it is lost."""
+        """Return whether a local program serves it, or the node that serves it is lost."""
         if stream.stream_id in self._services:
             ends = self._services[stream.stream_id].ends
         elif stream.stream_id in self._actions:
@@ -128,16 +128,16 @@ class RosDialects(Dialects):
         return stream.spec.server in self._lost or self._graph.serves(ends.key)
 
     def note_peer(self, address: int, *, is_lost: bool) -> bool:
-        """Note that a node is lost, or is back: clients must not wait for lost servers."""
+        """Note that a node was lost or is back: clients must not wait for lost servers."""
         (self._lost.add if is_lost else self._lost.discard)(address)
         return bool(self._services or self._actions)
 
     def visible(self, stream: Stream) -> bool:
-        """Tell whether programs can see the caller of calls from the channel."""
+        """Return whether programs can see the client of calls from the channel."""
         return stream.stream_id in self._services
 
     def settle(self) -> bool:
-        """Take observations of the local network; return whether jobs may have changed."""
+        """Process observations of the local network; return whether jobs may have changed."""
         return self._graph.take()
 
     def undeclare(self) -> None:

@@ -1,13 +1,13 @@
-"""The ROS graph of one local network: own endpoints, and those of others.
+"""The ROS graph of one local network: the gateway's endpoints, and those of other nodes.
 
 The problem: a client waits until it sees a server, a subscription asks a publisher's cache, and
 `ros2 topic list` lists what has tokens. The gateway must provide all of that for remote endpoints,
-without asking any remote node. And if a local program serves a service, the gateway must not: both
-would execute a call, and the client would get two answers.
+without asking any remote node. And if a local program serves a service, the gateway must not:
+otherwise both would execute a call, and the client would get two answers.
 
-So own endpoints have tokens while a job is done, and the gateway watches the tokens of others. It
-recognises other gateways by their enclave: they serve nobody, and messages with their gids came
-from the channel.
+So the gateway's endpoints have tokens while it does their job, and it watches the tokens of other
+nodes. It recognises other gateways by their enclave: they serve nobody, and messages with their
+gids came from the channel.
 """
 
 import threading
@@ -23,9 +23,9 @@ from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.session import ZenohSession
 
 ENCLAVE: Final = "/acoustic"
-"""Of the nodes of gateways."""
+"""Enclave of the nodes of gateways."""
 TOKENS_LIMIT: Final = 20_000
-"""Tokens of others that are kept; more are passed over."""
+"""Most foreign tokens that are kept; more are ignored."""
 
 _CALLED: Final = {
     Entity.PUBLISHER: "publishes",
@@ -42,7 +42,7 @@ class Graph:
         domain: ``ROS_DOMAIN_ID``.
         address: Acoustic address of this gateway.
         zenoh_session: Its session.
-        input_errors: Takes what does not fit.
+        input_errors: Takes endpoints that do not fit.
         ring: Wakes the loop, which then calls `take`.
     """
 
@@ -75,10 +75,10 @@ class Graph:
         self._has_changed = False
         self._gids: set[bytes] = set()
 
-    # Own endpoints
+    # The gateway's endpoints
 
     def endpoint(self, kind: Entity, key: RosKey, qos: RosQos) -> Token:
-        """Make the token of an own endpoint; it becomes visible by `announce`."""
+        """Return the token of an endpoint of the gateway; `announce` makes it visible."""
         with self._guard:
             self._numbers += 1
             number = self._numbers
@@ -101,11 +101,11 @@ class Graph:
         return [liveliness.declare_token(str(token)) for token in tokens]
 
     def expect(self, stream: str, key: RosKey, qos: RosQos) -> None:
-        """Complain about endpoints of that name which do not fit what a stream is."""
+        """Report endpoints of that name that do not fit the stream."""
         self._expected[f"/{key.name}"] = (stream, key, qos)
 
     async def open(self) -> None:
-        """Become a node, and see the others."""
+        """Announce the gateway's node, and watch other nodes."""
         await self._zenoh_session.worker.run(self._open)
 
     def undeclare(self) -> None:
@@ -113,10 +113,10 @@ class Graph:
         while self._declared:
             self._declared.pop().undeclare()  # type: ignore[no-untyped-call]
 
-    # Others
+    # Other nodes
 
     def take(self) -> bool:
-        """Take observations, on the loop; return whether any endpoint came or went."""
+        """Process observations, on the loop; return whether any endpoint came or went."""
         with self._guard:
             news, self._news = self._news, {}
             has_changed, self._has_changed = self._has_changed, False
@@ -125,12 +125,12 @@ class Graph:
         return has_changed
 
     def serves(self, key: RosKey) -> bool:
-        """Tell whether a local program serves a service."""
+        """Return whether a local program serves a service."""
         with self._guard:
             return bool(self._servers.get(f"/{key.name}"))
 
     def is_gateway(self, gid: bytes) -> bool:
-        """Tell whether a gid is one of a gateway's endpoints; on any thread."""
+        """Return whether a gid belongs to a gateway's endpoint; on any thread."""
         with self._guard:
             return gid in self._gids
 
@@ -157,7 +157,7 @@ class Graph:
         is_there = sample.kind == zenoh.SampleKind.PUT
         with self._guard:
             if token.node.enclave == ENCLAVE:
-                # Kept when it is gone: what it has put may still be on its way.
+                # Kept after the endpoint is gone: its samples may still be on their way.
                 if is_there and len(self._gids) < TOKENS_LIMIT:
                     self._gids.add(gid_of(key))
                 return
@@ -177,7 +177,7 @@ class Graph:
         self._ring()
 
     def _compare(self, token: Token) -> None:
-        """Say what of an endpoint does not fit the stream of its name."""
+        """Report how an endpoint differs from the stream of its name."""
         stream, key, qos = self._expected[token.topic]
         who = f"{token.full_node_name} {_CALLED[token.kind]} it"
         if token.type != key.type:

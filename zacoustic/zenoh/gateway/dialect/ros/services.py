@@ -1,8 +1,7 @@
 """Services of ROS 2: CDR and attachments, under the keys of rmw_zenoh.
 
-A client of rmw_zenoh asks all servers that are complete, and only logs error replies; so it learns
-of a failure by its own time limit. Several local servers are no problem: the gateway asks one of
-them.
+A client of rmw_zenoh asks all servers that are complete, and only logs error replies; so it notices
+a failure by its own time limit. Several local servers do no harm: the gateway asks one of them.
 """
 
 from collections.abc import Sequence
@@ -20,13 +19,13 @@ from zacoustic.zenoh.gateway.dialect.ros.topics import CDR, Teller
 
 
 class ServiceEnds:
-    """Both local ends of one service: the attachments of questions and answers.
+    """Both local ends of one service: the attachments of queries and replies.
 
     Args:
         name: Its name, without a leading slash.
-        service: What it is in ROS.
+        service: Its ROS side.
         graph: Its endpoints.
-        wall_clock: What time it is, ns since 1970.
+        wall_clock: Returns UTC, ns since 1970.
     """
 
     def __init__(self, name: str, service: RosService, graph: Graph, wall_clock: Clock) -> None:
@@ -37,12 +36,12 @@ class ServiceEnds:
         self._client = Teller(graph.endpoint(Entity.CLIENT, self.key, SERVICE_QOS), wall_clock)
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether the gid beside a call is one of a gateway."""
+        """Return whether the gid beside a call belongs to a gateway."""
         read = read_attachment(attachment)
         return read is not None and self._graph.is_gateway(read.gid)
 
     def answer_mark(self, asked: bytes | None) -> bytes:
-        """Return the attachment of an answer: number and gid of the question."""
+        """Return the attachment of an answer: number and gid of the query."""
         read = read_attachment(asked) if asked is not None else None
         if read is None:
             return self._server.attachment()
@@ -51,15 +50,15 @@ class ServiceEnds:
         ).encode()
 
     def question_mark(self) -> bytes:
-        """Return the attachment of the next question."""
+        """Return the attachment of the next query."""
         return self._client.attachment()
 
     def offer(self) -> Sequence[Declared]:
-        """Show a server; in the worker."""
+        """Announce a server; in the worker."""
         return self._graph.announce([self._server.token])
 
     def use(self) -> Sequence[Declared]:
-        """Show a client; in the worker."""
+        """Announce a client; in the worker."""
         return self._graph.announce([self._client.token])
 
 
@@ -68,9 +67,9 @@ class RosServiceDialect(ServiceDialect):
 
     Args:
         stream: The service.
-        service: What it is in ROS.
+        service: Its ROS side.
         graph: Its endpoints.
-        wall_clock: What time it is, ns since 1970.
+        wall_clock: Returns UTC, ns since 1970.
     """
 
     def __init__(
@@ -87,7 +86,7 @@ class RosServiceDialect(ServiceDialect):
         return self._key
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether the gid beside a call is one of a gateway."""
+        """Return whether the gid beside a call belongs to a gateway."""
         return self.ends.is_marked(attachment)
 
     def read_request(self, payload: bytes, encoding: object) -> tuple[object, str]:
@@ -107,9 +106,9 @@ class RosServiceDialect(ServiceDialect):
         return self._service.response.read(payload)[0]
 
     def answer_mark(self, asked: bytes | None) -> bytes:
-        """Return number and gid of the question."""
+        """Return number and gid of the query."""
         return self.ends.answer_mark(asked)
 
     def question_mark(self, call: CallKey) -> bytes:
-        """Return a number, and the gid of the gateway's own client."""
+        """Return a number, and the gid of the gateway's client."""
         return self.ends.question_mark()

@@ -20,9 +20,9 @@ from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.session import ZenohSession
 
 CDR: Final = "application/cdr"
-"""Zenoh encoding of the messages; ROS does not read it."""
+"""Zenoh encoding of the messages; ROS ignores it."""
 
-# Beyond that an age is one of a clock that has never been set, or of a simulation.
+# A higher age comes from a clock that was never set, or from a simulation.
 _OLDEST_NS: Final = 3600 * 1_000_000_000
 _AHEAD_NS: Final = 1_000_000_000
 
@@ -31,8 +31,8 @@ class Teller:
     """Numbers the messages of one endpoint.
 
     Args:
-        token: Of the endpoint.
-        wall_clock: What time it is, ns since 1970.
+        token: Token of the endpoint.
+        wall_clock: Returns UTC, ns since 1970.
     """
 
     def __init__(self, token: Token, wall_clock: Clock) -> None:
@@ -60,10 +60,10 @@ class RosTopicDialect(TopicDialect):
     Args:
         stream: The topic.
         zenoh_session: The session.
-        topic: What it is in ROS.
+        topic: Its ROS side.
         graph: Its endpoints.
         input_errors: Takes the errors of stamps.
-        wall_clock: What time it is, ns since 1970.
+        wall_clock: Returns UTC, ns since 1970.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class RosTopicDialect(TopicDialect):
         return f"{self._before}{stream_key}{self._behind}"
 
     def stream_key(self, key: str) -> str:
-        """Return the rest without domain, type and hash."""
+        """Return the key without domain, type and hash."""
         return key.removeprefix(self._before).removesuffix(self._behind)
 
     def ros_key(self, stream_key: str) -> RosKey:
@@ -98,12 +98,12 @@ class RosTopicDialect(TopicDialect):
         return self._topic.key(self._graph.domain, stream_key)
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether its gid is one of a gateway."""
+        """Return whether its gid belongs to a gateway."""
         read = read_attachment(attachment)
         return read is not None and self._graph.is_gateway(read.gid)
 
     def read(self, parcel: Parcel) -> Reading:
-        """Read CDR; a stamp that becomes an age gives the sample its age."""
+        """Read CDR; if the stamp becomes an age, it gives the sample its age."""
         value, stamp_ns = self._topic.message.read(parcel.payload)
         age_ns = None
         if stamp_ns is not None:
@@ -128,11 +128,11 @@ class RosTopicDialect(TopicDialect):
         return last.attachment
 
     def mark_again(self, last: LastValue) -> bytes:
-        """Return an attachment of the publisher as it is now."""
+        """Return an attachment of the publisher's current token."""
         return self._teller(self.stream_key(last.key)).attachment(last.age_s)
 
     def delete(self, key: str, source: int) -> None:
-        """Drop the samples for late joiners; present ones learn nothing: ROS has no deletes."""
+        """Drop the samples for late joiners; ROS has no deletes to report to present ones."""
         if self._latched is not None:
             self._latched.forget(key)
 
@@ -146,7 +146,7 @@ class RosTopicDialect(TopicDialect):
         return [*super().offer(sources), *self._graph.announce(tokens)]
 
     def hear(self, address: int) -> Sequence[Declared]:
-        """Declare the subscription to what this node publishes; in the worker."""
+        """Declare the subscription to this node's topics; in the worker."""
         (name,) = self._names([address])
         if name not in self._subscriptions:
             self._subscriptions[name] = self._graph.endpoint(
@@ -168,7 +168,7 @@ class RosTopicDialect(TopicDialect):
         return [keys.key(source, ()) for source in sources if source in keys.node_names]
 
     def _teller(self, name: str) -> Teller:
-        # Made by the loop or by the worker, the first of them; `setdefault` is one step.
+        # Either the loop or the worker comes first; `setdefault` is atomic.
         known = self._tellers.get(name)
         if known is None:
             token = self._graph.endpoint(Entity.PUBLISHER, self.ros_key(name), self._topic.qos)

@@ -1,1 +1,1 @@
-"""Documents of the health report, by what they are about."""
+"""Documents of the health report, by subject."""

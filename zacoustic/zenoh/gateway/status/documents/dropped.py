@@ -1,4 +1,4 @@
-"""The document about what was dropped: receptions, local input, samples that waited too long."""
+"""The document about dropped data: receptions, local input, samples that waited too long."""
 
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
@@ -7,18 +7,18 @@ from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 
 Counts = dict[str, dict[str, int]]
-"""How many, by stream and reason."""
+"""Number by stream and reason."""
 
 
 class Dropped:
     """The document ``dropped`` of one gateway.
 
     Args:
-        runner: Whose engine.
+        runner: Runs the engine.
         input_errors: Counts the errors of local input.
-        topics: Counts the samples that were too many.
-        queries: Counts the queries that were too many.
-        zenoh_session: Counts what the session did not take.
+        topics: Counts local samples that were dropped.
+        queries: Counts queries that were refused as too many.
+        zenoh_session: Counts puts that the session refused.
     """
 
     def __init__(

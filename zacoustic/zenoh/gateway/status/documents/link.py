@@ -1,4 +1,4 @@
-"""Documents about the node, its link and its journal, and what each byte was spent on."""
+"""Documents about the node, its link, its journal, and the bytes by stream and cause."""
 
 from collections.abc import Callable, Mapping
 
@@ -12,11 +12,11 @@ class LinkStatus:
     """The documents ``node``, ``link``, ``ledger`` and ``journal`` of one gateway.
 
     Args:
-        runner: Whose engine and link.
-        about: What does not change.
+        runner: Runs the engine and the link.
+        about: Constant facts.
         has_journal: The journal outlives the process.
-        clock: Where the instants of the engine come from.
-        seal: Tells what may be known of the key and of this life; None: frames are not sealed.
+        clock: Source of the engine's instants.
+        seal: Returns public facts of the key and the life; None: frames are not sealed.
     """
 
     def __init__(
@@ -60,9 +60,9 @@ class LinkStatus:
         return {"seal": known | {"failure": known["failure"] or failure}}
 
     def _links(self) -> dict[str, object]:
-        """Return the document of the first link, and where there are several that of each.
+        """Return the document of the first link, and with several links one for each.
 
-        What the former counts is of all links, like the ledger.
+        The counters of the first cover all links, like the ledger.
         """
         names, whole = self._engine.links, self._engine.stats
         if len(names) == 1:
@@ -92,7 +92,7 @@ class LinkStatus:
         }
 
     def _why_silent(self) -> str:
-        """Return why nothing is transmitted; empty: no such command, and the time is known."""
+        """Return why nothing is transmitted; empty: no command does it, and the time is known."""
         engine = self._engine
         state = engine.silence.state(self._clock())
         if state.is_commanded:

@@ -1,4 +1,4 @@
-"""The document about the nodes that were heard."""
+"""The document about the nodes heard."""
 
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.engine.engine import Engine
@@ -11,8 +11,8 @@ class PeerTable:
     """The document ``peers`` of one gateway.
 
     Args:
-        runner: Whose engine hears them.
-        traffic: Knows when, and what became of frames to them.
+        runner: Runs the engine that hears them.
+        traffic: Knows when each was heard, and the outcomes of frames to it.
     """
 
     def __init__(self, runner: LinkRunner, traffic: Traffic) -> None:
@@ -21,7 +21,7 @@ class PeerTable:
         self._seen: dict[int, PeerSeen] = {}
 
     def note(self, event: PeerSeen) -> None:
-        """Keep a peer's introduction."""
+        """Store a peer's introduction."""
         self._seen[event.address] = event
 
     def documents(self) -> dict[str, object]:

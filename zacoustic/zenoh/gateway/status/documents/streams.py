@@ -22,9 +22,9 @@ class StreamStatus:
     """The document ``streams`` of one gateway.
 
     Args:
-        runner: Whose engine carries them.
+        runner: Runs the engine that carries them.
         traffic: Knows when they crossed.
-        jobs: What this gateway does: job and stream id.
+        jobs: Jobs of this gateway: job and stream id.
     """
 
     def __init__(
@@ -37,12 +37,12 @@ class StreamStatus:
         self._outcomes: dict[int, dict[str, int]] = {}
 
     def note_peer(self, event: PeerSeen) -> None:
-        """Streams that differed may agree in a peer's new boot epoch."""
+        """Clear a peer's differences: its new boot epoch may agree."""
         for peers in self._differing.values():
             peers.discard(event.address)
 
     def note_difference(self, event: StreamsDiffer) -> None:
-        """Keep that a stream is stopped."""
+        """Note that a stream is stopped."""
         self._differing.setdefault(event.stream_id, set()).add(event.address)
 
     def note_delivery(self, event: DeliveryEnded) -> None:
@@ -89,14 +89,14 @@ class StreamStatus:
         }
 
     def _missed(self, stream: Stream) -> dict[str, int]:
-        """Return how often no sample of a topic with a deadline came in time."""
+        """Return the number of missed deadlines, for a topic that has one."""
         if stream.qos.deadline_s is None:
             return {}
         missed = self._engine.stats.deadlines_missed
         return {"deadline_missed": missed.get(stream.stream_id, 0)}
 
     def _deliveries(self, stream: Stream) -> dict[str, int]:
-        """Return what became of the samples of a reliable topic."""
+        """Return the outcomes of the samples of a reliable topic."""
         if stream.qos.reliability is not Reliability.RELIABLE:
             return {}
         counts = self._outcomes.get(stream.stream_id, {})
