@@ -169,7 +169,7 @@ def test_a_table_of_254_nodes_is_planned_in_a_page(
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) < 40
     assert any("agreement on tables alone takes" in each for each in lines)
-    assert any('it would fit with: agreement: "tag"' in each for each in lines)
+    assert any('agreement: "tag" is better' in each for each in lines)
 
 
 def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
