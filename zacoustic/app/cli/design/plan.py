@@ -10,7 +10,7 @@ from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
 
 
 class PlanCommand(Command):
-    """Reckons with a model of the traffic, in seconds."""
+    """Computes with a model of the traffic, in seconds."""
 
     name = "plan"
     summary = "airtime, latency and energy of what is to be said; what would make it fit"
@@ -52,7 +52,7 @@ class PlanCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print the plan; fails when something does not fit.
+        """Print the plan; fails if something does not fit.
 
         Raises:
             ConfigError: A file or an argument is wrong.
