@@ -195,9 +195,9 @@ def test_airtimes_are_those_of_the_link_that_is_given(
     assert (named["profile"], named["unsaid"]) == ("evologics_s2c_18_34", "")
     unknown = told("--link", "sim/127.0.0.1:7000")
     assert unknown["profile"] == "evologics_s2c_18_34"
-    assert unknown["unsaid"] == "sim/127.0.0.1:7000 tells its bit rate when it is open"
+    assert unknown["unsaid"] == "sim/127.0.0.1:7000 reports its bit rate when it is open"
     assert main(["check", str(fleet), "--link", "sim/127.0.0.1:7000"]) == 0
-    assert "tells its bit rate when it is open; --profile names" in capsys.readouterr().out
+    assert "reports its bit rate when it is open; --profile names" in capsys.readouterr().out
 
 
 def test_the_files_of_the_demo_are_valid(capsys: pytest.CaptureFixture[str]) -> None:

@@ -145,7 +145,7 @@ def test_rejoin_explains_the_danger_and_acts_only_when_it_is_accepted(
     rejoin = ("key", "rejoin", "2", "--config", str(fleet))
     code, text = _printed(capsys, *rejoin, "--never")
     assert code == 2
-    assert "whoever has recorded both can read" in text
+    assert "anybody who has recorded both can read" in text
     assert not lives.paths[0].exists()
     assert main([*rejoin, "--yes"]) == 2, "what is known has to be said"
     assert main([*rejoin, "--never", "--yes"]) == 0

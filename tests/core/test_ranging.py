@@ -229,7 +229,7 @@ def test_modem_that_tells_no_delay_is_named_in_the_failure() -> None:
     end.report(at(end), DELIVERED)
     pass_time(end, 1.0)
     (failed,) = end.got(RangeFailed)
-    assert failed.text == "no range within 1 s: acknowledged, but the modem tells no delay"
+    assert failed.text == "no range within 1 s: acknowledged, but the modem reports no delay"
 
 
 def test_request_on_a_link_that_is_down_times_out_and_sends_nothing() -> None:

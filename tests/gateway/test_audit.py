@@ -112,7 +112,7 @@ def test_a_command_of_who_may_not_give_any_is_noted_as_refused(
     log = str(tmp_path / "node-2.audit")
     assert main(["audit", log]) == 0
     text = capsys.readouterr().out
-    assert "node 1 (claimed)  command  refused: node 2 takes no orders of node 1" in text
+    assert "node 1 (claimed)  command  refused: node 2 accepts no commands from node 1" in text
     assert main(["audit", log, "--refused", "--by", "1", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["by"], told["node"], told["outcome"]) == (1, 2, "refused")

@@ -248,7 +248,7 @@ def test_node_that_takes_no_commands_says_so(capsys: pytest.CaptureFixture[str])
             return await verb("silence", "--node", "2", "--for", "30m", *found.where)
 
     assert run(scene()) == 1
-    assert "refused by node 2: node 2 takes no orders of node 1" in capsys.readouterr().err
+    assert "refused by node 2: node 2 accepts no commands from node 1" in capsys.readouterr().err
 
 
 def test_node_that_does_not_answer_in_time_is_exit_code_3(

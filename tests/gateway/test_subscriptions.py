@@ -243,7 +243,7 @@ def test_lost_node_is_a_key_and_a_notice() -> None:
                         assert told(shore, PeerBack)[0].lines() == ["found     2 auv1"]
                 await heard.next()
                 assert told(shore, PeerMissed)[0].lines() == [
-                    "lost      2 auv1: nothing is heard of it"
+                    "lost      2 auv1: not heard any more"
                 ]
 
     run(scene())

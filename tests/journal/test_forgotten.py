@@ -22,7 +22,7 @@ def test_streams_that_lose_something_by_a_restart_are_named() -> None:
     )
     assert forgotten(StreamTable([wanted]), 2) == ""
     assert forgotten(StreamTable([wanted]), 3) == (
-        "no journal, so a restart forgets who wants view (until they hear anything of this node)"
+        "no journal, so a restart forgets the subscribers of view (until they hear this node)"
     )
 
 

@@ -177,7 +177,7 @@ def test_what_goes_wrong_in_a_callback_aborts_the_goal(caplog: pytest.LogCapture
         run(main())
     assert "the goal failed" in caplog.text
     assert "the result cannot be sent" in caplog.text
-    assert "nobody said how the goal ended" in caplog.text
+    assert "the callback set no status" in caplog.text
 
 
 def test_nobody_who_serves_is_an_error() -> None:

@@ -142,7 +142,7 @@ def test_what_a_node_may_not_say_is_not_taken_for_another_key() -> None:
         events.note(notice)
     health = {"seal": {"fingerprint": "x"}, **events.documents()}
     forbidden, unsealed = check_running(config, health, "x")
-    assert forbidden.what.endswith("3 buoy: it may not say what it says: auv1/stop")
+    assert forbidden.what.endswith("3 buoy: it sends what it may not send: auv1/stop")
     assert "somebody has its key" in forbidden.why
     assert "has refused frames" in unsealed.what
 

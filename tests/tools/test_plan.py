@@ -311,7 +311,7 @@ def test_energy_is_that_of_transmitting(tmp_path: Path) -> None:
 
 def test_what_is_wrong_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     silent = fleet(tmp_path, {"id": 10, "topic": "log"})
-    with pytest.raises(ConfigError, match="nothing says how often"):
+    with pytest.raises(ConfigError, match="no traffic rates"):
         plan(silent)
     assert main(["plan", str(silent), "--loss", "2"]) == 2
     assert "--loss 2; allowed: 0 to 0.9" in capsys.readouterr().err

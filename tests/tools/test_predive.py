@@ -84,7 +84,7 @@ def test_an_end_with_another_key_does_not_answer_and_is_named(tmp_path: Path) ->
             code, told = await asyncio.to_thread(_told, path, "--timeout", "1")
             assert code == 1
             assert "node 2 auv1 does not answer" in _text(told)
-            assert "nothing of it was ever heard" in _text(told)
+            assert "no frame of it was ever heard" in _text(told)
             with auv.client() as session:
                 session.put("auv1/nav", b"here")
                 await until(lambda: channel.sent_by(2), channel.changed)
@@ -257,7 +257,7 @@ def test_an_end_without_a_life_record_is_named_here_as_unheard_and_there_by_its_
             code, told = await asyncio.to_thread(_told, path, "--timeout", "1")
             assert code == 1
             assert "node 2 auv1 does not answer" in _text(told)
-            assert "nothing of it was ever heard" in _text(told)
+            assert "no frame of it was ever heard" in _text(told)
             path = beside(tmp_path, auv, address=2, streams=EAGER, **there)
             code, told = await asyncio.to_thread(_told, path, "--timeout", "1")
             assert code == 1

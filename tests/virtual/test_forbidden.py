@@ -92,7 +92,7 @@ def test_a_node_that_is_no_publisher_is_named_with_the_stream_and_the_count(
     notice = SealBroken(
         address=3, name="buoy", refusal="forbidden", frames=31, is_too_many=False, stream="auv/stop"
     )
-    assert notice.lines() == ["seal      3 buoy: it may not say what it says: auv/stop (31)"]
+    assert notice.lines() == ["seal      3 buoy: it sends what it may not send: auv/stop (31)"]
 
 
 def test_a_node_whose_commands_are_not_executed_is_named() -> None:
@@ -104,5 +104,5 @@ def test_a_node_whose_commands_are_not_executed_is_named() -> None:
     )
     network.run(until_s=300.0)
     (handled,) = [event for _, event in network.events if isinstance(event, CommandHandled)]
-    assert (handled.commanded_by, "takes no orders of node 1" in handled.refusal) == (1, True)
+    assert (handled.commanded_by, "accepts no commands from node 1" in handled.refusal) == (1, True)
     assert alarms(network) == [(1, COMMANDS_STREAM_ID, 1)]

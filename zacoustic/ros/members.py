@@ -5,7 +5,7 @@ from typing import Final
 import msgspec
 
 UNSUPPORTED: Final = ("wstring", "wchar", "char", "float128")
-"""Types that cannot cross: the `char` of an ``.idl`` file; that of a ``.msg`` is a uint8."""
+"""Types that cannot cross. This `char` is that of ``.idl`` files; that of a ``.msg`` is a uint8."""
 
 BASE_TYPES: Final = (
     "bool", "byte", "char", "float32", "float64",

@@ -60,7 +60,7 @@ class NodeSeal:
     def failure(self) -> str:
         """Why this node seals no frame, one line; empty: it seals."""
         if self._lives is None:
-            return "it only listens, as the configuration says"
+            return "it only listens, as configured"
         return self._lives.failure
 
     def epoch(self, journalled: int) -> int:

@@ -245,7 +245,7 @@ def test_only_some_are_executed(
     call_id = command(rig, RemoteCommand(kind=CommandKind.SILENCE))
     assert rig[2].engine.silence.is_silent(rig.now) is is_executed
     if not is_executed:
-        assert refusal(rig, call_id) == "HANDLER: node 2 takes no orders of node 1"
+        assert refusal(rig, call_id) == "HANDLER: node 2 accepts no commands from node 1"
 
 
 def test_question_is_answered_and_changes_nothing() -> None:

@@ -303,9 +303,7 @@ def _parser(verbs: Mapping[str, Command]) -> Parser:
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="say on standard error what goes on"
-    )
+    parser.add_argument("-v", "--verbose", action="store_true", help="log to standard error")
     choices = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=Parser)
     for name, verb in sorted(verbs.items(), key=_order):
         add_command(choices, name, verb)

@@ -38,7 +38,7 @@ class SealAlarm(msgspec.Struct, frozen=True, kw_only=True):
     is_too_many: bool
     """More than `FORGERIES`: the key has to be rotated."""
     stream_id: int | None = None
-    """The stream that the node may not use so; None: whole frames were refused."""
+    """The stream that the node may not use in that way; None: whole frames were refused."""
 
 
 class SealAlarms:

@@ -126,7 +126,7 @@ class Handshake:
         table: Its stream table.
         peers: The other nodes.
         rng: Draws the pauses before frames of its own.
-        policy: How much is said and answered to agree on tables.
+        policy: Policy of the agreement on tables.
     """
 
     def __init__(
@@ -356,12 +356,12 @@ class Handshake:
             self._ask(peer, _ASK_HELLO, now)
 
     def heard_too_short(self, source: int, now: int) -> None:
-        """Tell the source that this node is no longer assured, as its record assumes."""
+        """Introduce this node to the source, whose record relies on an agreement that is gone."""
         if not self.is_sealed:
             self._introduce_soon(self._peers[source], now)
 
     def heard_too_long(self, source: int, now: int) -> None:
-        """Tell the source, if it is so, that this node is assured, which its record lacks."""
+        """Confirm the source again, whose record does not rely on our agreement."""
         peer = self._peers[source]
         if peer.confirmed_us:
             self._answer_introduction(peer, now)

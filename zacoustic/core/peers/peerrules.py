@@ -12,4 +12,4 @@ class PeerRules(msgspec.Struct, frozen=True, kw_only=True):
     contact: ContactRules = ContactRules()
     """Heartbeats, and the time after which others are lost."""
     agreement: AgreementMethod = AgreementMethod.CONFIRM
-    """How much is said and answered to agree on tables."""
+    """Policy of the agreement on tables."""

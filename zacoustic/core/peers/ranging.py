@@ -365,6 +365,6 @@ class _Quest:
 
 def _words_of(report: TransmitReport) -> str:
     if report.outcome is TransmitOutcome.DELIVERED:
-        return "acknowledged, but the modem tells no delay"
+        return "acknowledged, but the modem reports no delay"
     words = report.outcome.value.replace("_", " ")
     return f"{words} ({report.detail})" if report.detail else words

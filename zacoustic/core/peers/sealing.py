@@ -76,9 +76,9 @@ class Inside(msgspec.Struct, frozen=True, kw_only=True):
 
     records: bytes
     digest: bytes
-    """Of the sender's table; `NO_TABLE`: it needs no table."""
+    """Digest of the sender's table; `NO_TABLE`: the records need no table."""
     life: int
-    """Of the sender."""
+    """Life of the sender."""
     strong: bool
 
 
@@ -90,7 +90,7 @@ class _Sending:
     def __init__(self) -> None:
         self.counter = 0
         self.generation = 0
-        """Of the last long head."""
+        """Generation of the last long head."""
         self.since_long = 0
         self.long_at: int | None = None
 
@@ -147,7 +147,7 @@ class Seal:
         if self.is_cloned:
             return "another computer has the key and the address of this node"
         if self._life > LAST_LIFE:
-            return "there is no life of this node that a frame may be sealed in"
+            return "this node has no life in which it may seal frames"
         return ""
 
     @property

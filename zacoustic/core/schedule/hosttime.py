@@ -91,7 +91,7 @@ class HostTime:
         self._journal = journal
         self._emit = emit
         self._boot = stored.get(BOOT_KEY, b"")
-        self._refusal = "no clock has been told"
+        self._refusal = "the host has not reported its clock"
         self._ask_at: int | None = None
         self._written: _Journalled | None = None
         self._recover(stored.get(_KEY))

@@ -43,7 +43,7 @@ def forgotten(table: StreamTable, address: int) -> str:
     if topics:
         parts.append(f"samples of {', '.join(topics)}")
     if demanded:
-        parts.append(f"who wants {', '.join(demanded)} (until they hear anything of this node)")
+        parts.append(f"the subscribers of {', '.join(demanded)} (until they hear this node)")
     if latched:
         parts.append(f"what late joiners of {', '.join(latched)} get (until the next sample)")
     return f"no journal, so a restart forgets {' and '.join(parts)}" if parts else ""

@@ -172,11 +172,13 @@ class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
 
     def lines(self) -> list[str]:
         """One line."""
-        return [f"journal   in doubt, a new life with what is right in it: {self.reason}"]
+        return [
+            f"journal   in doubt, a new boot epoch continues with its valid part: {self.reason}"
+        ]
 
 
-FORBIDDEN: Final = "it may not say what it says"
-"""Descriptions of an authentic node that sends what the table does not allow."""
+FORBIDDEN: Final = "it sends what it may not send"
+"""Description of an authentic node that sends what the table does not allow."""
 
 
 class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
@@ -205,7 +207,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
         text = {
             "unsealed": "its frames are not sealed",
             "forged": "its frames do not open: another key, or not from it",
-            "former_life": "it speaks as in a former life: old records, or a recording of it",
+            "former_life": "it transmits with an earlier life: old records, or a recording of it",
             "clone": "another computer has this key and address; nothing is transmitted any more",
             "forbidden": f"{FORBIDDEN}: {self.stream}",
         }[self.refusal]
@@ -306,7 +308,7 @@ class PeerMissed(Notice, frozen=True, kw_only=True, tag="lost"):
 
     def lines(self) -> list[str]:
         """One line."""
-        return [f"lost      {self.address} {self.name}: nothing is heard of it".replace(" :", ":")]
+        return [f"lost      {self.address} {self.name}: not heard any more".replace(" :", ":")]
 
 
 class PeerBack(Notice, frozen=True, kw_only=True, tag="found"):

@@ -30,7 +30,7 @@ class TelemetryBench(Command):
         add_telemetry(
             parser,
             config="the streams, the types and, perhaps, the model",
-            window="length of the time whose samples share a frame",
+            window="samples within this time share a frame",
         )
         parser.add_argument(
             "--seed", type=int, default=_DEFAULT_SEED, metavar="N",

@@ -30,7 +30,7 @@ class DemoCommand(Command):
         )
         parser.add_argument(
             "--link", choices=tuple(MEDIA), default=next(iter(MEDIA)),
-            help="what lies between: the simulator's water, emulated S2C modems on TCP ports "
+            help="the channel: the simulator, emulated S2C modems on TCP ports "
             "(evologics) or on pseudo-terminals (evologics-serial), or a stand-in for DESERT "
             "(default: %(default)s)",
         )  # fmt: skip

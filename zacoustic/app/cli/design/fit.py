@@ -14,7 +14,7 @@ class FitCommand(Command):
     """Fits a model, and tests whether it helps."""
 
     name = "fit"
-    summary = "fit a model of the dense topics to recordings, and say whether it helps"
+    summary = "fit a model of the dense topics to recordings, and report whether it helps"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
@@ -22,7 +22,7 @@ class FitCommand(Command):
         add_telemetry(
             parser,
             config="the streams and types",
-            window="samples of so long usually share a frame",
+            window="samples within this time share a frame",
         )
         parser.add_argument(
             "--output",
@@ -56,7 +56,7 @@ class FitCommand(Command):
         if all(stream.dense_type is None or stream.type is None for stream in table):
             raise ConfigError(
                 f"{arguments.config}: no stream is dense; allowed: topics with a type",
-                hint='say type and codec: "dense" for one; without a type nothing can be fitted',
+                hint='give a topic a type and codec: "dense"; without a type nothing can be fitted',
             )
         with new_file("--output", arguments.output) as model:
             recordings = read_recordings(

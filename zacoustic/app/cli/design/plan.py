@@ -13,7 +13,7 @@ class PlanCommand(Command):
     """Computes with a model of the traffic, in seconds."""
 
     name = "plan"
-    summary = "airtime, latency and energy of what is to be said; what would make it fit"
+    summary = "airtime, latency and energy of the traffic; what would make it fit"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
@@ -43,9 +43,9 @@ class PlanCommand(Command):
         )  # fmt: skip
         add_json(parser)
         parser.epilog = (
-            "how often something is said: the scenario's traffic, as in `zacoustic sim`; or the\n"
+            "rates come from the scenario's traffic, as in `zacoustic sim`; or the\n"
             "recording; or min_interval_s and deadline_s of the config. Exits with 1 when it does\n"
-            "not fit. docs/plan.md says what the figures mean\n\n"
+            "not fit. docs/plan.md explains the figures\n\n"
             "example:\n"
             "  zacoustic plan water.json5\n"
             "  zacoustic plan fleet.json5 --recording monday.jsonl.gz --loss 0.2 --range 1500"

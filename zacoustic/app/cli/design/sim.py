@@ -46,9 +46,9 @@ class SimCommand(Command):
         )
         parser.add_argument("--json", action="store_true", help="one JSON object")
         parser.epilog = (
-            "the scenario says who is where (nodes), which streams there are (config: FILE, or\n"
-            "none: each topic is opaque bytes), who says what how often (traffic), and what\n"
-            "goes wrong (loss, faults); docs/sim.md has all keys\n\n"
+            "the scenario has the positions (nodes), the streams (config: FILE, or\n"
+            "none: each topic is opaque bytes), the payloads and rates (traffic), and the\n"
+            "faults (loss, faults); docs/sim.md has all keys\n\n"
             "example:\n"
             "  zacoustic sim water.json5 --until 86400 --trace trace.jsonl\n"
             "  zacoustic decode --config fleet.json5 < trace.jsonl\n"

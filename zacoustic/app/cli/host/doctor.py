@@ -18,7 +18,7 @@ class DoctorCommand(Command):
     """Examines a node on its own computer, without transmitting."""
 
     name = "doctor"
-    summary = "look for what goes wrong at sea, and name it with the cure"
+    summary = "find what would go wrong at sea, with the cure"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ class DoctorCommand(Command):
         add_examined_node(parser)
         add_load(
             parser,
-            recording="how often things are said, for the airtime",
+            recording="rates for the airtime",
             profile=" of the airtimes",
         )
         parser.add_argument(
@@ -35,8 +35,8 @@ class DoctorCommand(Command):
         add_json(parser)
         parser.epilog = (
             "nothing is transmitted, and nothing is set. Where a gateway of this node runs\n"
-            "already, it is asked instead of its modem. Exits with 1 when something is wrong;\n"
-            "docs/doctor.md lists what is looked for\n\n"
+            "already, doctor asks it instead of its modem. Exits with 1 when something is wrong;\n"
+            "docs/doctor.md lists the checks\n\n"
             "example:\n  zacoustic doctor router.json5 --address 2 --ntp pool.ntp.org"
         )
 

@@ -26,7 +26,7 @@ class DecodeCommand(Command):
     """Explains frames."""
 
     name = "decode"
-    summary = "say in words what is in a frame"
+    summary = "explain the contents of a frame"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
@@ -35,7 +35,7 @@ class DecodeCommand(Command):
             "frames", metavar="HEX|FILE", nargs="*",
             help="one frame each, in hexadecimal, in the order in which they were sent, or a "
             "recording (MCAP); without any, frames are read from standard input, one in a line: "
-            "hexadecimal, or an object of a trace, which says who has sent the frame",
+            "hexadecimal, or an object of a trace, which names the sender of the frame",
         )  # fmt: skip
         parser.add_argument("--config", metavar="FILE", help="file with the streams and types")
         parser.add_argument(
@@ -47,7 +47,7 @@ class DecodeCommand(Command):
         )
         parser.add_argument(
             "--wire", choices=("native", "rmw_desert"),
-            help="what is spoken (default: as the configuration says, native without one)",
+            help="wire profile (default: that of the configuration, native without one)",
         )  # fmt: skip
         parser.add_argument(
             "--unsealed", action="store_true",

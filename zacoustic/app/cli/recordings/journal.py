@@ -19,7 +19,7 @@ _EXAMPLE: Final = """examples:
   zacoustic journal check copy.sqlite --json
 
 To put a copy back: stop the node, delete node-2.sqlite and node-2.sqlite-wal, put the copy in the
-place of the first, start the node. It says in all of its health messages what was found.
+place of the first, start the node. Its health messages report what was found.
 """
 
 
@@ -27,7 +27,7 @@ class JournalCommand(Command):
     """Copies or checks a journal."""
 
     name = "journal"
-    summary = "copy a journal while its node runs, or see whether one is in order"
+    summary = "copy a journal while its node runs, or check one"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare what to do, and the files."""

@@ -31,7 +31,7 @@ class RecordCommand(Command):
             "--key", action="append", default=[], metavar="EXPRESSION",
             help="record this key expression as well; may be given several times",
         )  # fmt: skip
-        parser.add_argument("--for", type=float, metavar="S", help="end after so long, s")
+        parser.add_argument("--for", type=float, metavar="S", help="end after this time, s")
         add_json(parser, f"{ONE_OBJECT} at the end")
         parser.epilog = (
             "records the topics of the config, the health documents @acoustic/** and the frames\n"
@@ -89,7 +89,7 @@ def _print(found: "RecordedKeys", *, as_json: bool) -> None:
     print_text(align(("key", "samples"), rows, right=("samples",)))
     if found.gaps:
         print_text(
-            f"the Zenoh router was gone {found.gaps} times: what was said then is not recorded"
+            f"the Zenoh router was gone {found.gaps} times: samples of those times are not recorded"
         )
     if found.dropped:
         print_text(f"{found.dropped} messages were dropped: the disk was too slow, or is full")

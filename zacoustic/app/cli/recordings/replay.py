@@ -96,14 +96,14 @@ def _add_changes(parser: argparse.ArgumentParser) -> None:
     changes.add_argument("--access", choices=("aloha", "carrier_sense", "delegated"))
     changes.add_argument("--codec", choices=("cbor", "packed", "dense"), help="of typed topics")
     changes.add_argument(
-        "--scenario", metavar="FILE", help="the water, instead of the measured one"
+        "--scenario", metavar="FILE", help="the channel, instead of the measured one"
     )
     changes.add_argument("--seed", type=int, default=1, metavar="N", help="of the losses")
 
 
 def _add_zenoh(parser: argparse.ArgumentParser) -> None:
     """Declare what is put on a Zenoh network, where, and how fast."""
-    onto = parser.add_argument_group("onto a Zenoh network, which is what it does otherwise")
+    onto = parser.add_argument_group("onto a Zenoh network, the default")
     add_connect(onto)
     onto.add_argument(
         "--config", metavar="FILE",
@@ -117,7 +117,10 @@ def _add_zenoh(parser: argparse.ArgumentParser) -> None:
         help="only what this key expression covers; may be given several times",
     )  # fmt: skip
     onto.add_argument(
-        "--node", type=int, metavar="N", help="whose samples, in a recording of several engines"
+        "--node",
+        type=int,
+        metavar="N",
+        help="samples of this node, in a recording of several engines",
     )
 
 
@@ -202,7 +205,7 @@ def _print_played(arguments: argparse.Namespace, played: "Played") -> int:
         rows = [(key, str(number)) for key, number in sorted(played.samples.items())]
         print_text(align(("key", "samples"), rows, right=("samples",)))
         for key, number in played.left_out.items():
-            print_text(f"{one_line(key)}: {number} left out; of ROS topics --config tells the keys")
+            print_text(f"{one_line(key)}: {number} left out; --config has the keys of ROS topics")
     if not played.samples:
-        raise ConfigError(f"{arguments.recording}: nothing of it could be put")
+        raise ConfigError(f"{arguments.recording}: it has no samples that could be put")
     return EXIT_OK

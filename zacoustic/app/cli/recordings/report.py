@@ -25,8 +25,8 @@ class ReportCommand(Command):
         parser.add_argument("--html", type=Path, metavar="PAGE", help="write a page with plots")
         add_json(parser)
         parser.epilog = (
-            "delivery and latency between two nodes need the recordings of both; with one there\n"
-            "is what its node was told: outcomes of what is reliable, ages, link quality\n\n"
+            "delivery and latency between two nodes need the recordings of both; one shows\n"
+            "what its node knew: outcomes of reliable samples, ages, link quality\n\n"
             "examples:\n"
             "  zacoustic report trial.mcap --html trial.html\n"
             "  zacoustic report shore.mcap auv1.mcap --json"

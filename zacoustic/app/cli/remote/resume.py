@@ -10,7 +10,7 @@ _EXAMPLE: Final = """the same as `zacoustic silence resume`; quiet windows of th
 
 examples:
   zacoustic resume --connect tcp/127.0.0.1:7447        all gateways here
-  zacoustic resume --node 2 --config router.json5      node 2, here or beyond the water
+  zacoustic resume --node 2 --config router.json5      node 2, local or remote
 """
 
 

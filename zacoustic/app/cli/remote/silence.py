@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from zacoustic.core.streams.commands import RemoteCommand
 
-_EXAMPLE: Final = """what waits goes on waiting; a frame that the modem has begun is not cut off
+_EXAMPLE: Final = """waiting data stays; a frame that the modem has begun is not cut off
 
 examples:
   zacoustic silence --for 30m --connect tcp/127.0.0.1:7447    half an hour, all gateways here
@@ -31,8 +31,8 @@ examples:
   zacoustic silence resume --config router.json5              the end of it
   zacoustic silence --config router.json5                     what holds now
 
-A node beyond the water is silent when the order has arrived, and its answer is its last frame. If
-none comes in time (exit code 3), it may be silent all the same.
+A remote node is silent when the command has arrived, and its answer is its last frame. If none
+comes in time (exit code 3), it may be silent all the same.
 """
 _UNITS_S: Final = {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}
 _DURATION: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([smhd]?)")
@@ -55,7 +55,10 @@ class SilenceCommand(Command):
             help="end the silence, or begin one without end",
         )  # fmt: skip
         parser.add_argument(
-            "--for", dest="duration", metavar="TIME", help="be silent so long: 90s, 30m, 2h, 1d"
+            "--for",
+            dest="duration",
+            metavar="TIME",
+            help="duration of the silence: 90s, 30m, 2h, 1d",
         )
         add_command_arguments(parser)
 

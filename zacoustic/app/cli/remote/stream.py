@@ -8,8 +8,8 @@ from zacoustic.app.cli.support.arguments import check_positive
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import Command
 
-_EXAMPLE: Final = """for a topic that the node publishes; it holds at once, without a restart,
-and outlives one where the node has a journal
+_EXAMPLE: Final = """for a topic that the node publishes; it applies at once, without a restart,
+and survives one if the node has a journal
 
 examples:
   zacoustic stream --node 2 --id 11 --config shore.json5                   how it is sent
@@ -37,10 +37,10 @@ class StreamCommand(Command):
             "--off", action="store_true", help="they wait, expire and are superseded"
         )
         switch.add_argument(
-            "--reset", action="store_true", help="everything as the node's configuration says"
+            "--reset", action="store_true", help="everything as the node's file configures it"
         )
         parser.add_argument(
-            "--rate", type=float, metavar="HZ", help="at most so many samples of a key a second"
+            "--rate", type=float, metavar="HZ", help="maximum rate of samples of a key"
         )
         parser.add_argument("--priority", metavar="NAME", help="Zenoh's, such as background")
         add_command_arguments(parser, is_node_required=True)

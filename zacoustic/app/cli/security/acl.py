@@ -28,8 +28,8 @@ class AclCommand(Command):
             help="what the names below are (default: %(default)s, with the settings of TLS)",
         )  # fmt: skip
         for role, what in (
-            ("program", "a program (default: whoever comes in)"),
-            ("operator", "who commands remote nodes (default: whoever is a program)"),
+            ("program", "a program (default: anybody)"),
+            ("operator", "who commands remote nodes (default: all programs)"),
             ("gateway", "a gateway that is a client of the router"),
         ):
             parser.add_argument(
@@ -44,7 +44,7 @@ class AclCommand(Command):
         parser.epilog = (
             "all that the table does not allow is denied: a program cannot publish or answer for\n"
             "a remote node, only an operator commands one, and programs' own keys need --open.\n"
-            "Put what is printed into the file of the router; Zenoh reads it at its start\n\n"
+            "Put the output into the file of the router; Zenoh reads it at its start\n\n"
             "examples:\n"
             "  zacoustic acl router.json5 --program planner --program camera --operator console\n"
             "  zacoustic acl router.json5 --by interfaces --operator lo --open 'robot/**'"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _DANGER: Final = """\
 Every frame of a node is sealed under a number that no other frame may have. The number begins with
 the life of the node, and its records are gone: on another disk, in a copy, or deleted. If a life is
-used a second time, whoever has recorded both can read frames of both, and make others.
+used a second time, anybody who has recorded both can read frames of both, and make others.
 --never    says that no node with this address has ever transmitted with this key
 --after N  says that N is the last life that anybody has heard of it: the other nodes show it, and
            `zacoustic key check` on the old disk
@@ -64,7 +64,7 @@ class NewKey(Command):
         )
         add_json(parser)
         parser.epilog = (
-            "copy the file to each node over a wire or by hand, never by mail; whoever can read\n"
+            "copy the file to each node by cable or by hand, never by mail; anybody who can read\n"
             "it can read and command the fleet\n\n"
             "examples:\n"
             "  zacoustic key new fleet.key --network harbour\n"
@@ -223,9 +223,7 @@ class RejoinNode(Command):
         known.add_argument(
             "--never", action="store_true", help="it has never transmitted with this key"
         )
-        known.add_argument(
-            "--after", type=int, metavar="N", help="the last life that anybody has heard of it"
-        )
+        known.add_argument("--after", type=int, metavar="N", help="its last known life")
         parser.add_argument("--yes", action="store_true", help="that is so, and I know the danger")
         add_json(parser)
         parser.epilog = (
@@ -255,7 +253,7 @@ class RejoinNode(Command):
         if not arguments.yes:
             for line in _DANGER.splitlines():
                 print_note(line)
-            raise ConfigError("--yes is missing; allowed: when what you say is known to be so")
+            raise ConfigError("--yes is missing; allowed: when you know that it is so")
         after = ring.lives.join(None if arguments.never else arguments.after)
         record = {"address": arguments.address, "generation": ring.key.generation, "after": after}
         if arguments.json:
@@ -272,7 +270,7 @@ class CheckKey(Command):
     """Checks key file, life records and journal against each other."""
 
     name = "check"
-    summary = "see whether key file, life records and journal of a node are in order"
+    summary = "check key file, life records and journal of a node"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, node and fingerprint."""

@@ -63,7 +63,7 @@ def examined_node(arguments: argparse.Namespace) -> "Options":
 def add_local_network(parser: argparse.ArgumentParser) -> None:
     """Declare where Zenoh is joined, for a verb that needs no streams of a file."""
     add_connect(parser)
-    parser.add_argument("--config", metavar="FILE", help="file that tells where the router is")
+    parser.add_argument("--config", metavar="FILE", help="file with the endpoints of the router")
 
 
 def add_load(parser: argparse.ArgumentParser, *, recording: str, profile: str) -> None:

@@ -34,7 +34,7 @@ def make_node(arguments: argparse.Namespace) -> "Node":
     from zacoustic.zenoh.node import Node
 
     if arguments.link is not None and arguments.config is None:
-        raise ConfigError("--link needs --config FILE, which tells the stream ids")
+        raise ConfigError("--link needs --config FILE, which has the stream ids")
     return Node(
         "command line",
         config=arguments.config,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _EXAMPLE = """Ctrl-C cancels the goal, and waits for its end; a second one does not wait.
 Exit codes: 0 succeeded, 1 rejected, aborted, canceled or unknown, 3 no answer, or not ended within
---timeout (it goes on then), 130 Ctrl-C.
+--timeout (the goal goes on), 130 Ctrl-C.
 
 examples:
   zacoustic action send_goal auv1/goto '{ depth: 12 }' --feedback --config router.json5
@@ -52,7 +52,7 @@ class ActionCommand(Command):
         )  # fmt: skip
         add_node_arguments(parser)
         parser.add_argument(
-            "--feedback", action="store_true", help="print what the server says while it pursues it"
+            "--feedback", action="store_true", help="print feedback while the goal runs"
         )
         parser.add_argument(
             "--timeout", type=float, metavar="S",
@@ -118,7 +118,7 @@ async def _begin(
     if stream is None and arguments.value.lstrip().startswith("{"):
         raise ConfigError(
             f"VALUE {arguments.value}; allowed: a text, where nothing is known of the action",
-            hint="give --config FILE, which tells its types",
+            hint="give --config FILE, which has its types",
         )
     types: tuple[Any, Any, Any] = (bytes, bytes, bytes)
     goal: Any = arguments.value.encode()

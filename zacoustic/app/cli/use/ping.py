@@ -41,7 +41,7 @@ class PingCommand(Command):
     """Pings a node: round-trip time, range, signal."""
 
     name = "ping"
-    summary = "ask a node beyond the water whether it is there: round trip, range, signal"
+    summary = "ping a remote node: round trip, range, signal"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:

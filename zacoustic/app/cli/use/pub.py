@@ -54,7 +54,7 @@ class PubCommand(Command):
         parser.add_argument(
             "--rate", type=float, metavar="HZ", help="publish so often; until --count or Ctrl-C"
         )
-        parser.add_argument("--count", type=int, metavar="N", help="publish so many times")
+        parser.add_argument("--count", type=int, metavar="N", help="publish N times")
         parser.add_argument(
             "--timeout", type=float, default=60.0, metavar="S",
             help="how long the last one may take to leave, or with --wait to arrive, s "

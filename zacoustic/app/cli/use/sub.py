@@ -39,10 +39,10 @@ class SubCommand(Command):
             help="topic of the config, or key expression; none: all topics",
         )  # fmt: skip
         add_node_arguments(parser)
-        parser.add_argument("--count", type=int, metavar="N", help="end after so many samples")
+        parser.add_argument("--count", type=int, metavar="N", help="end after N samples")
         parser.add_argument(
             "--timeout", type=float, metavar="S",
-            help="end after so long, s; exit code 3 with fewer samples than --count, or with none",
+            help="end after this time, s; exit code 3 with fewer samples than --count or none",
         )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:

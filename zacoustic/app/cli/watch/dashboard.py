@@ -8,9 +8,8 @@ from zacoustic.app.cli.watch.topics import add_watch_arguments, read_watch
 from zacoustic.link.command import EXIT_OK, Command
 from zacoustic.link.serving import parse_place, place_name
 
-_EXAMPLE = """It shows what zacoustic monitor shows, and needs no internet. Whoever reaches the
-place can look at it: there is no password. Nothing of it costs anything on the water. Ctrl-C ends
-it.
+_EXAMPLE = """It shows what zacoustic monitor shows, and needs no internet. Anybody who reaches the
+place can read it: there is no password. It costs no airtime. Ctrl-C ends it.
 
 examples:
   zacoustic dashboard --connect tcp/127.0.0.1:7447

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _PIPE_WIDTH = 120
 """Width of output to a file or a pipe, columns."""
 
-_EXAMPLE = """Nothing of it costs anything on the water. Ctrl-C ends it.
+_EXAMPLE = """It costs no airtime. Ctrl-C ends it.
 
 examples:
   zacoustic monitor --connect tcp/127.0.0.1:7447

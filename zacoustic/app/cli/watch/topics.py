@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from zacoustic.app.tools.watch.watching import Watch
     from zacoustic.config import Config
 
-_EXAMPLE = """sent and heard count records on the water; last is how long ago something of the
-stream was transmitted or came, acknowledgements included, rate how often that is so now; age is how
-old the newest sample is that has come here (topics with stamp: "age"). Nothing is sent for it.
+_EXAMPLE = """sent and heard count records on the channel; last is the time since the stream was
+last transmitted or received, acknowledgements included, rate the current rate of that; age is the
+age of the newest sample received here (topics with stamp: "age"). It costs no airtime.
 
 examples:
   zacoustic topics --connect tcp/127.0.0.1:7447
@@ -28,7 +28,7 @@ class TopicsCommand(Command):
     """Lists the streams of gateways, once."""
 
     name = "topics"
-    summary = "list what crosses the water: how often, how old, what waits"
+    summary = "list what crosses the channel: how often, how old, what waits"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:

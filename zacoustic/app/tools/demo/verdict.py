@@ -130,7 +130,7 @@ def as_text(summary: Summary) -> str:
         f"{summary.frames} frames, {summary.lost_frames} lost, {summary.transmitted_bytes} bytes, "
         f"{summary.airtime_s:.2f} s of airtime in {summary.duration_s:.1f} s ({rate:.0%})",
         *(f"missing: {line}" for line in summary.missing),
-        *(f"lost in the water, best effort: {line}" for line in summary.lost),
+        *(f"lost on the channel, best effort: {line}" for line in summary.lost),
         _conclusion(summary),
     ]
     return "\n".join(lines)

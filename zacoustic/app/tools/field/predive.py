@@ -41,7 +41,7 @@ _JOURNALS: Final = {
     ),
     "doubted": (
         "has a journal in doubt: damaged, or an old copy",
-        "it may have forgotten what it accepted and executed in former lives",
+        "it may have forgotten what it accepted and executed before its restart",
         "look at its disk; put copies back only if zacoustic journal backup made them",
     ),
     "failing": (
@@ -246,7 +246,7 @@ def _unanswered(config: Config, running: Running, contact: Contact, node: str) -
         elif refused.get(Refusal.UNSEALED.value):
             seen = f"; {refused[Refusal.UNSEALED.value]} frames came that are not sealed"
         elif contact.life is None:
-            seen = "; nothing of it was ever heard"
+            seen = "; no frame of it was ever heard"
     return Finding(
         what=f"{node} does not answer: {contact.error}{seen}",
         why="no command reaches it, and no stop",

@@ -142,30 +142,29 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
     if not isinstance(seal, Mapping):
         if config.security is not None:
             yield Finding(
-                what="the running gateway does not seal its frames, and this file says that it "
-                "does",
-                why="nobody with a key takes its frames, and it obeys anybody",
+                what="the running gateway does not seal its frames, and this file configures it",
+                why="nobody with a key accepts its frames, and it executes anybody's commands",
                 cure="restart the gateway with this file",
             )
         return
     if config.security is None:
         yield Finding(
             what="the running gateway seals its frames, and this file does not say so",
-            why="after its next start nobody with a key takes its frames",
+            why="after its next start nobody with a key accepts its frames",
             cure="see which of the two files is right",
         )
     elif fingerprint is not None and seal.get("fingerprint") != fingerprint:
         yield Finding(
             what=f"the running gateway has the key {seal.get('fingerprint')}, generation "
             f"{seal.get('generation')}; the key file has {fingerprint}",
-            why="what the key file says does not hold yet",
+            why="the key file does not apply yet",
             cure="restart the gateway, or put back the key file that it runs with",
         )
     if seal.get("failure"):
         yield Finding(
             what=f"the running gateway seals no frame: {seal['failure']}",
             why="it transmits nothing",
-            cure="zacoustic key check FILE says what is missing",
+            cure="zacoustic key check FILE names what is missing",
         )
     events = health.get("events")
     told = events.get("events") if isinstance(events, Mapping) else None
@@ -177,7 +176,7 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
     for text in dict.fromkeys(_COUNTS.sub("", each) for each in texts):
         if FORBIDDEN in text:
             yield Finding(
-                what=f"a node of the fleet was refused what it said: {text}",
+                what=f"refused records of a node of the fleet: {text}",
                 why="the program of that node is changed, or somebody has its key",
                 cure="look at that node; in doubt give the next key to all but that one",
             )

@@ -116,7 +116,9 @@ class Tdma(MediumAccess):
             return ""
         if self._time.offset_ns is None:
             who = None if self._is_reference else self._reference
-            return "UTC is not known" if who is None else f"node {who} has not told the time yet"
+            return (
+                "UTC is not known" if who is None else f"node {who} has not announced the time yet"
+            )
         error_ns = self._time.error_at(now)
         if error_ns is None:
             return "the clock has jumped"

@@ -232,7 +232,7 @@ class GoalClient:
     def _is_due(self, goal: ClientGoal, now: int) -> None:
         """Ask for the outcome of a silent goal, or give it up."""
         if goal.deadline_at <= now:
-            text = "nothing was heard of it for too long"
+            text = "no message about it came for too long"
             if goal.stage is ClientStage.OFFERED:
                 text = "no answer before the deadline"
             self._fail(goal, GoalFailure.TIMED_OUT, text, now)

@@ -186,7 +186,9 @@ class Commands:
         if call.client not in executes:
             if self._alarms is not None:
                 self._alarms.forbidden(call.client, COMMANDS_STREAM_ID, now)
-            self._refuse(call, f"node {self._address} takes no orders of node {call.client}", now)
+            self._refuse(
+                call, f"node {self._address} accepts no commands from node {call.client}", now
+            )
             return
         try:
             serial, command = RemoteCommand.from_wire(request.value)

@@ -124,7 +124,7 @@ def _links(documents: "Documents") -> Iterator[Metric]:
     several = [each for key, each in documents.items() if key.startswith("link/")]
     links = several or [documents["link"] | {"ledger": documents["ledger"]}]
     up = _gauges("link_up", "1 while frames can be given to the modem.", "link")
-    supply = _gauges("modem_supply_volts", "What the modem says of its supply.", "link")
+    supply = _gauges("modem_supply_volts", "Supply voltage reported by the modem.", "link")
     counters = {
         "frames_transmitted": _counter("frames_transmitted", "Frames given to the modem.", "link"),
         "frames_received": _counter(
@@ -211,7 +211,7 @@ def _peers(documents: "Documents") -> Iterator[Metric]:
         "peer_packet_error_ratio", "Of the last 64 of those, how many were lost.", "peer"
     )
     same = _gauges("peer_same_table", "1 if its stream table is ours.", "peer")
-    lost = _gauges("peer_lost", "1 if it was not heard for as long as the file says.", "peer")
+    lost = _gauges("peer_lost", "1 if it was not heard for the configured time.", "peer")
     ranges = _gauges("peer_range_meters", "Slant distance.", "peer")
     delays = _gauges("peer_propagation_seconds", "Propagation delay, one way.", "peer")
     snr = _gauges("peer_snr_decibels", "Signal-to-noise ratio.", "peer")

@@ -201,7 +201,7 @@ class Topics:
         dialect = self.dialects[stream.stream_id]
         instance = stream.keys.match(dialect.stream_key(parcel.key), engine.address)
         if instance is None:
-            text = f"the key {parcel.key} is none of this stream's"
+            text = f"the key {parcel.key} is not one of this stream"
             self._input_errors.add(stream.name, "unknown_key", text)
             return
         try:

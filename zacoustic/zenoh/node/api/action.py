@@ -417,7 +417,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
             handle.finish(GoalStatus.ABORTED, None)
             return
         if handle.status is None:
-            _logger.warning("%s: nobody said how the goal ended: it is aborted", self.name)
+            _logger.warning("%s: the callback set no status: the goal is aborted", self.name)
         handle.finish(handle.status or GoalStatus.ABORTED, result)
 
     async def _decide_cancel(self, taken: TakenGoal) -> None:

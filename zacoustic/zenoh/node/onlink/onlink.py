@@ -189,7 +189,7 @@ class LinkCarrier:
         stream = self._table.get(event.stream_id)
         _logger.warning(
             "node %d and node %d define stream %d (%s) in different ways: "
-            "nothing of it passes between them",
+            "it is stopped between them",
             self._runner.engine.address, event.address, event.stream_id,
             stream.name if stream else "only there",
         )  # fmt: skip

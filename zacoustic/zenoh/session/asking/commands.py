@@ -67,7 +67,7 @@ class SilenceState(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     silent: bool
     """Whether it transmits nothing now."""
     commanded: bool
-    """Whether a command began the silence; otherwise a quiet window did."""
+    """Whether a command began the silence; if not, and it is silent, a quiet window did."""
     until_utc: str | None
     """End of the silence, if known."""
     left_s: float | None = None

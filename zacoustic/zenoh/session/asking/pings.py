@@ -28,7 +28,7 @@ class PeerStatus(msgspec.Struct, frozen=True, kw_only=True):
     journal: str
     """`kept`; `none`; `doubted`: damaged, or an old copy; `failing`: it cannot be written now."""
     starts: int
-    """Starts of the node that its journal has recorded, including this one; 0: no journal."""
+    """Starts of the node that its journal has recorded, including this one; 0: none."""
     clock_ahead_s: float | None = None
     """How far its clock is ahead of the gateway's, s; None: one of the two is unknown."""
     clock_doubt_s: float | None = None

@@ -152,7 +152,7 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
         if built and built[0].capabilities is not None:
             profile = _like(profile, built[0])
         elif built and not links[0].error:
-            unsaid = f"{links[0].locator} tells its bit rate when it is open"
+            unsaid = f"{links[0].locator} reports its bit rate when it is open"
     rows = tuple(
         row for stream in config.table for row in _rows(stream, profile, config.typical_bits)
     )
@@ -304,15 +304,15 @@ def _notes(
     for link in links:
         if link.mtu_bytes not in (None, profile.mtu_bytes):
             yield (
-                f"{link.locator} takes frames of up to {link.mtu_bytes} bytes; what is said of "
-                f"sizes and airtimes here is for up to {profile.mtu_bytes}"
+                f"{link.locator} takes frames of up to {link.mtu_bytes} bytes; sizes "
+                f"and airtimes here are for up to {profile.mtu_bytes}"
             )
     if config.zenoh_config is None:
         yield "no Zenoh here (pip install eclipse-zenoh): its own keys are not checked"
     if not links:
         yield "no link: give one in the file (links: [ { locator } ]) or by --link"
     if not rows:
-        yield "no streams: nothing crosses the water"
+        yield "no streams: nothing crosses the channel"
     if config.journal is not None and not _is_writable(config.journal):
         yield f"journal: this user cannot write {config.journal}: the node would not start"
     yield from _access_notes(config, profile)

@@ -108,7 +108,7 @@ def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> 
         ]
     if not fleet.offers:
         raise ConfigError(
-            f"{path}: nothing says how often anything is said",
+            f"{path}: no traffic rates",
             hint="give topics min_interval_s or deadline_s, or --recording, or a scenario with "
             "traffic",
         )

@@ -210,7 +210,7 @@ class _Rounds:
             cures = "; ".join(change.what for change in report.changes)
             self.findings.append(
                 Finding(
-                    what=f"more is to be said than fits: {'; '.join(report.misfits)}",
+                    what=f"more data than fits: {'; '.join(report.misfits)}",
                     why=f"all of it would take {report.demand:.0%} of the time: samples are pushed "
                     "out or come too late, and commands wait behind them",
                     cure=cures or "zacoustic plan shows what takes how much",

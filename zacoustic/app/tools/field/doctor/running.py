@@ -20,7 +20,7 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
         yield Finding(
             what=f"the link of the running gateway is {link['state']}: {link.get('detail', '')}",
             why="nothing crosses while it is",
-            cure="what the link waits for is said there; the gateway goes on by itself then",
+            cure="the text names the cause; the gateway continues by itself when it is gone",
         )
     sent, heard = link.get("frames_transmitted"), link.get("frames_received")
     if heard == 0 and isinstance(sent, int) and sent >= UNHEARD_FRAMES:
@@ -44,7 +44,7 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
     if doubt:
         yield Finding(
             what=f"the journal of the running gateway is in doubt: {doubt}",
-            why="it may have forgotten what it accepted and executed in former lives",
+            why="it may have forgotten what it accepted and executed before its restart",
             cure="look at the disk; put copies back only if zacoustic journal backup made them",
         )
     failure = _part(health, "journal").get("failure")
@@ -60,7 +60,7 @@ def _clash(config: Config, health: Mapping[str, Any]) -> Iterator[Finding]:
     own = _part(_part(health, "dropped"), "channel").get("own", 0)
     if isinstance(own, int) and own >= _LEAST_OWN:
         yield Finding(
-            what=f"address clash: {own} frames came that say they are of node {config.address}, "
+            what=f"address clash: {own} frames came with the address of node {config.address}, "
             "which is this one",
             why="each of the two ignores the other, and the rest of the fleet takes them for one: "
             "samples mix, acknowledgements go to the wrong one",
@@ -75,7 +75,7 @@ def _tables(config: Config, running: Running) -> Iterator[Finding]:
         yield Finding(
             what=f"table mismatch: the gateway that runs has table {', '.join(others)}, this file "
             f"is table {digest}",
-            why="what the file says does not hold yet, and the other end may have it already",
+            why="this file does not apply yet, and the other end may use it already",
             cure="restart the gateway with this file, or examine the file that it runs with",
         )
     peers = _part(running.health, "peers")
