@@ -271,7 +271,7 @@ def _instances(stream: Stream) -> Iterator[Instance]:
 
 
 def _usual_bytes(stream: Stream, typical: Mapping[int, float], room_bytes: int) -> tuple[int, bool]:
-    """Return the size of a payload, and whether that exceeds the room of a frame."""
+    """Return the size of a payload, and whether it is known, not just the largest possible."""
     bits = sample_bits(stream, stream.codec, typical)
     if bits is not None and bits.typical is not None:
         return -(-int(bits.typical) // _BITS), True

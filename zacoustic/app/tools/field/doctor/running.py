@@ -9,7 +9,7 @@ from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 from zacoustic.link.contract import Finding
 
 _LEAST_OWN: Final = 2
-"""Frames from the own address above which damage is no explanation."""
+"""Least number of frames from the own address that damage does not explain."""
 
 
 def judge(config: Config, running: Running) -> Iterator[Finding]:
