@@ -40,9 +40,9 @@ from zacoustic_desert.pacing import Pacer
 LAST_DELAY_S: Final = 2.0
 """Longest pause between two attempts to connect, s: DESERT needs five to start."""
 LEAST_CUT_PIECES: Final = 4
-"""More packets shorter than a frame than this are no accident …"""
+"""Least number of packets shorter than a frame that are no accident …"""
 LEAST_CUT_SHARE: Final = 0.1
-"""… if they are also this share of all."""
+"""… and their least share of all packets."""
 ANSWER_FRAMES: Final = 2
 """Frame times within which a sample is usually answered, besides the latency both ways: its
 receiver waits for another sample, and then transmits its answer."""
@@ -182,7 +182,7 @@ class DesertLink(Link):
         return readings
 
     async def examine(self, patience_s: float) -> list[Finding]:
-        """Check whether DESERT listens, and for whom; write nothing. DESERT reports no more."""
+        """Check whether DESERT listens, and whom it serves; write nothing. It reports no more."""
         others = holders(self._stream.address)
         if others:
             return [

@@ -1,1 +1,1 @@
-"""The program `zacoustic`: its verbs, and what they do."""
+"""The program `zacoustic`: its verbs, and the tools behind them."""

@@ -214,7 +214,7 @@ class Lives:
                 with this generation of the key.
 
         Returns:
-            The last life that counts as used.
+            A life before the one of the next start.
 
         Raises:
             LifeError: A record exists and is not behind `after`; or it cannot be written.

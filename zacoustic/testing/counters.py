@@ -158,7 +158,7 @@ class Counters(Checker):
         self.crashes[node] = self.crashes.get(node, 0) + 1
 
     def result(self, network: VirtualNetwork, until_s: float) -> SimulationResult:
-        """Sum up.
+        """Return the results.
 
         Args:
             network: The network of the run.
@@ -214,7 +214,7 @@ class _Counts:
         self.newest: dict[tuple[int, int, Instance], int] = {}
 
     def result(self, ledger: "_Ledger") -> StreamResult:
-        """Sum up."""
+        """Return the results."""
         stream_id, took = self.stream.stream_id, sorted(self.took_ns)
         return StreamResult(
             stream_id=stream_id,

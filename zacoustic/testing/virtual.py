@@ -271,7 +271,7 @@ class VirtualNetwork:
             if node.engine is not None:
                 self._connect(medium, node, node.engine)
 
-    # What goes wrong by hand
+    # Faults caused by calls
 
     def crash(self, address: int, *, reboots: bool = False) -> None:
         """Crash a node: its engine goes, committed journal writes stay. No effect if it is down.

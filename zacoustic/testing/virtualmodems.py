@@ -154,14 +154,14 @@ class VirtualModems(Modems[Device, Transmission]):
         now = node.clock.local(self.agenda.now)
         engine.handle_link_state(LinkState.DOWN, now, None, *self._by)
 
-    # What a driver says
+    # Called by the base class
 
     def asks(self, frame: Transmission) -> bool:
         """Tell whether a frame asks for an acknowledgement that the modems can give."""
         return self.modem.answers(frame)
 
     def carrier(self, station: Device, is_heard: bool) -> None:
-        """Tell an engine."""
+        """Report the carrier to an engine."""
         node = station.node
         if node.engine is not None:
             station.is_unserved = True

@@ -3,18 +3,18 @@
 `main` finds the verb, parses its arguments, runs it, and turns every expected error into one line
 on standard error and an exit code (`zacoustic.link.command`)::
 
-    0  it did what it was asked        2  arguments or a file are wrong; nothing was tried
-    1  it tried and failed             3  no answer in the time that the user gave
+    0  the verb succeeded             2  arguments or a file are wrong; nothing was tried
+    1  it tried and failed            3  no answer within the time that the user gave
     130  interrupted
 
-Our own verbs are modules of the rooms of this package that define `<Verb>Command`; those of link
-packages come from the entry-point group `zacoustic.commands`, where `emulate.desert` is the
+Our own verbs are modules in the subpackages of this package that define `<Verb>Command`. Those of
+link packages come from the entry-point group `zacoustic.commands`, where `emulate.desert` is the
 sub-verb `desert` of `emulate`, a verb that several packages may share. A verb is imported when it
-is called or listed, and imports what is heavy when it runs, so that `zacoustic --help` starts no
-Zenoh.
+is called or listed, and imports heavy modules only when it runs, so that `zacoustic --help` does
+not load Zenoh.
 
-What a verb does is in `zacoustic.app.tools`, `zacoustic.zenoh.gateway` or `zacoustic.zenoh.node`;
-the files here read arguments and print results.
+The work of a verb is done in `zacoustic.app.tools`, `zacoustic.zenoh.gateway` or
+`zacoustic.zenoh.node`; the files here read arguments and print results.
 """
 
 import argparse
@@ -51,7 +51,7 @@ _ROOMS: Final = {
     "host": ("doctor", "predive", "links", "completion"),
     "security": ("key", "acl", "audit"),
 }
-"""The verbs of each room."""
+"""The verbs of each subpackage."""
 _ROOM_OF: Final = {verb: room for room, verbs in _ROOMS.items() for verb in verbs}
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "predive", "links", "pub", "sub", "call",
@@ -61,7 +61,7 @@ BUILT_IN: Final = (
 )  # fmt: skip
 """Our verbs, in the order of the help."""
 _SUB_VERBS: Final = {"sim": ("campaign",)}
-"""Sub-verbs of our verbs, where the verb alone takes a file."""
+"""Sub-verbs of our verbs that also take a file in place of a sub-verb."""
 
 _PACKAGES: Final = {
     "cryptography": "'zacoustic[secure]'", "dask": "'zacoustic[campaign]'",
@@ -72,7 +72,7 @@ _PACKAGES: Final = {
     "rich": "'zacoustic[terminal]'", "rosbags": "'zacoustic[ros]'", "serial": "pyserial",
     "shtab": "'zacoustic[completion]'", "xxhash": "'zacoustic[ros]'", "zenoh": "eclipse-zenoh",
 }  # fmt: skip
-"""What to install for a module that may be absent, where that has another name."""
+"""Package to install for a module that may be absent, if its name differs."""
 
 _EXAMPLE: Final = """example:
   zacoustic demo                     two local networks joined through a simulated channel
@@ -85,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Args:
-        argv: The arguments without the program's name; None: the process's.
+        argv: The arguments without the program's name; None: those of the process.
 
     Returns:
         The exit code.
@@ -104,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(program: str, arguments: Sequence[str]) -> int:
-    """Run a verb; its errors are one line on standard error, and an exit code."""
+    """Run a verb; turn its errors into one line on standard error and an exit code."""
     try:
         verb, parsed = parse(arguments)
         _start_logging(verbose=parsed.verbose)
@@ -112,7 +112,7 @@ def _run(program: str, arguments: Sequence[str]) -> int:
             return verb.run(parsed)
         with AT_WORK.begin(program):
             return verb.run(parsed)
-    except SystemExit as end:  # argparse, after it has printed help, version or complaint
+    except SystemExit as end:  # argparse, after it has printed help, version or an error
         return end.code if isinstance(end.code, int) else EXIT_USAGE
     except ModuleNotFoundError as error:
         if (error.name or "zacoustic").startswith("zacoustic"):
@@ -126,7 +126,7 @@ def _run(program: str, arguments: Sequence[str]) -> int:
         return _complain(program, error)
     except BrokenPipeError:
         return EXIT_FAILED
-    except OSError as error:  # such as a full disk
+    except OSError as error:  # for example a full disk
         place = f"{error.filename}: " if error.filename else ""
         return _complain(program, f"{place}{error.strerror or error}")
 
@@ -138,19 +138,19 @@ def absent_module(name: str) -> str:
 
 
 def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
-    """Find the verb that is called, and read its arguments.
+    """Find the called verb and parse its arguments.
 
     Args:
-        arguments: Those of the process, without the name of the program.
+        arguments: Arguments of the process, without the name of the program.
 
     Raises:
-        SystemExit: Argparse has printed help, the version, or a complaint.
+        SystemExit: Argparse has printed help, the version, or an error.
         ConfigError: There is no such verb, or it has no such argument.
-        ZacousticError: It is there and cannot be imported.
+        ZacousticError: The verb exists but cannot be imported.
     """
     path = _path(arguments)
     verbs = _verbs(path)
-    # Argparse would complain about what is left over in the name of the whole program.
+    # Argparse would report surplus arguments in the name of the whole program.
     parsed, strangers = _parser(verbs).parse_known_args(arguments)
     if strangers:
         program = " ".join(["zacoustic", *path])
@@ -161,7 +161,7 @@ def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
 
 
 def complete_parser() -> argparse.ArgumentParser:
-    """Return a parser with all verbs and all sub-verbs; those that cannot be imported stay out."""
+    """Return a parser with all verbs and sub-verbs, except those that cannot be imported."""
     from zacoustic.link import registry
 
     verbs: dict[str, Command] = {name: _with_sub_verbs(name) for name in BUILT_IN}
@@ -178,10 +178,10 @@ def complete_parser() -> argparse.ArgumentParser:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that complains in one line."""
+    """A parser that prints errors in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Print the complaint and exit."""
+        """Print the error and exit."""
         self.exit(EXIT_USAGE, f"{one_line(f'{self.prog}: {message} (see {self.prog} --help)')}\n")
 
 
@@ -196,7 +196,7 @@ class _Version(argparse.Action):
 
 
 def _path(arguments: Sequence[str]) -> Sequence[str]:
-    """The words that name the call: a verb, a verb and its sub-verb, or none for the list."""
+    """Return the words that name the call: a verb, a verb and its sub-verb, or none."""
     words = [word for word in arguments if not word.startswith("-")]
     if not words or words[0] in BUILT_IN:
         return words[: 2 if words[1:] and words[1] in _SUB_VERBS.get(words[0], ()) else 1]
@@ -206,11 +206,11 @@ def _path(arguments: Sequence[str]) -> Sequence[str]:
 
 
 def _verbs(path: Sequence[str]) -> Mapping[str, Command]:
-    """The verb that is called, or all of them for the list; of the others none is imported.
+    """Return the called verb, or all of them for the list; import no other.
 
     Raises:
         ConfigError: There is no such verb.
-        ZacousticError: It is there and cannot be imported.
+        ZacousticError: The verb exists but cannot be imported.
     """
     if path and path[0] in BUILT_IN:
         verb, *sub_verb = path
@@ -236,13 +236,13 @@ def _verbs(path: Sequence[str]) -> Mapping[str, Command]:
 
 
 def _sub_verbs(verb: str, installed: Iterable[str]) -> dict[str, str]:
-    """Names of the sub-verbs of a verb, with the names they are installed under."""
+    """Return the names of a verb's sub-verbs, with the names of their entry points."""
     head = f"{verb}."
     return {name.removeprefix(head): name for name in installed if name.startswith(head)}
 
 
 def _listed(verb: str, installed: Mapping[str, Command]) -> Command:
-    """An installed verb for the list; sub-verbs are not imported for that."""
+    """Return an installed verb for the list, without importing sub-verbs."""
     sub_verbs = _sub_verbs(verb, installed)
     return CommandGroup(verb, {}, tuple(sub_verbs)) if sub_verbs else installed[verb]
 
@@ -274,9 +274,9 @@ def _with_sub_verbs(name: str) -> Command:
 
 
 class _AloneOrGroup(CommandGroup):
-    """A verb that takes a file, or a sub-verb in its place: for completion, which shows both.
+    """A verb that takes a file or a sub-verb; for completion, which shows both.
 
-    Argparse cannot tell the two apart; whoever calls a verb gets a parser of the one or the other.
+    Argparse cannot distinguish the two; a call gets a parser of one or the other.
     """
 
     def __init__(self, alone: Command, members: Mapping[str, Command]) -> None:
@@ -311,13 +311,13 @@ def _parser(verbs: Mapping[str, Command]) -> Parser:
 
 
 def _order(item: tuple[str, Command]) -> tuple[int, str]:
-    """Our verbs in their order, then those of link packages by name."""
+    """Sort key: our verbs in their order, then those of link packages by name."""
     name = item[0]
     return (BUILT_IN.index(name) if name in BUILT_IN else len(BUILT_IN), name)
 
 
 def _start_logging(*, verbose: bool) -> None:
-    # Standard error always: with --json, standard output carries JSON only.
+    # Always standard error: with --json, standard output carries only JSON.
     logging.raiseExceptions = False  # a full disk under standard error is no reason to fail
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_Formatter("zacoustic: %(message)s"))
@@ -325,7 +325,7 @@ def _start_logging(*, verbose: bool) -> None:
 
 
 class _Formatter(logging.Formatter):
-    """One line for any message; a traceback stands below in its own lines."""
+    """Formats any message as one line; a traceback follows in its own lines."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 (of the base)
         return one_line(without_secrets(super().formatMessage(record)))
@@ -335,7 +335,7 @@ class _Formatter(logging.Formatter):
 
 
 def _complain(program: str, error: object, code: int = EXIT_FAILED) -> int:
-    """Print any message as one line."""
+    """Print an error as one line."""
     with contextlib.suppress(OSError):
         print_note(f"{program}: {' '.join(str(error).split())}")
     return code

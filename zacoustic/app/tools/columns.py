@@ -8,12 +8,12 @@ from zacoustic.text.safetext import one_line
 def align(
     header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Sequence[str] = ()
 ) -> str:
-    """Set a table in columns that are as wide as they must be.
+    """Format a table in columns of the least width.
 
     Args:
         header: Name of each column.
-        rows: As many cells each as the header; each is made safe to show in one line.
-        right: Names of the columns that are set flush right, as numbers are.
+        rows: As many cells each as the header; made safe to show in one line.
+        right: Names of the right-aligned columns, such as numbers.
 
     Returns:
         Lines without trailing blanks, joined by line ends; the header is the first.

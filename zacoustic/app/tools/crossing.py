@@ -1,4 +1,4 @@
-"""What can cross at all: the largest record of a frame, and what crosses in parts."""
+"""What can cross at all: the largest record of a frame, and samples that cross in parts."""
 
 from typing import Final
 
@@ -8,14 +8,14 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.wire.agreement import TAG_BYTES
 
 IN_PARTS: Final = 'reliability: "reliable" in its stream: then it crosses in parts'
-"""What makes a sample cross that fits no frame."""
+"""Setting that makes a sample cross that is larger than a frame."""
 
 
 def room_bytes(mtu_bytes: int) -> int:
-    """Return the largest record that an engine takes, bytes: a TAG may share its frame."""
+    """Return the largest record that an engine accepts, bytes: a TAG may share its frame."""
     return mtu_bytes - TAG_BYTES
 
 
 def crosses_in_parts(stream: Stream) -> bool:
-    """Tell whether what fits no frame crosses as an object."""
+    """Tell whether a sample larger than a frame crosses as an object."""
     return isinstance(stream.spec, TopicSpec) and stream.qos.reliability is Reliability.RELIABLE

@@ -1,4 +1,4 @@
-"""The configuration of a fleet, for programs that are no node and open no modem."""
+"""The configuration of a fleet, for programs that are not a node and open no modem."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,14 +12,14 @@ _ANYBODY = 1
 
 
 def read_fleet(path: str | Path, *, with_model: bool = True) -> Config:
-    """Read what a fleet has agreed on; a file without `address` is read for its first node.
+    """Read the common part of a fleet's configuration; without `address`, for its first node.
 
     Args:
-        path: Of the configuration.
-        with_model: Without, the key `model` is passed over: the file it names may be yet to come.
+        path: File of the configuration.
+        with_model: Otherwise the key `model` is ignored: its file may not exist yet.
 
     Raises:
-        ConfigError: As `zacoustic.config.read_config`.
+        ConfigError: As for `zacoustic.config.read_config`.
     """
     zenoh_config, section = read_zenoh_config(path)
     if isinstance(section, Mapping):

@@ -1,4 +1,4 @@
-"""Who is in a scenario: the config and the stream table of each of its nodes."""
+"""The nodes of a scenario: config and stream table of each."""
 
 from pathlib import Path
 from typing import Final
@@ -13,7 +13,7 @@ _FIRST_OPAQUE_ID: Final = 1
 
 
 def configs_of(scenario: Scenario, path: Path) -> dict[int, Config]:
-    """Return the config of each node; none where the scenario names no file.
+    """Return the config of each node; empty if the scenario names no file.
 
     Raises:
         ConfigError: The file is wrong.

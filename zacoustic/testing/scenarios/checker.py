@@ -64,7 +64,7 @@ class Run(Protocol):
 
     @property
     def drawn(self) -> RandomScenario:
-        """Which."""
+        """The random scenario."""
 
     @property
     def network(self) -> VirtualNetwork:

@@ -37,7 +37,7 @@ class RunResult(msgspec.Struct, frozen=True):
     """The result of a random scenario."""
 
     violations: tuple[str, ...]
-    """What must not have happened."""
+    """Violated invariants, one line each."""
     digest: str
     """SHA-256 of the trace, if requested."""
 
@@ -69,8 +69,8 @@ class ScenarioRun:
         drawn: The scenario.
         checkers: The checkers.
         trace: Takes each trace record.
-        digest: Make the digest of the trace.
-        build: Makes the engines.
+        digest: Compute the digest of the trace.
+        build: Creates the engines.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class ScenarioRun:
         """Time within which a frame may come again, ns."""
         return max(settling_ns(self.network.capabilities(each)) for each in self.casts)
 
-    # What the nodes do
+    # Actions of the nodes
 
     def _go_on(self, address: int, stream_id: int, now_s: float) -> None:
         """Act on a stream at a random instant or on the beat, repeatedly."""

@@ -1,1 +1,1 @@
-"""Verbs for planning a network, before any modem is wet."""
+"""Verbs for planning a network before its deployment."""

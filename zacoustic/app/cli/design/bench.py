@@ -1,4 +1,4 @@
-"""The verb `zacoustic bench`: measures, of which there is one kind so far, `telemetry`."""
+"""The verb `zacoustic bench`: measurements; so far only `telemetry`."""
 
 import argparse
 
@@ -10,7 +10,7 @@ _DEFAULT_SEED = 1
 
 
 class BenchCommand(CommandGroup):
-    """Measures."""
+    """Measurements."""
 
     prints_late = True
 
@@ -20,7 +20,7 @@ class BenchCommand(CommandGroup):
 
 
 class TelemetryBench(Command):
-    """Measures what recorded telemetry costs in every codec."""
+    """Measures the cost of recorded telemetry in every codec."""
 
     name = "telemetry"
     summary = "the bytes of recorded telemetry in every codec, with all decodes verified"
@@ -45,7 +45,7 @@ class TelemetryBench(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Measure and print; fails when a decode differs.
+        """Measure and print; fails if a decoded value differs.
 
         Raises:
             ConfigError: A file or an argument is wrong.

@@ -1,4 +1,4 @@
-"""The verb `zacoustic sim campaign`: a scenario with parameters swept, on all cores there are."""
+"""The verb `zacoustic sim campaign`: a scenario with varied parameters, on all cores."""
 
 import argparse
 import sys
@@ -17,7 +17,7 @@ _PATIENCE_S: Final = 30.0
 
 
 class CampaignCommand(Command):
-    """Runs every cell of a campaign with every seed; a second start does what is missing."""
+    """Runs every cell of a campaign with every seed; a second start runs the missing ones."""
 
     name = "campaign"
     summary = "sweep parameters of a scenario over all cores, or over a dask scheduler"
@@ -84,7 +84,7 @@ class CampaignCommand(Command):
 
 
 class _Progress:
-    """How many runs are done: a bar on a terminal, a line for each tenth elsewhere."""
+    """Shows how many runs are done: a bar on a terminal, a line for each tenth elsewhere."""
 
     def __init__(self) -> None:
         self._bar: Any = None
@@ -104,7 +104,7 @@ class _Progress:
             self._bar.stop()
 
     def show(self, done: int, runs: int) -> None:
-        """Show it."""
+        """Show the progress."""
         if self._bar is None and sys.stderr.isatty():
             self._bar = _bar()
             if self._bar is not None:
@@ -119,7 +119,7 @@ class _Progress:
             print_note(f"{done} of {runs} runs done")
 
 
-def _bar() -> Any:  # noqa: ANN401 (of rich, which may be absent)
+def _bar() -> Any:  # noqa: ANN401 (an object of rich, which may be absent)
     """Return a bar of rich; None without it."""
     try:
         from rich.console import Console

@@ -26,7 +26,7 @@ class CheckCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print the report; fails when a link cannot be used here, or something never crosses.
+        """Print the report; fails if a link is unusable here, or a stream never crosses.
 
         Raises:
             ConfigError: The file or an argument is wrong.

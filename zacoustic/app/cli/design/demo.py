@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class DemoCommand(Command):
-    """Shows two networks that are joined by sound."""
+    """Shows two networks joined by a simulated acoustic channel."""
 
     name = "demo"
     summary = "show it: two Zenoh networks joined through a simulated channel, in half a minute"

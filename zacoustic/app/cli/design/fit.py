@@ -1,4 +1,4 @@
-"""The verb `zacoustic fit`: a model of dense topics out of recordings."""
+"""The verb `zacoustic fit`: a model of dense topics from recordings."""
 
 import argparse
 from pathlib import Path
@@ -39,7 +39,7 @@ class FitCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Fit, print, write; fails when the model does not help.
+        """Fit, print, write; fails if the model does not help.
 
         Raises:
             ConfigError: A file or an argument is wrong.

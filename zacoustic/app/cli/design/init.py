@@ -1,4 +1,4 @@
-"""The verb `zacoustic init`: a first configuration from what a live Zenoh network carries."""
+"""The verb `zacoustic init`: a first configuration from the traffic of a live Zenoh network."""
 
 import argparse
 from pathlib import Path
@@ -13,7 +13,7 @@ _LONGEST_S: Final = 86_400.0
 
 
 class InitCommand(Command):
-    """Listens to a network and writes a configuration to start from."""
+    """Listens to a network and writes an initial configuration."""
 
     name = "init"
     summary = "write a first configuration from the topics and types of a live Zenoh network"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class PlanCommand(Command):
-    """Reckons with a model of the traffic, in seconds."""
+    """Computes with a model of the traffic, in seconds."""
 
     name = "plan"
     summary = "airtime, latency and energy of the traffic; what would make it fit"
@@ -81,7 +81,7 @@ class PlanCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print the plan; fails when something does not fit.
+        """Print the plan; fails if something does not fit.
 
         Raises:
             ConfigError: A file or an argument is wrong.

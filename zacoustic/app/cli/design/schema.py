@@ -1,4 +1,4 @@
-"""The verb `zacoustic schema`: which keys does the configuration have, and what do they mean?"""
+"""The verb `zacoustic schema`: the keys of the configuration and their meanings."""
 
 import argparse
 
@@ -7,7 +7,7 @@ from zacoustic.link.command import EXIT_OK, Command
 
 
 class SchemaCommand(Command):
-    """Prints what a configuration can say."""
+    """Prints the keys of the configuration."""
 
     name = "schema"
     summary = "every key of the configuration, what it takes and what it means"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class SimCommand(Command):
-    """Runs a scenario; one seed gives one trace."""
+    """Runs a scenario; the same seed gives the same trace."""
 
     name = "sim"
     summary = "run a scenario with its traffic in virtual time: hours in seconds"
@@ -88,7 +88,7 @@ def _tell(arguments: argparse.Namespace) -> int:
     """Run a random scenario.
 
     Raises:
-        ConfigError: An argument that a random scenario does not have.
+        ConfigError: A random scenario lacks this argument.
     """
     from zacoustic.app.tools.design.sim.randomscenario import run_random_scenario
     from zacoustic.app.tools.design.sim.recorder import recorded_to
@@ -104,7 +104,7 @@ def _tell(arguments: argparse.Namespace) -> int:
 
 
 def _writer(file: IO[bytes] | None) -> "Callable[[TraceRecord], None] | None":
-    """Return what writes trace records to a file; None without one."""
+    """Return a function that writes trace records to a file; None without a file."""
     if file is None:
         return None
     import msgspec

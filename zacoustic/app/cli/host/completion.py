@@ -1,4 +1,4 @@
-"""The verb `zacoustic completion`: a script with which a shell completes the command line."""
+"""The verb `zacoustic completion`: a script for completion in a shell."""
 
 import argparse
 from typing import Final
@@ -7,9 +7,9 @@ from zacoustic.app.cli.support.printing import print_text
 from zacoustic.link.command import EXIT_OK, Command
 
 SHELLS: Final = ("bash", "zsh", "fish")
-"""Shells for which there is a script."""
+"""Shells with a script."""
 
-# What stands for a file or a folder in our parsers: the shell completes names there.
+# Placeholders of files and folders in our parsers: the shell completes names there.
 _FILES: Final = ("FILE", "RECORDING", "SCENARIO", "CONFIG", "MODEL", "PAGE", "HEX|FILE")
 _FOLDERS: Final = ("FOLDER",)
 
@@ -47,7 +47,7 @@ class CompletionCommand(Command):
 
 
 def _name_files(parser: argparse.ArgumentParser) -> None:
-    """Tell which arguments are files, in a parser and those below it."""
+    """Mark the arguments that are files, in a parser and those below it."""
     import shtab
 
     for action in parser._actions:

@@ -41,7 +41,7 @@ class DoctorCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print the faults; fails when there are any.
+        """Print the faults; fails if there are any.
 
         Raises:
             ConfigError: The file or an argument is wrong.

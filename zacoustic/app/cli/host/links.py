@@ -1,4 +1,4 @@
-"""The verb `zacoustic links`: which links are installed, and whether they can be used."""
+"""The verb `zacoustic links`: the installed links, and whether they are usable."""
 
 import argparse
 
@@ -19,7 +19,7 @@ class LinksCommand(Command):
         parser.epilog = "example:\n  zacoustic links"
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print them; fails when there is none."""
+        """Print them; fails if there is none."""
         from zacoustic.app.tools.field.links import describe_as_text
         from zacoustic.errors import LinkUnavailableError
         from zacoustic.link import registry

@@ -1,4 +1,4 @@
-"""The verb `zacoustic predive`: does everything work, through the real links, before the dive?"""
+"""The verb `zacoustic predive`: tests everything through the real links before a dive."""
 
 import argparse
 import asyncio
@@ -14,7 +14,7 @@ from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
 
 
 class PrediveCommand(Command):
-    """Tries the channel to the other nodes, and examines this one."""
+    """Tests the channel to the other nodes, and examines this one."""
 
     name = "predive"
     summary = "ask the other nodes through the real links, and compare both ends"
@@ -39,7 +39,7 @@ class PrediveCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print what was found; fails when something is wrong.
+        """Print the results; fails if something is wrong.
 
         Raises:
             ConfigError: The file or an argument is wrong.

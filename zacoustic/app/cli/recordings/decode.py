@@ -1,4 +1,4 @@
-"""The verb `zacoustic decode`: frames in words."""
+"""The verb `zacoustic decode`: explains frames in words."""
 
 import argparse
 import json
@@ -64,10 +64,10 @@ class DecodeCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print each frame; fails when something was not hexadecimal.
+        """Print each frame; fails if a text was not hexadecimal.
 
         Raises:
-            ConfigError: The configuration is wrong, or a file is none or has no frames in it.
+            ConfigError: The configuration is wrong, or a file is invalid or has no frames.
         """
         import msgspec
 
@@ -112,7 +112,7 @@ class DecodeCommand(Command):
 
 
 def _opener_of(config: "Config") -> "FrameOpener | None":
-    """Return what opens the frames of a fleet; None: they are not sealed.
+    """Return an object that opens the frames of a fleet; None: they are not sealed.
 
     Raises:
         ConfigError: Its key file cannot be used.
@@ -137,7 +137,7 @@ def _decode_recording(
     """Print the frames of a recording, or of a log.
 
     Raises:
-        ConfigError: It is none, or has no frames in it.
+        ConfigError: It is neither, or has no frames.
     """
     from zacoustic.app.tools.inspect.recordings.replaying.frames import (
         decode_log,
@@ -173,17 +173,17 @@ def _print_frame(head: str, items: "Iterable[DecodedItem]") -> None:
 
 
 class _Written(NamedTuple):
-    """A frame as it is written."""
+    """A frame with its text."""
 
     text: str
     source: int = 0
-    """Who has sent it; 0: not known."""
+    """The sender; 0: unknown."""
     destination: int | None = None
-    """Whom it is for; None: not known."""
+    """The destination; None: unknown."""
 
 
 class _Destinations:
-    """Destinations of the last frames: the report of a reception does not have it."""
+    """Destinations of the last frames: the report of a reception lacks it."""
 
     def __init__(self) -> None:
         self._known: dict[bytes, int] = {}
@@ -199,7 +199,7 @@ class _Destinations:
 
 
 def _frames_in(lines: Iterable[str]) -> Iterator[_Written]:
-    """The frames of a text or of a trace; lines without any are passed over."""
+    """Yield the frames of a text or of a trace; skip other lines."""
     for line in lines:
         text = line.strip()
         if text.startswith("{"):
@@ -216,7 +216,7 @@ def _frames_in(lines: Iterable[str]) -> Iterator[_Written]:
 
 
 def _of_trace(text: str, record: dict[str, object]) -> _Written:
-    """A frame of a trace: of the node itself, or of its peer."""
+    """Return a frame of a trace: of the node itself, or of its peer."""
     node, peer = (
         number if isinstance(number := record.get(key), int) else 0 for key in ("node", "peer")
     )
@@ -226,12 +226,12 @@ def _of_trace(text: str, record: dict[str, object]) -> _Written:
 
 
 def _is_file(text: str) -> bool:
-    """Tell whether an argument is meant as a file, there or not: nothing else has such signs."""
+    """Tell whether an argument is meant as a file, existing or not: only names have such signs."""
     return _from_hex(text) is None and (bool({".", "/"} & {*text}) or Path(text).exists())
 
 
 def _from_hex(text: str) -> bytes | None:
-    """The bytes of a text such as `b002…`, `0xb0 0x01` or `b0:01`, or None."""
+    """Return the bytes of a text such as `b002…`, `0xb0 0x01` or `b0:01`, or None."""
     digits = text.replace("0x", "").replace(":", "").replace(",", "")
     try:
         return bytes.fromhex(digits)

@@ -1,4 +1,4 @@
-"""The verb `zacoustic journal`: copies a journal, or verifies one."""
+"""The verb `zacoustic journal`: copies or checks a journal."""
 
 import argparse
 from pathlib import Path
@@ -24,7 +24,7 @@ place of the first, start the node. Its health messages report what was found.
 
 
 class JournalCommand(Command):
-    """Copies a journal, or checks one."""
+    """Copies or checks a journal."""
 
     name = "journal"
     summary = "copy a journal while its node runs, or check one"
@@ -43,10 +43,10 @@ class JournalCommand(Command):
         add_json(parser, OBJECT_PER_LINE)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Do it, and print the file's contents; exit code 1 when it is in doubt.
+        """Run the operation and print the contents; exit code 1 if the journal is in doubt.
 
         Raises:
-            ConfigError: An argument is wrong, or there is no such file.
+            ConfigError: An argument is wrong, or the file does not exist.
             BackupError: No copy could be made.
         """
         from zacoustic.run.journal.backup import backup, check

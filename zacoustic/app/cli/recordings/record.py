@@ -1,4 +1,4 @@
-"""The verb `zacoustic record`: a Zenoh network, and what its gateways do, into a file."""
+"""The verb `zacoustic record`: records a Zenoh network and its gateways into a file."""
 
 import argparse
 import asyncio
@@ -42,11 +42,11 @@ class RecordCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Record until Ctrl-C or the time is over.
+        """Record until Ctrl-C or the end of the time.
 
         Raises:
             ConfigError: The file or an argument is wrong.
-            SessionError: No router is reached.
+            SessionError: No router can be reached.
         """
         check_positive(arguments, "for")
         found = asyncio.run(_record(arguments))

@@ -1,4 +1,4 @@
-"""The verb `zacoustic replay`: a recording again, exactly, or in another way."""
+"""The verb `zacoustic replay`: runs a recording again, exactly or with changes."""
 
 import argparse
 import asyncio
@@ -24,7 +24,7 @@ class ReplayCommand(Command):
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare recording, what to do with it, and how."""
+        """Declare recording, operation, and its options."""
         parser.add_argument(
             "recordings", metavar="FILE", nargs="+",
             help="recording, MCAP; with --what-if those of both ends",
@@ -49,7 +49,7 @@ class ReplayCommand(Command):
 
         Raises:
             ConfigError: The file or an argument is wrong.
-            SessionError: No router is reached.
+            SessionError: No router can be reached.
         """
         if arguments.what_if:
             return _what_if(arguments)
@@ -66,7 +66,7 @@ class ReplayCommand(Command):
 
 
 def _add_modes(parser: argparse.ArgumentParser) -> None:
-    """Declare what is done with the recording."""
+    """Declare the operations."""
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--check",
@@ -86,7 +86,7 @@ def _add_modes(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_changes(parser: argparse.ArgumentParser) -> None:
-    """Declare what --what-if can change."""
+    """Declare the changes of --what-if."""
     changes = parser.add_argument_group("another way, with --what-if; also --config")
     changes.add_argument(
         "--add-loss", type=float, default=0.0, metavar="SHARE",
@@ -102,7 +102,7 @@ def _add_changes(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_zenoh(parser: argparse.ArgumentParser) -> None:
-    """Declare what is put onto a Zenoh network, where, and how fast."""
+    """Declare what is put on a Zenoh network, where, and how fast."""
     onto = parser.add_argument_group("onto a Zenoh network, the default")
     add_connect(onto)
     onto.add_argument(
@@ -155,7 +155,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _cipher_of(path: str | None) -> "CipherOf | None":
-    """Return who gives the keys of the nodes of a configuration; None: it names no key."""
+    """Return a source of the nodes' keys, from a configuration; None: it names no key."""
     from zacoustic.app.tools.fleetfile import read_fleet
     from zacoustic.seal.keyring import open_keyring
 

@@ -1,4 +1,4 @@
-"""The verb `zacoustic report`: what a recording amounts to, as text, JSON or a page."""
+"""The verb `zacoustic report`: figures of a recording, as text, JSON or a page."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,7 @@ from zacoustic.link.command import EXIT_OK, Command
 
 
 class ReportCommand(Command):
-    """Tells delivery, latency, airtime and link quality."""
+    """Reports delivery, latency, airtime and link quality."""
 
     name = "report"
     summary = "delivery, latency, airtime and link quality of a recording, also as a page"

@@ -1,4 +1,4 @@
-"""The verb `zacoustic resume`: ends a silence that a command began."""
+"""The verb `zacoustic resume`: ends the silence of a remote command."""
 
 import argparse
 from typing import Final
@@ -27,7 +27,7 @@ class ResumeCommand(Command):
         add_command_arguments(parser)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Command it, and print the new state; exit code 3 without an answer in time.
+        """Send the command and print the new state; exit code 3 without an answer in time.
 
         Raises:
             ConfigError: An argument is wrong.

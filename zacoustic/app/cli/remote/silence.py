@@ -1,4 +1,4 @@
-"""The verb `zacoustic silence`: commands transmit silence; and what all remote commands share."""
+"""The verb `zacoustic silence`: commands transmit silence; also the shared parts of such verbs."""
 
 import argparse
 import asyncio
@@ -63,7 +63,7 @@ class SilenceCommand(Command):
         add_command_arguments(parser)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Command it, and print the new state; exit code 3 without an answer in time.
+        """Send the command and print the new state; exit code 3 without an answer in time.
 
         Raises:
             ConfigError: The arguments contradict each other.
@@ -83,7 +83,7 @@ class SilenceCommand(Command):
 def add_command_arguments(
     parser: argparse.ArgumentParser, *, is_node_required: bool = False
 ) -> None:
-    """Declare the node that a command is for, and where to ask."""
+    """Declare the commanded node, and where Zenoh is joined."""
     default = "" if is_node_required else " (default: those of all gateways here)"
     parser.add_argument(
         "--node", type=int, metavar="N", required=is_node_required,
@@ -97,11 +97,11 @@ def add_command_arguments(
     )  # fmt: skip
 
 
-def make_command(**fields: Any) -> "RemoteCommand":  # noqa: ANN401 (of a command)
+def make_command(**fields: Any) -> "RemoteCommand":  # noqa: ANN401 (fields of a command)
     """Make a command.
 
     Raises:
-        ConfigError: Its fields do not fit.
+        ConfigError: The fields contradict each other.
     """
     from zacoustic.core.streams.commands import RemoteCommand
 
@@ -114,12 +114,12 @@ def make_command(**fields: Any) -> "RemoteCommand":  # noqa: ANN401 (of a comman
 def give(
     arguments: argparse.Namespace, command: "RemoteCommand", text: "Callable[[Any], str]"
 ) -> int:
-    """Give a command, and print the new state.
+    """Send a command and print the new state.
 
     Args:
         arguments: Those of `add_command_arguments`.
         command: The command.
-        text: Puts an answer into words.
+        text: Converts an answer into words.
 
     Raises:
         ConfigError: An argument is wrong.
@@ -150,7 +150,7 @@ def _seconds(written: str) -> float:
     """Read a duration such as ``30m``.
 
     Raises:
-        ConfigError: It is none.
+        ConfigError: It is not a duration.
     """
     found = _DURATION.fullmatch(written.strip())
     seconds = float(found[1]) * _UNITS_S[found[2]] if found else 0.0
@@ -160,7 +160,7 @@ def _seconds(written: str) -> float:
 
 
 def silence_text(state: Any) -> str:  # noqa: ANN401 (a `SilenceState`, which is imported late)
-    """Put a `SilenceState` into words."""
+    """Describe a `SilenceState` in words."""
     if not state.silent:
         return f"node {state.address}: transmits"
     why = "commanded" if state.commanded else "a quiet window"

@@ -21,7 +21,7 @@ examples:
 
 
 class StreamCommand(Command):
-    """Overrides how a node sends a topic, or prints it."""
+    """Overrides how a node sends a topic, or prints the override."""
 
     name = "stream"
     summary = "switch a topic of a node off or on, set its rate and priority"
@@ -46,7 +46,7 @@ class StreamCommand(Command):
         add_command_arguments(parser, is_node_required=True)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Command it, and print the new state; exit code 3 without an answer in time.
+        """Send the command and print the new state; exit code 3 without an answer in time.
 
         Raises:
             ConfigError: An argument is wrong.

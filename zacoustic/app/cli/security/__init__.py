@@ -1,1 +1,1 @@
-"""Verbs for keys, and for who may do what."""
+"""Verbs for keys and permissions."""

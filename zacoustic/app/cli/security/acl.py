@@ -14,7 +14,7 @@ class AclCommand(Command):
     summary = "print Zenoh's access control for the local network, from the stream table"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, node, and who is who."""
+        """Declare file, node, and the names of users."""
         parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
         parser.add_argument(
             "--address", type=int, metavar="N", help="address of this node, instead of the file's"
@@ -54,7 +54,7 @@ class AclCommand(Command):
         """Print them.
 
         Raises:
-            ConfigError: The file is wrong, or somebody has no name who needs one.
+            ConfigError: The file is wrong, or a user lacks a required name.
         """
         from zacoustic.app.tools.security.access.rules import (
             KnownBy,

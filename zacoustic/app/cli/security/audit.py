@@ -1,4 +1,4 @@
-"""The verb `zacoustic audit`: who commanded what, when, and what came of it."""
+"""The verb `zacoustic audit`: who commanded what, when, and with what outcome."""
 
 import argparse
 from pathlib import Path
@@ -36,7 +36,7 @@ class AuditCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print the lines; fails when there are none.
+        """Print the lines; fails if there are none.
 
         Raises:
             ConfigError: There is no such log.

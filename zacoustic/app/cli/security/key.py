@@ -1,4 +1,4 @@
-"""The verb `zacoustic key`: makes, shows, rolls and checks the key of a fleet."""
+"""The verb `zacoustic key`: makes, shows, rotates and checks the key of a fleet."""
 
 import argparse
 from pathlib import Path
@@ -96,7 +96,7 @@ class NewKey(Command):
 
 
 class ShowKey(Command):
-    """Shows which key there is."""
+    """Shows the present key without its secret."""
 
     name = "show"
     summary = "print network, generation and fingerprint of a key, never the key"
@@ -157,7 +157,7 @@ class RotateKey(Command):
         from zacoustic.app.tools.security import members
         from zacoustic.seal.keys import read_key, write_key
 
-        path = arguments.key.resolve()  # of a link the file behind it
+        path = arguments.key.resolve()  # the target of a symbolic link
         if members.is_list(path):
             listed = members.rotate(path, end_overlap=arguments.end_overlap)
             return _print_members(arguments, arguments.key, listed)
@@ -170,7 +170,7 @@ class RotateKey(Command):
 
 
 class RevokeKey(Command):
-    """Shuts a lost node out."""
+    """Excludes a lost node."""
 
     name = "revoke"
     summary = "shut a lost node out: the next generation of a list of members, without it"
@@ -187,7 +187,7 @@ class RevokeKey(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Rewrite the list, and print who is left.
+        """Rewrite the list, and print the remaining nodes.
 
         Raises:
             ConfigError: The file cannot be used, or is a fleet key, which has no members.
@@ -208,13 +208,13 @@ class RevokeKey(Command):
 
 
 class RejoinNode(Command):
-    """Makes a life record where there is none."""
+    """Makes a missing life record."""
 
     name = "rejoin"
     summary = "make the life record of a node that has none"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare node, file, and what is known."""
+        """Declare node, file, and the known life."""
         parser.add_argument("address", metavar="ADDRESS", type=int, help="the node")
         parser.add_argument(
             "--config", metavar="FILE", required=True, help="its configuration, with `security`"
@@ -234,7 +234,7 @@ class RejoinNode(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Make it.
+        """Make the record.
 
         Raises:
             ConfigError: --yes is missing, or a file is wrong.
@@ -267,7 +267,7 @@ class RejoinNode(Command):
 
 
 class CheckKey(Command):
-    """Compares key file, life records and journal with what they have to be."""
+    """Checks key file, life records and journal against each other."""
 
     name = "check"
     summary = "check key file, life records and journal of a node"
@@ -289,7 +289,7 @@ class CheckKey(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print what is wrong.
+        """Print the faults.
 
         Raises:
             ConfigError: The configuration or an argument is wrong.
@@ -324,7 +324,7 @@ def _print_members(arguments: argparse.Namespace, path: Path, listed: "Members")
 
 
 def _generation(arguments: argparse.Namespace) -> int:
-    """Return the generation of a key that is replaced; −1: there is none, or of another network."""
+    """Return the generation of a replaced key; −1: there is none, or of another network."""
     from zacoustic.seal.keys import KeyFileError, read_key
 
     if not arguments.force:

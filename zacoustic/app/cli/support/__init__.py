@@ -1,1 +1,1 @@
-"""What verbs share: arguments, output, progress, exit at work."""
+"""Shared parts of verbs: arguments, output, progress."""

@@ -1,4 +1,4 @@
-"""Arguments that several verbs share, each defined once."""
+"""Arguments shared by several verbs, each defined once."""
 
 import argparse
 from typing import TYPE_CHECKING, Final
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from zacoustic.app.tools.field.doctor.doctor import Options
 
 DEFAULT_WINDOW_S: Final = 10.0
-"""Time whose samples usually share a frame, s."""
+"""Time within which samples usually share a frame, s."""
 
 ONE_OBJECT: Final = "one JSON object"
 OBJECT_PER_LINE: Final = "one JSON object per line"
@@ -19,7 +19,7 @@ _Adds = argparse.ArgumentParser | argparse._ArgumentGroup | argparse._MutuallyEx
 
 
 def add_node_file(parser: argparse.ArgumentParser) -> None:
-    """Declare FILE of a node, and what overrides it."""
+    """Declare FILE of a node, and its overrides."""
     parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
     parser.add_argument(
         "--address", type=int, metavar="N", help="address of this node, instead of the file's"
@@ -37,7 +37,7 @@ def add_connect(parser: _Adds) -> None:
 
 
 def add_examined_node(parser: argparse.ArgumentParser) -> None:
-    """Declare a node that is examined on its own computer."""
+    """Declare a node to examine on its own computer."""
     add_node_file(parser)
     parser.add_argument(
         "--connect", action="append", default=[], metavar="ENDPOINT",
@@ -49,7 +49,7 @@ def add_examined_node(parser: argparse.ArgumentParser) -> None:
 
 
 def examined_node(arguments: argparse.Namespace) -> "Options":
-    """Return what `add_examined_node` has declared."""
+    """Return the arguments of `add_examined_node`."""
     from zacoustic.app.tools.field.doctor.doctor import Options
 
     return Options(
@@ -71,8 +71,8 @@ def add_load(parser: argparse.ArgumentParser, *, recording: str, profile: str) -
 
     Args:
         parser: Takes them.
-        recording: What a recording is taken for.
-        profile: What the modem is taken for.
+        recording: Purpose of a recording.
+        profile: Purpose of the modem profile.
     """
     parser.add_argument(
         "--recording", action="append", default=[], metavar="RECORDING",
@@ -89,12 +89,12 @@ def add_profile(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def add_telemetry(parser: argparse.ArgumentParser, *, config: str, window: str) -> None:
-    """Declare recordings of telemetry, the streams, and how long samples share a frame.
+    """Declare recordings of telemetry, the streams, and the time whose samples share a frame.
 
     Args:
         parser: Takes them.
-        config: What is in the file.
-        window: What the time is.
+        config: Description of the file.
+        window: Description of the time.
     """
     parser.add_argument(
         "recordings", metavar="RECORDING", nargs="+",
@@ -108,10 +108,10 @@ def add_telemetry(parser: argparse.ArgumentParser, *, config: str, window: str) 
 
 
 def window_of(arguments: argparse.Namespace) -> float:
-    """Return the time whose samples share a frame, s.
+    """Return the time within which samples share a frame, s.
 
     Raises:
-        ConfigError: It is none.
+        ConfigError: It is not valid.
     """
     window_s: float = arguments.window
     if not is_duration(window_s):
@@ -125,10 +125,10 @@ def add_json(parser: argparse.ArgumentParser, what: str = ONE_OBJECT) -> None:
 
 
 def check_positive(arguments: argparse.Namespace, *names: str) -> None:
-    """Refuse numbers that are not above 0.
+    """Check that numbers are above 0.
 
     Raises:
-        ConfigError: Names the argument and its value.
+        ConfigError: One is not; names the argument and its value.
     """
     for name in names:
         value = getattr(arguments, name)

@@ -1,4 +1,4 @@
-"""A line on the terminal that shows a verb at work, from its third second to its output."""
+"""A line on the terminal that shows a verb's running time, from its third second to its output."""
 
 import sys
 import threading
@@ -12,9 +12,9 @@ _ERASE: Final = "\r\x1b[K"
 
 
 class AtWork:
-    """Says how long a verb has been at work; a context manager, on a terminal only.
+    """Shows the running time of a verb; a context manager, active only on a terminal.
 
-    Whatever prints calls `end` first, which takes the line away for good.
+    All printing calls `end` first, which removes the line for good.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class AtWork:
         self._thread: threading.Thread | None = None
 
     def begin(self, program: str) -> Self:
-        """Say of a program that it is at work."""
+        """Begin to show the running time of a program."""
         self._program = program
         return self
 
@@ -43,7 +43,7 @@ class AtWork:
         self.end()
 
     def end(self) -> None:
-        """Take the line away. May be called again."""
+        """Remove the line. May be called again."""
         thread, self._thread = self._thread, None
         if thread is not None:
             self._over.set()
@@ -68,4 +68,4 @@ class AtWork:
 
 
 AT_WORK: Final = AtWork()
-"""That of the process."""
+"""The instance of the process."""

@@ -1,4 +1,4 @@
-"""Files that verbs make: new ones only, so that nothing is lost that a user has."""
+"""Output files of verbs: only new ones, so that no file of the user is lost."""
 
 import contextlib
 from collections.abc import Iterator
@@ -10,16 +10,16 @@ from zacoustic.errors import ConfigError
 
 @contextlib.contextmanager
 def new_file(option: str, path: Path | None) -> Iterator[IO[bytes] | None]:
-    """Make a file, before the work whose result it takes; after an error it is not there.
+    """Make a file before the work whose result it takes; delete it after an error.
 
-    What is no file (a pipe, the null device) is written as it is.
+    What is not a regular file (a pipe, the null device) is written directly.
 
     Args:
-        option: As the user has written it.
-        path: The file; None: none is wanted, and none is given.
+        option: The option as the user has written it.
+        path: The file; None: none is wanted, and the result is None.
 
     Raises:
-        ConfigError: It is there already, or cannot be made.
+        ConfigError: It exists, or cannot be made.
     """
     if path is None:
         yield None
@@ -37,7 +37,7 @@ def new_file(option: str, path: Path | None) -> Iterator[IO[bytes] | None]:
         with file:
             yield file
     except BaseException as error:
-        # What an interrupt leaves may be of use: the trace of hours.
+        # Keep the file of an interrupted run: the trace of hours may be useful.
         is_of_use = isinstance(error, KeyboardInterrupt) and path.stat().st_size > 0
         if not (is_device or is_of_use):
             path.unlink(missing_ok=True)

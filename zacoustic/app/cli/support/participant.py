@@ -1,4 +1,4 @@
-"""How a verb takes part, on Zenoh or straight on a link, and what it reads of typed streams."""
+"""How a verb takes part, on Zenoh or directly on a link, and the values of typed streams."""
 
 import argparse
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add_node_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare how a verb takes part: on Zenoh, or straight on a link."""
+    """Declare how a verb takes part: on Zenoh, or directly on a link."""
     where = parser.add_mutually_exclusive_group()
     add_connect(where)
     where.add_argument("--link", metavar="LOCATOR", help="straight on a link; needs --config")
@@ -26,7 +26,7 @@ def add_node_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_node(arguments: argparse.Namespace) -> "Node":
-    """Make the node that the arguments describe; it is not open yet.
+    """Make the node described by the arguments; it is not open yet.
 
     Raises:
         ConfigError: A link without a config.
@@ -45,17 +45,17 @@ def make_node(arguments: argparse.Namespace) -> "Node":
 
 
 def class_of(spec: "TypeSpec | None") -> type[bytes] | str:
-    """Return what an endpoint takes for a type: its name, or bytes where there is none."""
+    """Return the type argument of an endpoint: a name, or bytes without a type."""
     return bytes if spec is None else spec.name
 
 
 def read_request(stream: "Stream", text: str, *, source: str) -> Any:  # noqa: ANN401 (of its type)
-    """Read the request of a service or the goal of an action; empty: one with defaults only.
+    """Read the request of a service or the goal of an action; empty: all fields have defaults.
 
     Args:
         stream: The service or the action.
-        text: As the user has written it.
-        source: The argument, for complaints.
+        text: The text of the user.
+        source: The argument, for errors.
 
     Raises:
         ConfigError: The type has no such value.
@@ -69,9 +69,9 @@ def print_value(record: dict[str, Any], value: object, *, as_json: bool, told: s
     """Print a value, for people in a line of its own.
 
     Args:
-        record: What the JSON object has besides.
+        record: Further members of the JSON object.
         value: The value.
-        as_json: As an object.
+        as_json: Print a JSON object.
         told: The line for people, with a place for the value.
     """
     from zacoustic.zenoh.node.api.text import line_of, shown_value

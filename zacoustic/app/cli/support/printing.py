@@ -1,7 +1,7 @@
-"""How verbs print: everything passes here, so nothing that others wrote steers the terminal.
+"""Printing: all output passes here, so that no text from others controls the terminal.
 
-Results go to standard output, notes to standard error: with `--json` standard output carries JSON
-only. What happens while the verb runs is flushed: whoever reads a pipe wants each line then.
+Results go to standard output, notes to standard error: with `--json` standard output carries only
+JSON. Output during the run is flushed, since the reader of a pipe wants each line at once.
 """
 
 import sys
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 def print_text(text: str, *, flush: bool = False) -> None:
-    """Print lines for people; each line must have been made safe."""
+    """Print lines for people; each line must be safe already."""
     AT_WORK.end()
     print(some_lines(text), flush=flush)
 
@@ -25,7 +25,7 @@ def print_json(value: object, *, flush: bool = False) -> None:
 
     Args:
         value: A record, or what JSON holds.
-        flush: It is read now.
+        flush: Flush the output.
     """
     import msgspec
 
@@ -34,7 +34,7 @@ def print_json(value: object, *, flush: bool = False) -> None:
 
 
 def print_result(result: T, text: Callable[[T], str], *, as_json: bool) -> None:
-    """Print what a verb has found, for people or as one JSON object."""
+    """Print the result of a verb, for people or as one JSON object."""
     if as_json:
         print_json(result)
     else:
@@ -51,6 +51,6 @@ def print_line(record: dict[str, Any], text: str, *, as_json: bool) -> None:
 
 
 def print_note(text: str) -> None:
-    """Print one line on standard error, without the passwords of endpoints in it."""
+    """Print one line on standard error, without the passwords of endpoints."""
     AT_WORK.end()
     print(one_line(without_secrets(text)), file=sys.stderr, flush=True)

@@ -44,7 +44,7 @@ class ProgressLine:
             self._bars.stop()
 
     def show(self, step: "Step") -> None:
-        """Show how far it is."""
+        """Show a step."""
         if self._as_json:
             record = {
                 "key": self._key,
@@ -58,7 +58,7 @@ class ProgressLine:
             self._write(step)
 
     def _draw(self, step: "Step") -> bool:
-        """Draw bars; False: there is no terminal, or nothing to draw with."""
+        """Draw bars; False: there is no terminal, or no rich."""
         if self._bars is None:
             if not sys.stderr.isatty():
                 return False

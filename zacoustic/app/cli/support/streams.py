@@ -1,8 +1,8 @@
-"""Standard input, output and error, as they may be: closed, full, or of another encoding.
+"""Standard input, output and error in any state: closed, full, or with another encoding.
 
-A closed one is replaced by the null device, also for libraries: otherwise the next file that is
-opened, a recording or a socket, would get its descriptor and whatever is printed. What an encoding
-lacks is written as its JSON escape.
+A closed stream is replaced by the null device, also for libraries: otherwise the next opened file,
+a recording or a socket, would get its descriptor and all printed text. Characters that an encoding
+lacks are written as JSON escapes.
 """
 
 import codecs
@@ -13,22 +13,22 @@ import sys
 from typing import Final
 
 UNREAD: Final = "nobody reads the output"
-"""Why output goes nowhere after a reader has closed the pipe, as `head` does: no fault."""
+"""Reason when a reader has closed the pipe, as `head` does: no fault."""
 _ESCAPES: Final = "zacoustic.escapes"
 _NAMES: Final = ("stdin", "stdout", "stderr")
 
 
 def prepare_streams() -> None:
-    """Make the three streams of the process usable, whatever state they are in."""
+    """Make the three streams of the process usable, whatever their state."""
     codecs.register_error(_ESCAPES, _escape)
     for descriptor, name in enumerate(_NAMES):
         try:
             os.fstat(descriptor)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest one that is free, which is this
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free descriptor, which is this one
         if getattr(sys, name) is None:
             mode = "r" if name == "stdin" else "w"
-            # Of the process: it is never closed.
+            # The stream of the process: it is never closed.
             setattr(sys, name, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
         stream = getattr(sys, name)
         if isinstance(stream, io.TextIOWrapper):
@@ -36,9 +36,9 @@ def prepare_streams() -> None:
 
 
 def flush_output() -> str:
-    """Write what was printed; return the reason if that is not possible, one line, else nothing.
+    """Flush the output; return the reason if that is not possible, one line, else nothing.
 
-    After a failure the rest goes nowhere: the interpreter tries once more at its end.
+    After a failure further output is discarded: the interpreter flushes again at exit.
     """
     try:
         sys.stdout.flush()
@@ -52,7 +52,7 @@ def flush_output() -> str:
 
 
 def silence_output() -> None:
-    """Point standard output to nowhere."""
+    """Redirect standard output to the null device."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())

@@ -60,7 +60,7 @@ class ActionCommand(Command):
         )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Send it, and print what becomes of it.
+        """Send the goal and print its course.
 
         Raises:
             DeliveryError: Nobody serves the action, or its server was not reached.
@@ -133,7 +133,7 @@ async def _begin(
 async def _follow(
     handle: "Handle", arguments: argparse.Namespace, interrupted: asyncio.Event
 ) -> int:
-    """Wait for the end; the first interrupt cancels the goal, the second the waiting."""
+    """Wait for the end; the first interrupt cancels the goal, the second one the wait."""
     from zacoustic.core.engine.events import GoalStatus
 
     end = asyncio.create_task(handle.result(timeout_s=arguments.timeout))
@@ -184,7 +184,7 @@ async def _cancel(handle: "Handle") -> None:
 
 
 async def _first(task: "asyncio.Task[Any]", interrupted: asyncio.Event) -> None:
-    """Wait for a task, or for an interrupt; ends neither."""
+    """Wait for a task or an interrupt, without ending either."""
     waiting = asyncio.create_task(interrupted.wait())
     await asyncio.wait({task, waiting}, return_when=asyncio.FIRST_COMPLETED)
     waiting.cancel()

@@ -42,7 +42,7 @@ class CallCommand(Command):
         )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Call, and print the answer; exit code 3 when there is none in time.
+        """Call and print the answer; exit code 3 if none comes in time.
 
         Raises:
             ServiceError, DeliveryError: There is no response.

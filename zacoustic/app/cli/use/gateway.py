@@ -1,4 +1,4 @@
-"""The verb `zacoustic gateway`: joins the Zenoh network here to the others, until interrupted."""
+"""The verb `zacoustic gateway`: joins the local Zenoh network to the others, until interrupted."""
 
 import argparse
 import asyncio
@@ -65,7 +65,7 @@ class GatewayCommand(Command):
 
         Raises:
             ConfigError: The file or an argument is wrong.
-            SessionError: A port is in use, no router is reached, or the address is taken.
+            SessionError: A port is in use, no router can be reached, or the address is taken.
             LinkError: The modem cannot be used.
         """
         if arguments.log == "text":
@@ -76,7 +76,7 @@ class GatewayCommand(Command):
         log_as_json({})
         try:
             run_until_stopped(lambda stop: _run(arguments, stop))
-        except ZacousticError as error:  # the last line is JSON as well
+        except ZacousticError as error:  # with --json, the last line is JSON as well
             _logger.error("%s", error)
             return EXIT_USAGE if isinstance(error, ConfigError) else EXIT_FAILED
         return EXIT_OK
@@ -121,7 +121,7 @@ async def _failure(gateway: "Gateway") -> None:
         await gateway.wait_failed()
     except ZacousticError:
         raise
-    except Exception as error:  # whatever has stopped it
+    except Exception as error:  # any error that has stopped it
         hint = "the traceback is above; please report it"
         raise ZacousticError(f"stopped by a fault: {error!r}", hint=hint) from error
 

@@ -1,4 +1,4 @@
-"""The verb `zacoustic ping`: does a remote node answer, how fast, how far away is it?"""
+"""The verb `zacoustic ping`: round-trip time, range and signal of a remote node."""
 
 import argparse
 import asyncio
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 _LONGEST_S: Final = 600.0
 MOST_FRAMES: Final = 6
-"""What a ping costs without losses: question, answer, two that confirm, a byte for the range, and
-half a minute later what ends the call at both ends."""
+"""Frames of a ping without losses: request, answer, two confirmations, a byte for the range, and
+half a minute later the end of the call at both ends."""
 MOST_BYTES: Final = 66
-"""Of them together, where the two have not met yet."""
+"""Their bytes in total, if the two nodes have not met yet."""
 _EXAMPLE: Final = f"""it costs at most {MOST_FRAMES} frames, {MOST_BYTES} bytes together:
 question, answer, what confirms them, which rides on other frames where there are any, and, where a
 modem measures ranges on demand, a byte for that; a lost one is repeated within --timeout. The node
@@ -38,7 +38,7 @@ examples:
 
 
 class PingCommand(Command):
-    """Pings a node: round trip, range, signal."""
+    """Pings a node: round-trip time, range, signal."""
 
     name = "ping"
     summary = "ping a remote node: round trip, range, signal"
@@ -62,7 +62,7 @@ class PingCommand(Command):
         )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Ping; exit code 3 when no ping was answered.
+        """Ping; exit code 3 if no ping was answered.
 
         Raises:
             DeliveryError, LocalError: The node cannot be asked.
@@ -115,7 +115,7 @@ def _address(written: str, config: "Config | None") -> int:
     """Return the address of a node.
 
     Raises:
-        ConfigError: It is none, or a name that is not known.
+        ConfigError: It is not valid, or the name is unknown.
     """
     address = whole_number(written)
     if address is not None:

@@ -117,7 +117,7 @@ async def _publish(arguments: argparse.Namespace) -> int:
 
 
 def _unsent(node: "Node", stream: "Stream | None", delivery: "Delivery | None") -> str:
-    """Return why a sample that waits no more has not left; empty: it has."""
+    """Return why a sample that no longer waits was not sent; empty: it was."""
     if delivery is not None and delivery.outcome is not None:
         outcome = delivery.outcome.value
         return "" if outcome == "delivered" else f"not delivered: {outcome}"
@@ -187,7 +187,7 @@ async def _end(
 
 
 async def _beats(rate_hz: float | None, count: int | None) -> AsyncIterator[None]:
-    """Tick as often as the arguments say; late ticks are not made up for."""
+    """Tick as often as the arguments say; late ticks are dropped."""
     left = count if count is not None else (1 if rate_hz is None else None)
     loop = asyncio.get_running_loop()
     due_at = loop.time()

@@ -16,7 +16,7 @@ from zacoustic.link.serving import run_until_stopped
 if TYPE_CHECKING:
     from zacoustic.zenoh.node import Node, Sample
 
-# Samples of each key that may wait while standard output does.
+# Samples of each key that may wait while standard output is blocked.
 _DEPTH: Final = 1024
 
 _EXAMPLE = """examples:
@@ -26,7 +26,7 @@ _EXAMPLE = """examples:
 
 
 class SubCommand(Command):
-    """Prints what arrives."""
+    """Prints received samples."""
 
     name = "sub"
     summary = "print the samples of a topic, on Zenoh or straight on a link"
@@ -46,7 +46,7 @@ class SubCommand(Command):
         )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print until enough have come, the time is over, or Ctrl-C."""
+        """Print until the number is reached, the time is over, or Ctrl-C."""
         check_positive(arguments, "count", "timeout")
         return run_until_stopped(lambda stop: _listen(arguments)) or EXIT_OK
 
@@ -56,7 +56,7 @@ async def _listen(arguments: argparse.Namespace) -> int:
 
     wanted, seen = arguments.count or 1, 0
     async with make_node(arguments) as node:
-        # Printed here, not in the callbacks: a reader who hangs up is to end the verb.
+        # Printed here, not in callbacks, so that a reader that closes the pipe ends the verb.
         arrived: Mailbox[Sample[Any]] = Mailbox(_DEPTH)
         _subscribe(node, arguments.key, lambda sample: arrived.put(sample, sample.key))
         with contextlib.suppress(TimeoutError):
@@ -103,7 +103,7 @@ def _print(sample: "Sample[Any]", *, as_json: bool) -> None:
 
 
 def _names(node: "Node", key: str | None) -> list[str]:
-    """What to subscribe to: the key, or all topics, or on Zenoh without a config everything."""
+    """Return the keys to subscribe to: the given one, all topics, or without a config all keys."""
     if key is not None:
         return [key]
     names = node.topics()

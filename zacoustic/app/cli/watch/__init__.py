@@ -1,1 +1,1 @@
-"""Verbs that show what a gateway does."""
+"""Verbs that show the state of gateways."""

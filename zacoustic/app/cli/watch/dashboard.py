@@ -24,7 +24,7 @@ class DashboardCommand(Command):
     summary = "watch gateways on a web page: what zacoustic monitor shows, and its history"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare which gateways, where they are, where the page is."""
+        """Declare gateways, their network, and the place of the page."""
         parser.epilog = _EXAMPLE
         add_watch_arguments(parser)
         parser.add_argument(
@@ -43,7 +43,7 @@ class DashboardCommand(Command):
 
         Raises:
             ConfigError: An argument or the file is wrong.
-            LinkOpenError: The place cannot be listened at.
+            LinkOpenError: The place cannot be used.
         """
         with contextlib.suppress(KeyboardInterrupt):
             _serve(arguments)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from zacoustic.app.tools.watch.watching import Watch
 
 _PIPE_WIDTH = 120
-"""Columns of what goes into a file or a pipe."""
+"""Width of output to a file or a pipe, columns."""
 
 _EXAMPLE = """It costs no airtime. Ctrl-C ends it.
 
@@ -37,7 +37,7 @@ class MonitorCommand(Command):
     summary = "watch gateways live: streams, rates, ages, queues, airtime, signal, errors"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare which gateways, where they are, how often, the form of the output."""
+        """Declare gateways, their network, period, and the form of the output."""
         parser.epilog = _EXAMPLE
         add_watch_arguments(parser)
         parser.add_argument("--once", action="store_true", help="what holds now, and end")
@@ -48,15 +48,15 @@ class MonitorCommand(Command):
         )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Show them, until Ctrl-C unless once.
+        """Show them until Ctrl-C, or once.
 
         Raises:
-            SessionError: No router is reached.
+            SessionError: No router can be reached.
             DeliveryError: With --once, no gateway is there.
         """
         check_positive(arguments, "interval")
         if not arguments.json:
-            import rich  # noqa: F401 (said at once, not when there is something to draw)
+            import rich  # noqa: F401 (fails at once, not at the first drawing)
         run_until_stopped(lambda stop: _watch(arguments))
         return EXIT_OK
 
@@ -104,7 +104,7 @@ async def _draw(watch: "Watch", arguments: argparse.Namespace) -> None:
 
 
 def _console() -> "Console":
-    """Return where to draw; anything but a terminal has room."""
+    """Return a console; output that is no terminal has unlimited room."""
     from rich.console import Console
 
     has_width = sys.stdout.isatty() or "COLUMNS" in os.environ

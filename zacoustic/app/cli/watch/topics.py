@@ -1,4 +1,4 @@
-"""The verb `zacoustic topics`, and what the verbs that watch gateways share."""
+"""The verb `zacoustic topics`, and the shared parts of verbs that watch gateways."""
 
 import argparse
 import asyncio
@@ -25,22 +25,22 @@ examples:
 
 
 class TopicsCommand(Command):
-    """Lists what crosses the channel, once."""
+    """Lists the streams of gateways, once."""
 
     name = "topics"
     summary = "list what crosses the channel: how often, how old, what waits"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare which gateways, where they are, the form of the output."""
+        """Declare gateways, their network, and the form of the output."""
         parser.epilog = _EXAMPLE
         add_watch_arguments(parser)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Ask the gateways, and print.
+        """Query the gateways and print.
 
         Raises:
-            SessionError: No router is reached.
+            SessionError: No router can be reached.
             DeliveryError: No gateway is there.
         """
         asyncio.run(_list(arguments))
@@ -64,7 +64,7 @@ async def _list(arguments: argparse.Namespace) -> None:
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare which gateways are watched, and where they are."""
+    """Declare the watched gateways and their network."""
     parser.add_argument(
         "--node", type=int, metavar="N", help="address of one gateway (default: all that are here)"
     )
@@ -73,7 +73,7 @@ def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_watch(arguments: argparse.Namespace) -> "Watch":
-    """Make the watch that the arguments describe; on the loop.
+    """Make the watch described by the arguments; on the loop.
 
     Raises:
         ConfigError: The file or an argument is wrong.
@@ -84,7 +84,7 @@ def make_watch(arguments: argparse.Namespace) -> "Watch":
 
 
 def read_watch(arguments: argparse.Namespace) -> "Config | None":
-    """Check the arguments, and read their file, if there is one.
+    """Check the arguments, and read their file, if any.
 
     Raises:
         ConfigError: The file or an argument is wrong.
@@ -97,7 +97,7 @@ def read_watch(arguments: argparse.Namespace) -> "Config | None":
 
 
 def chosen(watch: "Watch", node: int | None) -> "list[GatewayView]":
-    """Return the gateways that were asked for.
+    """Return the requested gateways.
 
     Raises:
         DeliveryError: There is none.

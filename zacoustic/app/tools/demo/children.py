@@ -1,8 +1,8 @@
 """The processes of the demo: started, read, and stopped in any case.
 
-Each child reports on standard output, one JSON object a line. Of its standard error
-the last lines are kept, to show when it dies. Children get their own process group: Ctrl-C
-in a terminal reaches the demo only, which stops them in order.
+Each child reports on standard output, one JSON object a line. The last lines of its standard error
+are stored, to show them if it dies. Children get their own process group: Ctrl-C in a terminal
+reaches only the demo, which stops them in order.
 """
 
 import asyncio
@@ -19,7 +19,7 @@ from typing import Any, Final
 from zacoustic.errors import ZacousticError
 
 STDERR_LINES: Final = 6
-"""Last lines of a child's standard error that are kept."""
+"""Number of last lines of a child's standard error to store."""
 STOP_LIMIT_S: Final = 5.0
 """How long a child may take to stop before it is killed, s."""
 _LINE_LIMIT_BYTES: Final = 1 << 20
@@ -37,14 +37,14 @@ Told = Callable[[str, dict[str, Any]], None]
 
 
 class ChildDiedError(ZacousticError):
-    """A process of the demo ended before its time; the message has the end of its stderr."""
+    """A process of the demo ended early; the message has the end of its standard error."""
 
 
 class Child:
     """One process.
 
     Args:
-        name: What people call it.
+        name: Its name for people.
         command: Program and arguments.
         told: Takes its objects.
         reads_input: It ends when its standard input does; otherwise it is interrupted.
@@ -63,7 +63,7 @@ class Child:
 
     @property
     def exit_code(self) -> int | None:
-        """How it ended; None while it runs."""
+        """Its exit code; None: it is running."""
         return None if self._process is None else self._process.returncode
 
     async def start(self) -> None:
@@ -102,7 +102,7 @@ class Child:
         raise ChildDiedError(f"{self.name} ended with code {code}: {said}")
 
     def tell(self, line: str) -> None:
-        """Write a line to its standard input; a child that does not read any more is ignored."""
+        """Write a line to its standard input; ignore a child that no longer reads."""
         if self._process is not None and self._process.stdin is not None:
             with contextlib.suppress(OSError):
                 self._process.stdin.write(f"{line}\n".encode())
@@ -119,7 +119,7 @@ class Child:
                 process.send_signal(_INTERRUPT)
 
     async def stop(self) -> None:
-        """Stop it, by force when it takes too long; may be repeated."""
+        """Stop it, by force if it takes too long; may be repeated."""
         process = self._process
         if process is None:
             return
@@ -130,7 +130,7 @@ class Child:
         except TimeoutError:
             pass
         finally:
-            # Reached also when the waiting itself is cancelled: nothing is left behind.
+            # Reached even if the wait itself is cancelled: no process stays behind.
             if process.returncode is None:
                 with contextlib.suppress(ProcessLookupError):
                     process.kill()

@@ -1,10 +1,10 @@
 """The console of the demo, on the shore: an ordinary Zenoh program that knows nothing of sound.
 
-It listens to the vehicle, and after each report of navigation but the first it does the next thing:
-arms the vehicle, sends way-points, and arms it once more, which the vehicle refuses. It sends when
-it has just heard the vehicle, as an operator does; both modems speaking at once would lose both
-frames. It reports on standard output, one JSON object a line. It waits for the line
-``go``, and ends when its standard input does::
+It listens to the vehicle, and after each report of navigation except the first it performs its next
+task: it arms the vehicle, sends way-points, and arms it once more, which the vehicle refuses. It
+sends right after it has heard the vehicle, as an operator does; if both modems transmitted at once,
+both frames would be lost. It reports on standard output, one JSON object a line. It waits for the
+line ``go``, and ends when its standard input does::
 
     python console.py tcp/127.0.0.1:7447
 """
@@ -29,7 +29,7 @@ _told = threading.Lock()
 
 
 def tell(event: str, **said: object) -> None:
-    """Write a line; Zenoh calls back on its own threads, so one at a time."""
+    """Write a line; one at a time, since Zenoh calls back on its own threads."""
     with _told:
         print(json.dumps({"event": event, "at": time.monotonic(), **said}), flush=True)
 
@@ -45,20 +45,20 @@ def open_session(endpoint: str) -> zenoh.Session:
 
 
 class Console:
-    """Listens, and does one thing after another."""
+    """Listens, and performs one task after another."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._calls = 0
         self.heard: queue.SimpleQueue[int | None] = queue.SimpleQueue()
-        """Counts of the reports of navigation; None at the end of input."""
+        """Counters of the reports of navigation; None at the end of input."""
         self.plan: list[Callable[[], None]] = [
             lambda: self.arm(True),
             lambda: self.send(0),
             lambda: self.send(1),
             lambda: self.arm(True),
         ]
-        """What to do, one thing after each report."""
+        """Tasks, one for each report."""
 
     def hear_nav(self, sample: zenoh.Sample) -> None:
         """Take a report of navigation."""

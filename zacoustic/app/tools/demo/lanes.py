@@ -1,4 +1,4 @@
-"""The lanes of the demo: what should cross in one direction, what has, and how long it took."""
+"""The lanes of the demo: what should cross in one direction, what has crossed, and the delays."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,12 +11,12 @@ from zacoustic.errors import PayloadInvalidError, UnknownStreamError
 
 
 class Lane:
-    """One direction of one stream; things on it are numbered by the clients, from 0.
+    """One direction of one stream; the clients number its items from 0.
 
     Args:
         name: Name of the stream, for a service with `request` or `response`.
         stream: The stream.
-        source: Address of the side it comes from.
+        source: Address of the sending side.
     """
 
     def __init__(self, name: str, stream: Stream, source: int) -> None:
@@ -29,21 +29,21 @@ class Lane:
         )
         """A lost sample is sent again; a best-effort one is not."""
         self.transmitted_bytes: int | None = None
-        """Bytes on the link, as the sender's gateway counts them; None: not heard yet."""
+        """Bytes on the link, by the sender's gateway; None: not reported yet."""
         self.faults: list[str] = []
-        """What arrived twice, changed, or without having been sent."""
+        """Items that arrived twice, changed, or without having been sent."""
         self._codec = stream.response_codec if name.endswith("response") else stream.codec
         self._sent: dict[int, tuple[float, Any]] = {}
         self._delays_s: dict[int, float] = {}
 
     @property
     def sent(self) -> int:
-        """How many were put on the local network."""
+        """Number of items put on the local network."""
         return len(self._sent)
 
     @property
     def crossed(self) -> int:
-        """How many of them have arrived."""
+        """Number of them that have arrived."""
         return len(self._delays_s)
 
     @property
@@ -58,11 +58,11 @@ class Lane:
         return sorted(set(self._sent) - set(self._delays_s))
 
     def send(self, count: int, at: float, value: object) -> None:
-        """Note that something is to cross."""
+        """Note an item that should cross."""
         self._sent[count] = (at, value)
 
     def receive(self, count: int, at: float, value: object) -> float:
-        """Note that something has crossed; returns its delay, s."""
+        """Note an item that has crossed; return its delay, s."""
         if count in self._delays_s:
             self.faults.append(f"{count} arrived twice")
         if count not in self._sent:
@@ -74,11 +74,11 @@ class Lane:
         return self._delays_s.setdefault(count, at - sent_at)
 
     def next_unreceived(self) -> int:
-        """Number of the oldest that has not arrived; the number of the next when all have."""
+        """Return the number of the oldest missing item; if none is missing, the next number."""
         return next(iter(self.missing), self.sent)
 
     def _as_it_crosses(self, value: object) -> object:
-        """The value as its type rounds it."""
+        """Return the value as rounded by its type."""
         try:
             return self._codec.decode(self._codec.encode(value))
         except PayloadInvalidError:

@@ -1,11 +1,11 @@
-"""The health reports of the gateways: that they are ready, and what they sent.
+"""The health reports of the gateways: their readiness, and what they sent.
 
-This is a plain Zenoh client of each router, as any tool of a user can be one. Zenoh calls
-back on its own threads; everything is handed to the loop.
+This is a plain Zenoh client of each router, as any tool of a user can be. Zenoh calls back on its
+own threads; the callbacks hand everything to the loop.
 
-A gateway answers for its documents when its link is up and all that is to cross is declared; its
-liveliness token is there before, and shows only that its address is taken. A put in between
-has no subscriber: it would be lost, in particular on a modem that takes a second to start.
+A gateway answers queries for its documents when its link is up and all streams are declared. Its
+liveliness token comes earlier, and only shows that its address is taken. A put in between has no
+subscriber: it would be lost, in particular with a modem that takes a second to start.
 """
 
 import asyncio
@@ -46,7 +46,7 @@ class LedgerListener:
         }
 
     async def open(self) -> None:
-        """Connect to all networks; return when all gateways carry their streams.
+        """Connect to all networks; return when all gateways serve their streams.
 
         Raises:
             SessionError: A router does not answer.
@@ -57,7 +57,7 @@ class LedgerListener:
             await event.wait()
 
     async def refresh(self) -> None:
-        """Ask each gateway for its ledger once more."""
+        """Query each gateway for its ledger again."""
         for address, querier in self._queriers.items():
             for text in await asyncio.to_thread(_ask, querier):
                 self._take(address, text)
@@ -99,7 +99,7 @@ class LedgerListener:
         querier.declare_matching_listener(see)
 
     def _connect(self, config: zenoh.Config) -> zenoh.Session | None:
-        """Try for a while; not any more when it was closed meanwhile: the process waits for it."""
+        """Try for a while, but not after a close: the process waits for this thread."""
         for _ in range(_ATTEMPTS):
             if self._is_closed:
                 break

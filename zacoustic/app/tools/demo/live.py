@@ -1,6 +1,6 @@
-"""The live view of the demo: the channel, the last frames and what they carried, the streams.
+"""The live view of the demo: the channel, the last frames with their contents, the streams.
 
-Needs rich, the extra `terminal`. Nothing here runs by itself: each `tick` draws once.
+Needs rich, the extra `terminal`. It draws only when called: each `tick` draws once.
 """
 
 import io
@@ -23,10 +23,10 @@ from zacoustic.app.tools.demo.verdict import Summary, as_text
 from zacoustic.app.tools.demo.views import View, shown
 
 WIDTH: Final = 108
-"""Columns of the picture that is saved."""
+"""Columns of the saved picture."""
 FRAMES_SHOWN: Final = 7
-"""The last so many frames are shown."""
-# The picture takes the reader's own font: it is to load nothing from elsewhere.
+"""Number of last frames to show."""
+# The picture uses the reader's own font, so that it loads nothing.
 _FONT: Final = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
 _MEDIUM_CELLS: Final = 92
 _BESIDE_MEDIUM: Final = 15  # names of the two sides, and the frame around it
@@ -39,9 +39,9 @@ class LiveView(View):
     """Draws on a terminal.
 
     Args:
-        console: Where to; a new one on standard output unless given.
+        console: The console to draw on; default: a new one on standard output.
         screenshot: Takes a picture of it as SVG, or None.
-        title: What stands above it.
+        title: Its title.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class LiveView(View):
             self._live = None
 
     def conclude(self, summary: Summary) -> None:
-        """Print the summary; save a picture with sound in it, and the summary below."""
+        """Print the summary; save a picture with sound in it, with the summary below."""
         closing = Text(f"\n{as_text(summary)}")
         self._console.print(closing)
         if self._screenshot is not None:
@@ -93,7 +93,7 @@ class LiveView(View):
             self._screenshot.write(drawn.encode())
 
     def _picture(self, console: Console) -> RenderableType:
-        """Return what there is to see; of the frames as many as leave room for the rest."""
+        """Return the picture, with as many frames as leave room for the rest."""
         logbook = self._logbook
         assert logbook is not None
         width = min(WIDTH, console.width)
@@ -109,12 +109,12 @@ class LiveView(View):
 
 
 def _line(text: str, *, style: str = "") -> Text:
-    """A line that is cut where the terminal ends."""
+    """Return a line that is cut at the edge of the terminal."""
     return Text(text, style=style, no_wrap=True, overflow="ellipsis")
 
 
 def _newest(frames: Sequence[Frame], lines: int) -> Sequence[Frame]:
-    """Return the last frames that so many lines hold."""
+    """Return the last frames that fit that many lines."""
     first = len(frames)
     while first and (lines := lines - max(1, len(frames[first - 1].carried))) >= 0:
         first -= 1
@@ -122,7 +122,7 @@ def _newest(frames: Sequence[Frame], lines: int) -> Sequence[Frame]:
 
 
 def _is_under_way(logbook: Logbook) -> bool:
-    """Whether there is sound in the middle of the channel."""
+    """Tell whether sound is in the middle of the channel."""
     now = time.monotonic()
     return any(
         0.6 < (now - frame.began_at) / logbook.propagation_s < 0.9
@@ -131,7 +131,7 @@ def _is_under_way(logbook: Logbook) -> bool:
 
 
 def _medium(logbook: Logbook, width: int) -> RenderableType:
-    """The two sides, and the sound between them where it is at this moment."""
+    """Return the two sides with the sound between them, at its present place."""
     now = time.monotonic()
     count = max(10, min(_MEDIUM_CELLS, width - _BESIDE_MEDIUM))
     cells = ["·"] * count
@@ -157,7 +157,7 @@ def _medium(logbook: Logbook, width: int) -> RenderableType:
 
 
 def _waiting(logbook: Logbook) -> str:
-    """Which node waits for medium access, if none transmits."""
+    """Return which node waits for medium access, if none transmits."""
     return " · ".join(
         f"{network_name(source)} listens before it sends" + (f", {count} wait" * (count > 1))
         for source, count in sorted(logbook.waiting.items())
@@ -166,7 +166,7 @@ def _waiting(logbook: Logbook) -> str:
 
 
 def _cells_of(frame: Frame, now: float, propagation_s: float, count: int) -> range:
-    """Cells between which a frame sounds, counted from its sender."""
+    """Return the cells between which a frame sounds, counted from its sender."""
     first_s, last_s = now - frame.began_at, now - frame.began_at - frame.sound_s
     far = round(min(1.0, first_s / propagation_s) * count)
     near = round(min(1.0, max(0.0, last_s / propagation_s)) * count)

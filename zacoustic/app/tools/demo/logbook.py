@@ -1,9 +1,8 @@
-"""What has happened in the demo: written from its processes' lines, read by views and verdict.
+"""The log of the demo: written from its processes' lines, read by views and verdict.
 
-Two kinds of facts meet here. The clients report what they gave to Zenoh and what Zenoh gave them:
-that is what a user sees. The medium reports its frames (`media` has its language): that
-is what it cost. All of them stamp with the machine's monotonic clock, so their instants can be
-compared.
+It combines two kinds of facts. The clients report what they gave to Zenoh and what Zenoh gave to
+them: that is the user's view. The medium reports its frames (`media` defines the lines): that is
+the cost. All use the machine's monotonic clock, so their instants are comparable.
 """
 
 from collections import Counter
@@ -16,12 +15,12 @@ from zacoustic.app.tools.demo.notes import AnyNote, Arrived, Crossed, Emitted, S
 from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.streams.table import StreamTable
 
-# A client has a sample at once when its frame has arrived, on a machine that is not too busy.
+# A client gets a sample at once after its frame has arrived, if the machine is not too busy.
 _TOGETHER_S: Final = 0.4
 
 
 class Frame:
-    """One frame that is or was on the channel."""
+    """One frame on the channel, now or earlier."""
 
     def __init__(
         self,
@@ -37,15 +36,15 @@ class Frame:
         self.sequence = sequence
         self.frame_bytes = frame_bytes
         self.airtime_s = airtime_s
-        """How long the channel is taken for it, s."""
+        """How long it occupies the channel, s."""
         self.sound_s = sound_s
-        """How long it sounds, s."""
+        """Duration of its sound, s."""
         self.began_at = began_at
         """Instant of the first sound, s, monotonic."""
         self.outcome: str | None = None
         """Its outcome at the other side; None: still under way."""
         self.carried: list[Crossed] = []
-        """What reached a client out of it."""
+        """Its contents that reached a client."""
 
     @property
     def target(self) -> int:
@@ -54,7 +53,7 @@ class Frame:
 
 
 class Logbook:
-    """Everything that is known.
+    """All known events.
 
     Args:
         table: The streams.
@@ -69,15 +68,15 @@ class Logbook:
         self.propagation_s = propagation_s
         self.frames: list[Frame] = []
         self.waiting: Counter[int] = Counter()
-        """Frames that a modem has taken and not begun to send, by address, if it reports them."""
+        """Frames that a modem has taken and not begun to transmit, by address, if reported."""
         self.overhead_bytes: dict[int, int] = {}
-        """Bytes that belong to no stream (HELLO and its kin), by address of the gateway."""
+        """Bytes that belong to no stream (HELLO and others), by address of the gateway."""
         self.began_at: float | None = None
         """Instant of the clients' start, s, monotonic."""
         self.ready: set[str] = set()
         """Children that are ready."""
         self.done: set[str] = set()
-        """Clients that have nothing more to do."""
+        """Clients that have finished."""
         self._clock = clock
 
     @property
@@ -97,17 +96,17 @@ class Logbook:
 
     @property
     def ledger_bytes(self) -> int:
-        """Bytes that the gateways have handed to their modems, by their ledgers."""
+        """Bytes that the gateways have given to their modems, by their ledgers."""
         lanes = sum(lane.transmitted_bytes or 0 for lane in self.lanes)
         return lanes + sum(self.overhead_bytes.values())
 
     @property
     def has_all_crossed(self) -> bool:
-        """Both clients are done, and nothing is missing."""
+        """Whether both clients have finished and nothing is missing."""
         return {"vehicle", "console"} <= self.done and not any(lane.missing for lane in self.lanes)
 
     def lost_frames(self, source: int | None = None) -> int:
-        """How many frames were lost, of one side or of all."""
+        """Return the number of lost frames, of one side or of all."""
         return sum(
             frame.outcome not in (None, "received")
             for frame in self.frames
@@ -115,7 +114,7 @@ class Logbook:
         )
 
     def on_the_channel(self) -> list[Frame]:
-        """Frames that have not reached their end yet."""
+        """Return the frames that have not reached their end yet."""
         return [frame for frame in self.frames if frame.outcome is None]
 
     def take(self, child: str, told: Mapping[str, Any]) -> list[AnyNote]:
@@ -180,7 +179,7 @@ class Logbook:
         if event == "call":
             return [self._sent(request, told["count"], at, value)]
         if event == "served":
-            # The server does not know the number of the call; it serves them in their order.
+            # The server does not know the number of the call; it serves calls in order.
             count = request.next_unreceived()
             notes: list[AnyNote] = [self._crossed(request, count, at, value)]
             return [*notes, self._sent(response, count, at, told["answer"])]
@@ -205,7 +204,7 @@ class Logbook:
         return note
 
     def _frame_of(self, source: int, at: float) -> Frame | None:
-        """The frame that carried what a client received at an instant."""
+        """Return the frame that carried what a client received at an instant."""
         for frame in reversed(self.frames):
             arrives_at = frame.began_at + frame.sound_s + self.propagation_s
             if frame.source == source and abs(at - arrives_at) < _TOGETHER_S:
@@ -217,5 +216,5 @@ class Logbook:
 
 
 def network_name(address: int) -> str:
-    """Name of a side, for people."""
+    """Return the name of a side, for people."""
     return NAMES.get(address, str(address))

@@ -1,17 +1,17 @@
-"""The channel of the demo: for each link the process that stands for it.
+"""The channel of the demo: for each link the process that emulates it.
 
-It knows three things: the verb that serves it, the locator of each gateway's modem, and the meaning
-of the process's lines. The lines of `zacoustic medium --json` are the common language; another one
-translates its own into them::
+A class here knows three things: the verb that serves the channel, the locator of each gateway's
+modem, and the meaning of the process's lines. The lines of `zacoustic medium --json` are the common
+form; other classes translate theirs into it::
 
-    listening                                       every modem is there
+    listening                                       all modems are ready
     waiting     source                              a frame waits for its turn
     emission    source sequence frame_bytes         a frame is transmitted
                 airtime_s [sound_s]
     reception   source sequence node outcome        its outcome at the other side
                 propagation_s
 
-One more class in `MEDIA` is one more `zacoustic demo --link`.
+One more class in `MEDIA` adds one more `zacoustic demo --link`.
 """
 
 from abc import ABC, abstractmethod
@@ -32,24 +32,24 @@ class Medium(ABC):
     """The process between the two sides, for one run."""
 
     child: ClassVar[str]
-    """What people call the process."""
+    """Name of the process for people."""
     title: ClassVar[str]
-    """What stands above the live view."""
+    """Title of the live view."""
     propagation_s: float
     """Propagation delay between the two sides, s."""
 
     def __init__(self) -> None:
         self.locators: dict[int, str] = {}
         """The modem of each local network by its address; complete when `take` has returned that
-        the water is listening."""
+        the medium is listening."""
 
     @abstractmethod
     def verb(self, folder: Path) -> tuple[str, ...]:
-        """The words behind `zacoustic` that serve it; what files they need is put into a folder."""
+        """Return the words after `zacoustic` that serve it; write its files into a folder."""
 
     @abstractmethod
     def take(self, told: Told) -> Told | None:
-        """Translate a line of the process; None: of no interest."""
+        """Translate a line of the process; None: irrelevant."""
 
 
 class SimMedium(Medium):
@@ -63,11 +63,11 @@ class SimMedium(Medium):
         self.propagation_s = _scenario_propagation_s()
 
     def verb(self, folder: Path) -> tuple[str, ...]:
-        """The medium server."""
+        """Return the verb of the medium server."""
         return ("medium", str(write_scenario(folder)), "--listen", _ANY_PORT, "--json")
 
     def take(self, told: Told) -> Told:
-        """Take a line as it is."""
+        """Return a line unchanged."""
         if told.get("event") == "listening":
             self.locators = dict.fromkeys(NAMES, f"sim/{told['address']}")
         return told
@@ -76,25 +76,25 @@ class SimMedium(Medium):
 class EvologicsMedium(Medium):
     """Emulated S2C modems on TCP ports, on the channel of the simulator's scenario.
 
-    What modems send by themselves carries no frame, and is not shown.
+    Signals that modems send by themselves carry no frame, and are not shown.
     """
 
     child = "modems"
     title = "zacoustic: two Zenoh networks, 1000 m of water, emulated S2C modems on TCP ports"
     places: ClassVar[tuple[str, ...]] = ("--listen", _ANY_PORT)
-    """Arguments that say where the modems are."""
+    """Arguments with the places of the modems."""
 
     def __init__(self) -> None:
         super().__init__()
         self.propagation_s = _scenario_propagation_s()
 
     def verb(self, folder: Path) -> tuple[str, ...]:
-        """The emulator."""
+        """Return the verb of the emulator."""
         scenario = str(write_scenario(folder))
         return ("emulate", "evologics", "--scenario", scenario, *self.places, "--json")
 
     def take(self, told: Told) -> Told | None:
-        """Take a line as it is, if it is about a frame; the places one by one."""
+        """Return a line about a frame unchanged; collect the places one by one."""
         match told.get("event"):
             case "listening":
                 self.locators[told["address"]] = f"evologics/{told['locator']}"
@@ -115,9 +115,9 @@ class EvologicsSerialMedium(EvologicsMedium):
 class DesertMedium(Medium):
     """The stand-in for DESERT Underwater, with its sample script: two nodes 500 m apart.
 
-    Its packets have no names, but they arrive in their order: each node has one other to hear. A
-    frame costs what the link's capabilities say, the listening before it included; its sound is
-    but the last part of that.
+    Its packets have no names, but they arrive in order: each node hears only one other. A frame
+    costs what the link's capabilities say, including the listening before it; its sound is only the
+    last part of that.
     """
 
     child = "DESERT"
@@ -130,7 +130,7 @@ class DesertMedium(Medium):
         self._receptions: Counter[int] = Counter()
 
     def verb(self, folder: Path) -> tuple[str, ...]:
-        """The stand-in; it needs no file."""
+        """Return the verb of the stand-in; it needs no file."""
         nodes = str(len(NAMES))
         return ("emulate", "desert", "--modems", nodes, "--listen", _ANY_PORT, "--json")
 
@@ -180,16 +180,16 @@ MEDIA: Final[Mapping[str, type[Medium]]] = {
     "evologics-serial": EvologicsSerialMedium,
     "desert": DesertMedium,
 }
-"""The waters by the name of their link; the first is the default."""
+"""The channels by the name of their link; the first is the default."""
 
 
 def _address(told: Told) -> int:
-    """The side at a node of the stand-in, which counts from 0."""
+    """Return the side of a node of the stand-in, which counts from 0."""
     return tuple(NAMES)[told["node"]]
 
 
 def _scenario_propagation_s() -> float:
-    """Propagation delay between the nodes of water.json5, s."""
+    """Return the propagation delay between the nodes of medium.json5, s."""
     from zacoustic.channel.propagation.position import distance_m
     from zacoustic.channel.scenario import scenario_from_mapping
     from zacoustic.config.json5 import parse_json5

@@ -1,9 +1,9 @@
 """A run of the demo from start to end.
 
 Order of the start: the medium, which prints where it listens; the gateways, which are ready when
-they answer for their ledgers; the clients, which report when they are ready; then the word ``go``.
-Order of the end: clients, gateways, medium. Any fault on the way, a process that dies
-among it, ends the run with a summary that says so, and nothing is left behind.
+they answer queries for their ledgers; the clients, which report when they are ready; then the line
+``go``. Order of the end: clients, gateways, medium. Any fault, including a process that dies, ends
+the run with a summary that names it, and leaves nothing behind.
 """
 
 import asyncio
@@ -37,15 +37,15 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ZacousticError
 
 DURATION_S: Final = 32.0
-"""How long the vehicle reports, s, unless another time is asked for."""
+"""Default time for which the vehicle reports, s."""
 SHORTEST_S: Final = 20.0
-"""In less the console does not get through its plan."""
+"""In less time the console cannot finish its tasks, s."""
 LONGEST_S: Final = 40.0
-"""With more the demo would take longer than a minute."""
+"""With more the demo would take longer than a minute, s."""
 TAIL_S: Final = 8.0
-"""How long the last things may take to cross after that, s: a call takes 3 s."""
+"""Time for the last items to cross after that, s: a call takes 3 s."""
 START_LIMIT_S: Final = 20.0
-"""How long all processes together may take to start, s; on a quiet machine they need 2."""
+"""Time limit for the start of all processes together, s; on an idle machine they need 2."""
 _TICK_S: Final = 0.1
 
 
@@ -54,13 +54,13 @@ class Mission:
 
     Args:
         view: Shows it.
-        medium: The process between the two sides, for this run alone.
-        duration_s: How long the vehicle reports, s.
+        medium: The process between the two sides, for this run only.
+        duration_s: Time for which the vehicle reports, s.
     """
 
     def __init__(self, view: View, medium: Medium, *, duration_s: float = DURATION_S) -> None:
         self.is_interrupted = False
-        """Somebody has pressed Ctrl-C."""
+        """Whether Ctrl-C was pressed."""
         self._view = view
         self._medium = medium
         self._duration_s = duration_s
@@ -117,7 +117,7 @@ class Mission:
         await self._settle()
 
     async def _settle(self) -> None:
-        """Wait until what the gateways have handed to their modems has left them."""
+        """Wait until the modems have transmitted all that they got from the gateways."""
         assert self._ledgers is not None
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(TAIL_S):
@@ -147,7 +147,7 @@ class Mission:
 
     async def _begin_client(self, name: str, local_network: LocalNetwork, *arguments: str) -> None:
         script = str(resources.files(__package__).joinpath(f"{name}.py"))
-        # -P: the folder of the script, with our modules in it, is not searched for imports.
+        # -P: do not search the folder of the script, with our modules in it, for imports.
         command = (sys.executable, "-P", script, local_network.endpoint, *arguments)
         await self._begin(name, *command, reads_input=True)
 
@@ -173,7 +173,7 @@ class Mission:
             await asyncio.sleep(_TICK_S)
 
     def _watch(self, work: Coroutine[Any, Any, None]) -> None:
-        """Run something in the background; if it fails, so does the run."""
+        """Run some work in the background; if it fails, so does the run."""
         task = asyncio.create_task(work)
         self._background.append(task)
         task.add_done_callback(self._take_failure)
@@ -186,7 +186,7 @@ class Mission:
             self._failed.set_exception(error)
 
     async def _guarded(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do the work, unless something else fails before."""
+        """Do some work, unless something else fails first."""
         task = asyncio.create_task(work)
         try:
             await asyncio.wait({task, self._failed}, return_when=asyncio.FIRST_COMPLETED)
@@ -198,7 +198,7 @@ class Mission:
             await asyncio.gather(task, return_exceptions=True)
 
     async def _stop(self) -> None:
-        """Stop everything, in order; errors meanwhile do not matter."""
+        """Stop everything, in order; ignore errors meanwhile."""
         for task in self._background:
             task.cancel()
         await asyncio.gather(*self._background, return_exceptions=True)
@@ -212,14 +212,14 @@ class Mission:
 
 
 def _fleet_table() -> StreamTable:
-    """The streams of the demo."""
+    """Return the streams of the demo."""
     whole: Any = parse_json5(demo_text("fleet.json5"), source="fleet.json5")
     return config_from_mapping(whole["plugins"]["acoustic"], source="fleet.json5").table
 
 
 @contextlib.contextmanager
 def _signals_into(end: Callable[[signal.Signals], None]) -> Iterator[None]:
-    """Let signals end the run in order, however many come; on Windows Ctrl-C is asyncio's own."""
+    """Let signals end the run in order, however many come; on Windows asyncio handles Ctrl-C."""
     loop = asyncio.get_running_loop()
     caught = [] if sys.platform == "win32" else [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
     for number in caught:

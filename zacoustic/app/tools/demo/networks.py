@@ -1,7 +1,7 @@
 """The files of the demo: one for each router, made from `fleet.json5`, and the scenario.
 
 `fleet.json5` is a configuration as a user would write it for two computers. Here both networks are
-on one, so each gets a copy with its own port, address and modem; nothing else is changed.
+on one, so each gets a copy with its own port, address and modem.
 """
 
 import contextlib
@@ -35,7 +35,7 @@ class LocalNetwork(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """Its name in the fleet."""
     endpoint: str
-    """Where its router listens, such as ``tcp/127.0.0.1:7447``."""
+    """Endpoint of its router, such as ``tcp/127.0.0.1:7447``."""
     file: Path
     """Configuration of its gateway."""
 
@@ -56,8 +56,8 @@ def write_networks(folder: Path, locators: str | Mapping[int, str]) -> dict[int,
     """Write a configuration for each network into a folder.
 
     Args:
-        folder: Where to.
-        locators: The modem of each by its address, or one locator for both.
+        folder: The folder.
+        locators: Locator of each modem by address, or one locator for both.
 
     Returns:
         The networks by address; their ports were free a moment ago.

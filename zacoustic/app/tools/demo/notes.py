@@ -1,4 +1,4 @@
-"""What the demo prints while it runs: frozen records, each with its instant."""
+"""Lines that the demo prints while it runs: frozen records, each with its instant."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class Note(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
-    """Something that happened."""
+    """An event."""
 
     at_s: float
     """Instant, s since the clients' start; negative before."""
@@ -27,11 +27,11 @@ class Emitted(Note, frozen=True, kw_only=True, tag="emitted"):
     frame_bytes: int
     """Length of the frame."""
     airtime_s: float
-    """How long the channel is taken for it, s."""
+    """How long it occupies the channel, s."""
 
 
 class Arrived(Note, frozen=True, kw_only=True, tag="arrived"):
-    """A frame was heard to its end, or was lost."""
+    """A frame was received to its end, or was lost."""
 
     source: int
     """Address of the sender."""
@@ -40,37 +40,37 @@ class Arrived(Note, frozen=True, kw_only=True, tag="arrived"):
     frame_bytes: int
     """Length of the frame."""
     outcome: str
-    """Its outcome, in the medium's word; `received` is the good one."""
+    """Its outcome in the medium's word; `received` means success."""
     propagation_s: float
-    """How long the sound was on its way, s."""
+    """Propagation delay, s."""
 
 
 class Sent(Note, frozen=True, kw_only=True, tag="sent"):
-    """A client put something that should cross."""
+    """A client put an item that should cross."""
 
     stream: str
     """Lane: the name of the stream, for a service with `request` or `response`."""
     source: int
-    """Address of the side it came from."""
+    """Address of the sending side."""
     count: int
-    """Number of it on its lane, from 0."""
+    """Number of the item on its lane, from 0."""
     value: Any
-    """What it is."""
+    """Its value."""
 
 
 class Crossed(Note, frozen=True, kw_only=True, tag="crossed"):
-    """It reached a client on the other side."""
+    """An item reached a client on the other side."""
 
     stream: str
     """Lane, as in `Sent`."""
     source: int
-    """Address of the side it came from."""
+    """Address of the sending side."""
     count: int
-    """Number of it on its lane."""
+    """Number of the item on its lane."""
     delay_s: float
-    """From client to client, s: the gateways, waiting for the channel, the sound."""
+    """From client to client, s: gateways, waiting for the channel, and sound."""
     value: Any
-    """What arrived."""
+    """Its value on arrival."""
 
 
 AnyNote = Started | Emitted | Arrived | Sent | Crossed

@@ -1,8 +1,8 @@
 """The vehicle of the demo: an ordinary Zenoh program that knows nothing of sound.
 
-It publishes where it is (CBOR) and how it is (JSON), follows way-points, and serves `auv1/arm`.
-It reports on standard output, one JSON object a line. It waits for the line ``go``,
-and ends when its standard input does::
+It publishes its position (CBOR) and its state (JSON), follows way-points, and serves `auv1/arm`. It
+reports on standard output, one JSON object a line. It waits for the line ``go``, and ends when its
+standard input does::
 
     python vehicle.py tcp/127.0.0.1:7448 30
 """
@@ -19,15 +19,15 @@ import cbor2
 import zenoh
 
 PERIOD_S: Final = 4.0
-"""Between two reports of navigation, s: a frame takes 0.4 s, its answer needs time to return."""
+"""Period of reports of navigation, s: a frame takes 0.4 s, its answer needs time to return."""
 SPEED_DEG_S: Final = 2.0e-5
-"""How far the vehicle gets, degrees of latitude per second: about 2 m/s."""
+"""Speed of the vehicle, degrees of latitude per second: about 2 m/s."""
 
 _told = threading.Lock()
 
 
 def tell(event: str, **said: object) -> None:
-    """Write a line; Zenoh calls back on its own threads, so one at a time."""
+    """Write a line; one at a time, since Zenoh calls back on its own threads."""
     with _told:
         print(json.dumps({"event": event, "at": time.monotonic(), **said}), flush=True)
 
@@ -60,7 +60,7 @@ class Vehicle:
         self._goal = {name: waypoint[name] for name in self._goal}
 
     def arm(self, query: zenoh.Query) -> None:
-        """Switch the thrusters on or off; refuse what would change nothing."""
+        """Switch the thrusters on or off; refuse a request that changes nothing."""
         with query:
             wanted = cbor2.loads(query.payload.to_bytes())["armed"] if query.payload else False
             refusal = "" if wanted != self._armed else "armed already" if wanted else "not armed"

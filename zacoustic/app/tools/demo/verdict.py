@@ -1,4 +1,4 @@
-"""The end of the demo: what crossed, what it cost, and whether everything did."""
+"""The end of the demo: what crossed, its cost, and whether everything did."""
 
 from collections.abc import Iterator
 
@@ -18,11 +18,11 @@ class LaneSummary(msgspec.Struct, frozen=True, kw_only=True):
     stream: str
     """Name of the stream, for a service with `request` or `response`."""
     source: str
-    """Island it came from."""
+    """Name of the sending side."""
     sent: int
-    """What was put on that side."""
+    """Number of items put on that side."""
     crossed: int
-    """What reached a client on the other one."""
+    """Number of items that reached a client on the other side."""
     mean_delay_s: float | None
     """From client to client, s; None when nothing crossed."""
     transmitted_bytes: int | None
@@ -32,36 +32,36 @@ class LaneSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Summary(msgspec.Struct, frozen=True, kw_only=True, tag="summary", tag_field="event"):
-    """How the demo went."""
+    """The result of the demo."""
 
     ok: bool
     """Everything that should cross did, unchanged and once, except for lost best-effort samples."""
     missing: tuple[str, ...]
-    """What did not, or arrived otherwise than it was sent; one line each."""
+    """Items that did not, or arrived changed; one line each."""
     lost: tuple[str, ...] = ()
-    """Best-effort samples in lost frames; one line each stream."""
+    """Best-effort samples in lost frames; one line for each stream."""
     duration_s: float
     """From the word `go` to the end, s."""
     streams: tuple[LaneSummary, ...]
-    """What each stream had."""
+    """Result of each stream."""
     frames: int
     """Frames on the channel."""
     lost_frames: int
-    """The lost ones; what they carried crossed in another frame, or is missing."""
+    """Number of lost frames; their contents crossed in another frame, or are missing."""
     transmitted_bytes: int
     """Bytes in those frames."""
     overhead_bytes: int
-    """Those of no stream: introductions."""
+    """Bytes of no stream: introductions."""
     airtime_s: float
     """Airtime of all frames, s."""
 
 
 def summary_of(logbook: Logbook, problems: tuple[str, ...] = ()) -> Summary:
-    """Sum up.
+    """Summarise a run.
 
     Args:
-        logbook: What happened.
-        problems: What else went wrong, such as a process that died.
+        logbook: Log of the run.
+        problems: Other faults, such as a process that died.
     """
     missing = (*problems, *_missing(logbook))
     total = logbook.transmitted_bytes
@@ -95,7 +95,7 @@ def _lane_summaries(logbook: Logbook, total_bytes: int) -> Iterator[LaneSummary]
 
 def _missing(logbook: Logbook) -> Iterator[str]:
     if logbook.began_at is None:
-        return  # whatever stopped it before the start says more
+        return  # the error that stopped it before the start says more
     for lane in logbook.lanes:
         head = f"{lane.name} from {network_name(lane.source)}"
         if not lane.sent:
@@ -108,7 +108,7 @@ def _missing(logbook: Logbook) -> Iterator[str]:
 
 
 def _is_lost(lane: Lane, logbook: Logbook) -> bool:
-    """Whether the missing samples are explained: each was sent once, in a lost frame."""
+    """Tell whether the missing samples are explained: each was sent once, in a lost frame."""
     return not lane.is_repeated and 0 < len(lane.missing) <= logbook.lost_frames(lane.source)
 
 

@@ -1,4 +1,4 @@
-"""How the demo shows itself: `View`, and the two that write lines; the live one is in `live`."""
+"""The views of the demo: `View`, and two that write lines; the live one is in `live`."""
 
 import sys
 from abc import ABC, abstractmethod
@@ -17,7 +17,7 @@ class View(ABC):
 
     @abstractmethod
     def begin(self, logbook: Logbook) -> None:
-        """The demo starts; `logbook` is kept up to date from now on."""
+        """Begin a run; `logbook` is kept up to date from now on."""
 
     @abstractmethod
     def note(self, note: AnyNote) -> None:
@@ -37,7 +37,7 @@ class View(ABC):
 
 
 class WritingView(View):
-    """Writes each note when it happens, and nothing in between."""
+    """Writes each note as it happens, and nothing in between."""
 
     def begin(self, logbook: Logbook) -> None:
         """Write nothing."""
@@ -62,7 +62,7 @@ class JsonView(WritingView):
 
 
 class LinesView(WritingView):
-    """Plain lines, for a log or a terminal that can do no more."""
+    """Plain lines, for a log or a simple terminal."""
 
     def note(self, note: AnyNote) -> None:
         """Write it."""
@@ -102,7 +102,7 @@ def describe(note: AnyNote) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value in few characters: fields and numbers."""
+    """Return a short form of a value: fields and numbers."""
     if not isinstance(value, dict):
         return str(value)
     return " ".join(
@@ -114,4 +114,4 @@ def shown(value: object) -> str:
 
 def _write(line: str) -> None:
     sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()  # whoever reads a pipe wants each line when it happens
+    sys.stdout.flush()  # the reader of a pipe wants each line at once

@@ -1,4 +1,4 @@
-"""Remote commands of the command line: asks the local gateways, which execute or forward them."""
+"""Remote commands of the command line: local gateways execute or forward them."""
 
 from collections.abc import Sequence
 
@@ -22,22 +22,22 @@ async def give_command(
     node: int | None,
     timeout_s: float,
 ) -> list[SilenceState | StreamState]:
-    """Give a command to a local or remote node, and wait for the answer.
+    """Send a command to a local or remote node, and wait for the answer.
 
     Args:
-        config: Tells where the router is, or None.
-        connect: Endpoints of the router, instead of those.
-        command: The question or the command.
+        config: Names the router, or None.
+        connect: Endpoints of the router; override the config.
+        command: The query or the command.
         node: Acoustic address; None: the nodes of all local gateways.
-        timeout_s: How long to try, s.
+        timeout_s: Time limit, s.
 
     Returns:
-        What holds at each of them then, by address.
+        The resulting state of each node, by address.
 
     Raises:
-        SessionError: No router is reached.
+        SessionError: No router can be reached.
         ServiceError: The node refuses it, with a reason.
-        DeliveryError: It makes no sense there, or no gateway knows the node.
+        DeliveryError: The node cannot execute it, or no gateway knows the node.
         CallTimeoutError: No answer in time.
     """
     zenoh_session = await ZenohSession.open(session_config(config, connect))

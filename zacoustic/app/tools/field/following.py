@@ -1,8 +1,8 @@
-"""Following a reliable sample from the command line: how far it is, and how it ended.
+"""Following a reliable sample from the command line: its progress and its outcome.
 
-On a link its `Delivery` reports it. On Zenoh the forwarding gateway does, in its health
-report: what it counts as published rises by one, and later that none is being delivered any more;
-whichever outcome has been counted since is that of the sample.
+On a link its `Delivery` reports them. On Zenoh the health report of the forwarding gateway does:
+its count of published samples rises by one, and later its count of samples being delivered falls to
+0; the outcome counted since is that of the sample.
 """
 
 import asyncio
@@ -18,44 +18,44 @@ from zacoustic.errors import DeliveryError
 from zacoustic.zenoh.node.delivery import Delivery
 
 TICK_S: Final = 0.25
-"""Time between two looks at a delivery, s."""
+"""Period of looking at a delivery, s."""
 
 
 class Step(msgspec.Struct, frozen=True, kw_only=True):
-    """How far a large sample is."""
+    """The progress of a large sample."""
 
     sent_bytes: int
-    """What was on the air at least once."""
+    """Bytes transmitted at least once."""
     done_bytes: int
-    """What all subscribers have, as far as known."""
+    """Bytes that all subscribers have, as far as known."""
     total_bytes: int
     """Its size."""
 
 
 class End(msgspec.Struct, frozen=True, kw_only=True):
-    """How a sample ended."""
+    """The outcome of a sample."""
 
     outcome: str
     """``delivered``, ``superseded``, ``expired``, ``refused`` or ``cancelled``."""
     missing: tuple[int, ...] | None = None
-    """Addresses of the subscribers that do not have it; None: unknown."""
+    """Addresses of the subscribers that lack it; None: unknown."""
     detail: str = ""
-    """The reason, if the outcome does not say it."""
+    """The reason, if the outcome does not tell it."""
 
 
 Show = Callable[[Step], None]
-"""Takes each step that is new."""
+"""Takes each new step."""
 
 
 async def end_of(delivery: Delivery) -> End:
-    """Wait for the end of a sample on a link."""
+    """Wait for the outcome of a sample on a link."""
     outcome = await delivery
     return End(outcome=outcome.value, missing=delivery.missing, detail=delivery.detail)
 
 
 @contextlib.asynccontextmanager
 async def shown(delivery: Delivery | None, show: Show) -> AsyncIterator[None]:
-    """Show how far a sample on a link is, while something else is waited for."""
+    """Show the progress of a sample on a link, while something else is awaited."""
 
     async def look() -> None:
         told: Step | None = None
@@ -92,7 +92,7 @@ class GatewayFollower:
 
     Args:
         watch: An open watch on its network.
-        name: The topic, as its stream is called.
+        name: Name of the topic's stream.
 
     Raises:
         DeliveryError: No gateway there forwards it, or it is not reliable.
@@ -117,7 +117,7 @@ class GatewayFollower:
             )
 
     async def end(self, show: Show) -> End:
-        """Wait for the outcome of what was published since, and show the progress."""
+        """Wait for the outcome of samples published since, and show the progress."""
         told: Step | None = None
         while True:
             self._watch.changed.clear()

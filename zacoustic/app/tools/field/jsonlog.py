@@ -1,7 +1,7 @@
 """Log messages as JSON, one object a line, for log collectors.
 
-Each has ``time`` (UTC, ms), ``level``, ``logger`` and ``message``; the rest are fields of the
-message, such as those of a notice of the gateway, and ``exception``, a traceback.
+Each object has ``time`` (UTC, ms), ``level``, ``logger`` and ``message``. Further members are
+fields of the message, such as those of a gateway's notice, and ``exception``, a traceback.
 """
 
 import logging
@@ -22,7 +22,7 @@ class JsonFormatter(logging.Formatter):
     """Writes a record as one line of JSON.
 
     Args:
-        common: Fields of all of them.
+        common: Fields of all messages.
     """
 
     def __init__(self, common: Mapping[str, object]) -> None:
@@ -46,7 +46,7 @@ class JsonFormatter(logging.Formatter):
 
 
 def log_as_json(common: Mapping[str, object]) -> None:
-    """Have everything that is logged, from INFO on, written as JSON to standard error.
+    """Write all log messages, from INFO on, as JSON to standard error.
 
     Args:
         common: Fields of all messages.

@@ -6,7 +6,7 @@ from zacoustic.link.registry import LinkDescription
 
 
 def describe_as_text(links: Iterable[LinkDescription]) -> str:
-    """Return a paragraph for each link: what it is, its settings, or why it cannot be used."""
+    """Return a paragraph for each link: its summary, its settings, or why it is not usable."""
     return "\n\n".join("\n".join(_lines(link)) for link in links)
 
 

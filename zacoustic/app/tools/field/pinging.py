@@ -1,8 +1,8 @@
 """Pings of the command line: one after the other, through a gateway or on a link, and statistics.
 
-On sound a round trip takes seconds, so the next ping goes when the last one was answered or given
-up, and not before the interval is over. What a ping is made of is said in
-`zacoustic.zenoh.gateway.commands.pings`.
+Over an acoustic channel a round trip takes seconds, so the next ping goes when the last one was
+answered or given up, and the interval is over. `zacoustic.zenoh.gateway.commands.pings` describes
+the parts of a ping.
 """
 
 import asyncio
@@ -34,21 +34,21 @@ from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import tell_loop
 
-# Zenoh's own limit is above the gateway's, whose answer says more.
+# Zenoh's own limit is above the gateway's, whose answer is more precise.
 _BEHIND_S: Final = 2.0
 RANGE_LIMIT_S: Final = 10.0
-"""How much longer an answer waits for the range, s."""
+"""Additional time for an answer with the range, s."""
 
 
 class Ping(msgspec.Struct, frozen=True, kw_only=True):
     """One ping."""
 
     number: int
-    """Which, from 1 on."""
+    """Number, from 1."""
     answer: PingAnswer | None
-    """What it has found out; None: no answer in time."""
+    """Its answer; None: none came in time."""
     unix_s: float
-    """When it was over."""
+    """Time of its end, s since 1970."""
 
 
 class Pinger(ABC):
@@ -60,12 +60,12 @@ class Pinger(ABC):
 
         Raises:
             CallTimeoutError: No answer in time.
-            DeliveryError, LocalError: It cannot be asked.
+            DeliveryError, LocalError: The node cannot be asked.
         """
 
 
 class GatewayPinger(Pinger):
-    """Has the local gateway ask.
+    """Pings through the local gateway.
 
     Args:
         zenoh_session: A session on its network.
@@ -75,7 +75,7 @@ class GatewayPinger(Pinger):
         self._zenoh_session = zenoh_session
 
     async def ping(self, node: int, timeout_s: float, *, status: bool = False) -> PingAnswer:
-        """Ask the local gateways; the responsible one pings, and may ask for the node's status."""
+        """Query the local gateways; the responsible one pings, and may ask for the status."""
         key, parameters = ping_selector(node, timeout_s, status=status)
         loop = asyncio.get_running_loop()
         ended = asyncio.Event()
@@ -106,7 +106,7 @@ class GatewayPinger(Pinger):
 
 
 class LinkPinger(Pinger):
-    """Asks on its own link.
+    """Pings on its own link.
 
     Args:
         node: A node in direct mode, open.
@@ -116,7 +116,7 @@ class LinkPinger(Pinger):
         self._node = node
 
     async def ping(self, node: int, timeout_s: float) -> PingAnswer:
-        """Ask the node for its state, and then its modem for the range."""
+        """Ask the node for its state, then its modem for the range."""
         assert self._node.address is not None
         if node == self._node.address:
             raise DeliveryError(f"node {node} is this node")
@@ -130,7 +130,7 @@ class LinkPinger(Pinger):
             answer = msgspec.structs.replace(answer, round_trip_s=round_trip_s)
             left_s = max(min(timeout_s - round_trip_s, RANGE_LIMIT_S), 0.001)
         except LocalError:
-            pass  # no remote commands on this wire: the range must do
+            pass  # no remote commands on this wire: only the range is measured
         try:
             found = await self._node.range(node, timeout_s=left_s)
         except (CallTimeoutError, RangeUnavailableError):
@@ -153,7 +153,7 @@ async def gateway_pinger(
     """Open a session to ping through a local gateway.
 
     Raises:
-        SessionError: No router is reached.
+        SessionError: No router can be reached.
     """
     zenoh_session = await ZenohSession.open(session_config(config, connect))
     try:
@@ -168,14 +168,14 @@ async def pings(
     """Ping a node several times, one after the other.
 
     Args:
-        pinger: How.
+        pinger: Sends the pings.
         node: Its address.
-        count: How often.
-        interval_s: Least time between two, s.
-        timeout_s: How long an answer is awaited, s.
+        count: Number of pings.
+        interval_s: Least period, s.
+        timeout_s: Time limit of an answer, s.
 
     Raises:
-        DeliveryError, LocalError: It cannot be asked.
+        DeliveryError, LocalError: The node cannot be asked.
     """
     loop = asyncio.get_running_loop()
     for number in range(1, count + 1):
@@ -190,25 +190,25 @@ async def pings(
 
 
 class Spread(msgspec.Struct, frozen=True, kw_only=True):
-    """Several measurements of one thing."""
+    """Statistics of several measurements."""
 
     least: float
     """The smallest."""
     mean: float
     """Their mean."""
     most: float
-    """The greatest."""
+    """The largest."""
     deviation: float
-    """Standard deviation of them all."""
+    """Standard deviation of the population."""
 
 
 class PingStatistics(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of all pings."""
+    """Statistics of all pings."""
 
     sent: int
-    """How many there were."""
+    """Number of pings."""
     answered: int
-    """How many of them were answered."""
+    """Number of answered ones."""
     round_trip_s: Spread | None
     """Round trips, s."""
     range_m: Spread | None
@@ -216,7 +216,7 @@ class PingStatistics(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def statistics_of(done: Sequence[Ping]) -> PingStatistics:
-    """Return what came of pings."""
+    """Return the statistics of pings."""
     answers = [ping.answer for ping in done if ping.answer is not None]
     return PingStatistics(
         sent=len(done),

@@ -1,8 +1,8 @@
-"""Before the dive: a strong frame each way through the real links, and both ends compared.
+"""Before the dive: a strong frame in each direction through the real links, and a comparison.
 
-Each other node is asked for its status. What it says is compared with this one: journal, clock,
-medium access and range; and what its frames show: table and life. Only its own computer knows its
-files (the key's mode, copies of the life record, room on the disk): the doctor examines them there.
+Each other node is asked for its status, which is compared with that of this one: journal, clock,
+medium access and range; its frames show table and life. Files (mode of the key, copies of the life
+record, room on the disk) are known only to a node's own computer: the doctor examines them there.
 """
 
 import asyncio
@@ -28,11 +28,11 @@ from zacoustic.zenoh.session.asking.pings import PeerStatus, PingAnswer
 from zacoustic.zenoh.session.session import ZenohSession
 
 DEFAULT_WITHIN_S: Final = 40.0
-"""How long answers are awaited, s; with what the doctor looks at, a minute."""
+"""Time for answers, s; with the doctor's checks, a minute."""
 
 
 _CLOCK_S: Final = 2.0
-"""Clocks that are set differ by less, s."""
+"""Synchronised clocks differ by less, s."""
 _JOURNALS: Final = {
     "none": (
         "has no journal",
@@ -50,62 +50,62 @@ _JOURNALS: Final = {
         "make room on its disk, or give it a folder that can be written",
     ),
 }
-"""What is wrong, why that matters, and what to do."""
+"""Fault, effect and cure."""
 
 
 class Contact(msgspec.Struct, frozen=True, kw_only=True):
-    """Another node, as this one has found it."""
+    """Another node, as seen from this one."""
 
     address: int
-    """Which."""
+    """Its address."""
     name: str
     """Its name in `nodes`, or empty."""
     round_trip_s: float | None
-    """Of a remote command and its answer; None: no answer in time."""
+    """Round-trip time of a remote command and its answer, s; None: no answer in time."""
     range_m: float | None
-    """How far it is; None: nobody can measure it."""
+    """Its range, m; None: it cannot be measured."""
     life: int | None
-    """Its boot epoch; where frames are sealed, its life."""
+    """Its boot epoch; if frames are sealed, its life."""
     same_table: bool | None
-    """It has this node's stream table; None: it has not said so."""
+    """Whether it has this node's stream table; None: unknown."""
     status: PeerStatus | None
-    """What it says of itself; None: nothing."""
+    """Its own status; None: unknown."""
     error: str
     """Why there was no answer, or empty."""
 
 
 class PrediveReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found."""
+    """The result of `zacoustic predive`."""
 
     file: str
     """The configuration."""
     address: int
-    """Of this node."""
+    """Address of this node."""
     sealed: bool
-    """Frames are sealed: so an answer is one of the fleet."""
+    """Frames are sealed, so an answer proves a member of the fleet."""
     took_s: float
-    """All of it, s."""
+    """Duration, s."""
     contacts: tuple[Contact, ...]
     """The other nodes."""
     findings: tuple[Finding, ...]
-    """What is wrong, here and between the ends."""
+    """Faults, here and between the ends."""
     left_out: tuple[str, ...]
-    """What was not looked at, and why."""
+    """What was not examined, and why."""
 
 
 async def predive(
     file: str | Path, options: Options, nodes: Sequence[int], within_s: float
 ) -> PrediveReport:
-    """Try the channel to other nodes, and examine this one.
+    """Test the channel to other nodes, and examine this one.
 
     Args:
         file: Its configuration.
-        options: As of the doctor.
+        options: Options, as for the doctor.
         nodes: Addresses of the others; none: all of the file.
-        within_s: How long answers are awaited, s.
+        within_s: Time for answers, s.
 
     Raises:
-        ConfigError: The file is wrong, or there is nobody to try.
+        ConfigError: The file is wrong, or there is no other node.
     """
     began_s = time.monotonic()
     config = read_config(file, address=options.address, locator=options.locator)
@@ -115,7 +115,7 @@ async def predive(
     findings: list[Finding] = []
     if running.health:
         answers = await _ask(config, options.connect, others, within_s)
-        running, _ = await look(config, options.connect)  # with what the frames have told
+        running, _ = await look(config, options.connect)  # again, after the exchange of frames
     else:
         findings.append(
             Finding(

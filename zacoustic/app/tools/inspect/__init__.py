@@ -1,1 +1,1 @@
-"""Tools for afterwards: frames and recordings."""
+"""Tools for after a mission: frames and recordings."""

@@ -1,1 +1,1 @@
-"""Pages for a browser: what they have in common."""
+"""Common parts of pages for a browser."""

@@ -1,4 +1,4 @@
-"""A document: tables and plots in one HTML file that needs nothing from elsewhere."""
+"""A document: tables and plots in one self-contained HTML file."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -26,13 +26,13 @@ class Sheet(msgspec.Struct, frozen=True):
     """One table."""
 
     title: str
-    """What it shows."""
+    """Its title."""
     header: tuple[str, ...]
     """Name of each column."""
     rows: list[tuple[str, ...]]
-    """As many cells each."""
+    """Rows with as many cells each."""
     left: int = 1
-    """So many columns are set flush left; the others are numbers."""
+    """Number of left-aligned columns; the others are numbers."""
 
 
 def as_document(
@@ -44,13 +44,13 @@ def as_document(
     sheets: Sequence[Sheet] = (),
     plots: Sequence[Plot] = (),
 ) -> str:
-    """Return the document; no text of it can become a tag.
+    """Return the document; no text can become a tag.
 
     Args:
-        title: What it is of.
-        verdict: What it comes to, one line each.
-        head: What it was made from.
-        notes: What a reader must know beside.
+        title: Its title.
+        verdict: Conclusions, one line each.
+        head: Its sources.
+        notes: Remarks.
         sheets: Its tables.
         plots: Its plots.
     """

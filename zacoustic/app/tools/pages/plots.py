@@ -1,4 +1,4 @@
-"""Plots of a page: SVG that stands inside of it and has its colours. Needs matplotlib."""
+"""Plots of a page: SVG inside it, with its colours. Needs matplotlib."""
 
 import io
 from collections.abc import Callable
@@ -16,7 +16,7 @@ _WIDTH_IN: Final = 9.0
 _HEIGHT_IN: Final = 2.8
 _LABEL_CHARACTERS: Final = 40
 
-# Stands for the colour of the page's text, which is known where the page is shown.
+# Placeholder for the colour of the page's text, which only the browser knows.
 _INK: Final = "#010203"
 _INKED: Final = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color",
                  "grid.color")  # fmt: skip
@@ -34,22 +34,22 @@ class Plot(msgspec.Struct, frozen=True):
     """One plot."""
 
     title: str
-    """What it shows."""
+    """Its title."""
     svg: str
     """The picture."""
 
 
 def need_matplotlib(extra: str) -> None:
-    """Refuse to go on without matplotlib.
+    """Check that matplotlib is installed.
 
     Args:
-        extra: Of ours, that brings it.
+        extra: Our extra that includes it.
 
     Raises:
-        ConfigError: It is not installed.
+        ConfigError: It is not.
     """
     try:
-        import matplotlib.figure  # noqa: F401 (whether it is there)
+        import matplotlib.figure  # noqa: F401 (tests that it is installed)
     except ImportError as error:
         raise ConfigError(
             f"a page needs {error.name}",
@@ -61,7 +61,7 @@ def draw(title: str, fill: "Callable[[Axes], bool]") -> Plot | None:
     """Draw one plot; None without data.
 
     Args:
-        title: What it shows.
+        title: Its title.
         fill: Draws into the axes; False: there is nothing to draw.
     """
     import matplotlib as mpl

@@ -1,9 +1,9 @@
-"""Keeps a page true when something dies; `webpage.Banner` puts it onto a page of NiceGUI's.
+"""Shows on a page that its data are stale; `webpage.Banner` puts it onto a page of NiceGUI.
 
-A browser shows its last contents for ever. So each page beats: a number in it changes, and a script
-there (`truth.js`) that misses the beat shows a banner over the whole width, within three seconds,
-greys the values, and refuses clicks that nobody would get. The same banner shows what the server
-knows to have failed. Ages count in the browser: an element with ``data-age`` (seconds, when it was
+A browser shows its last contents for ever. So each page has a heartbeat: a changing number, watched
+by a script (`truth.js`). If it stops, the script shows a banner over the whole width within three
+seconds, greys the values, and refuses clicks that would be lost. The same banner shows failures
+known to the server. Ages count in the browser: an element with ``data-age`` (seconds, when it was
 sent) shows its present age.
 """
 
@@ -16,7 +16,7 @@ import msgspec
 from zacoustic.text.safetext import html_text
 
 SCRIPT: Final = Path(__file__).with_name("truth.js").read_text(encoding="utf-8")
-"""Runs in the browser."""
+"""The script for the browser."""
 STYLE: Final = """
 #za-banner { position: fixed; top: 0; left: 0; right: 0; z-index: 9999; padding: 8px 14px;
   background: #c40f1c; color: #fff; font-size: 17px; font-weight: 700; white-space: pre-line;
@@ -26,26 +26,26 @@ STYLE: Final = """
 .q-header { top: var(--za-banner, 0px) !important; }
 body.za-gone .za-live { opacity: .4; filter: grayscale(1); cursor: not-allowed; }
 """
-"""Of the banner, and of values (class ``za-live``) that are not kept up to date."""
+"""Style of the banner, and of stale values (class ``za-live``)."""
 
 
 class Alarm(msgspec.Struct, frozen=True):
-    """Something dead that makes the display or the buttons untrue."""
+    """A failure that makes the display or the buttons wrong."""
 
     text: str
-    """What, in a few words."""
+    """Description in a few words."""
     since_s: float | None = None
-    """How long ago it began, s; None: not known."""
+    """Time since its beginning, s; None: unknown."""
 
 
 def beat_html(number: int, alarm: Alarm | None, *, what: str, taken: int = 0) -> str:
-    """Return what a page must get at least every second.
+    """Return the heartbeat, which a page must get at least every second.
 
     Args:
-        number: Another one than the last.
-        alarm: What the server knows to have failed; None: nothing.
-        what: Begins the banner when the server is gone.
-        taken: Number of the page's last command that was accepted.
+        number: A number different from the last one.
+        alarm: A failure known to the server; None: none.
+        what: Beginning of the banner when the server is gone.
+        taken: Number of the page's last accepted command.
     """
     since = "" if alarm is None or alarm.since_s is None else f"{max(alarm.since_s, 0.0):.1f}"
     return (
@@ -59,7 +59,7 @@ def age_html(seconds: float, text: str, *, form: str = "long") -> str:
     """Return an age that counts in the browser.
 
     Args:
-        seconds: How old it is now, s.
+        seconds: Its present value, s.
         text: The same in words, until the browser counts.
         form: ``long``, as ``1 min 46 s``, or ``short``, as ``2 min``.
     """

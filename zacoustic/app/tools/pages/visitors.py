@@ -1,9 +1,9 @@
-"""Who may use a page of ours: browsers that show it, and no other page through them.
+"""Access to our pages: only for browsers that show them, not for other pages through a browser.
 
 A page on the network of a vessel has no password, so another open page must not reach it through
-the same browser. Two checks keep it out. `Host` is the name under which the browser found us: a
-name that was redirected to this address is none of ours. `Origin` is the requesting page: only one
-that we have served. And no page may show ours in a frame, under a false button.
+the same browser. Two checks prevent that. `Host` is the name under which the browser found us: a
+name that was redirected to this address is not ours. `Origin` is the requesting page: it must be
+one that we have served. And no page may show ours in a frame, under a false button.
 """
 
 import ipaddress
@@ -21,17 +21,17 @@ _POLICY_VIOLATION: Final = 1008
 
 
 def own_names(*others: str) -> frozenset[str]:
-    """Return under which names this computer is found, `others` with them."""
+    """Return the names of this computer, and `others`."""
     name = socket.gethostname()
     return frozenset(each.lower() for each in ("localhost", name, f"{name}.local", *others))
 
 
 class Gatekeeper:
-    """Around an application of ASGI: refuses what no page of ours has asked.
+    """Wraps an ASGI application: refuses requests that do not come from our pages.
 
     Args:
-        application: Answers the others.
-        names: Names of this computer, lower case; addresses are always good.
+        application: Answers the other requests.
+        names: Names of this computer, lower case; addresses are always allowed.
     """
 
     def __init__(self, application: Application, names: Collection[str]) -> None:
@@ -55,7 +55,7 @@ class Gatekeeper:
             await send({"type": "http.response.body", "body": f"{refusal}\n".encode()})
 
     def _refusal(self, headers: dict[bytes, bytes]) -> str:
-        """Say why it is refused; empty: it is not."""
+        """Return why a request is refused; empty: it is not."""
         host = headers.get(b"host", b"").decode("latin-1").lower()
         if not self._is_ours(host):
             return "refused: this page has no such name; use its address, or --name"
@@ -78,10 +78,10 @@ class Gatekeeper:
 
 
 class Visitors:
-    """Around an application of ASGI: ignores visitors that leave before their answer.
+    """Wraps an ASGI application: ignores visitors that leave before their answer.
 
     Args:
-        application: Answers.
+        application: Answers requests.
     """
 
     def __init__(self, application: Application) -> None:
@@ -90,7 +90,7 @@ class Visitors:
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
         """Answer one request.
 
-        An error of the answer shows with the visitors that stay for it.
+        An error of the answer shows with visitors that stay.
         """
         has_left = has_begun = False
 
@@ -107,13 +107,13 @@ class Visitors:
 
         try:
             await self._application(scope, hear, say)
-        except Exception:  # of any framework below: writing to one that has left may raise anything
+        except Exception:  # of any framework: writing to a visitor that left may raise anything
             if has_begun or not has_left:
                 raise
 
 
 def _unframed(send: Send) -> Send:
-    """Forbid in every answer that another page frames it."""
+    """Forbid other pages to show an answer in a frame."""
 
     async def say(message: Message) -> None:
         if message["type"] == "http.response.start":

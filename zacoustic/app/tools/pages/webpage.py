@@ -1,14 +1,14 @@
-"""A web page of ours, served until it is interrupted. Needs nicegui, the extra `console`.
+"""A web page, served until it is interrupted. Needs nicegui, the extra `console`.
 
-NiceGUI and uvicorn serve it. Three things are otherwise here than there, since a console and a
-screen on the bridge run for days, and what they say on standard error is read:
+NiceGUI and uvicorn serve it. This module changes three things, since a console and a screen on the
+bridge run for days, and people read their standard error:
 
-- A browser that leaves before its answer has begun is nobody's error. Starlette makes one of it
-  where a middleware waits for the answer, and so does Engine.IO, both with a traceback.
-- Whoever speaks no HTTP to the port, such as a Zenoh node that looks for its router, is not worth a
+- A browser that leaves before its answer has begun causes no error. Starlette raises one if a
+  middleware waits for the answer, and so does Engine.IO, both with a traceback.
+- A client that does not speak HTTP, such as a Zenoh node that looks for its router, causes no
   warning.
-- The first interrupt ends everything in order; those that follow while it does, and after it, are
-  nothing. Uvicorn would raise the signal once more when all is over, and not wait at a second one.
+- The first interrupt ends everything in order; further ones are ignored. Uvicorn would raise the
+  signal again at the end, and not wait after a second one.
 """
 
 import math
@@ -25,7 +25,7 @@ from zacoustic.app.tools.pages.truth import SCRIPT, STYLE, Alarm, beat_html
 from zacoustic.app.tools.pages.visitors import Gatekeeper, Visitors, own_names
 
 CURRENT_S: Final = 4.0
-"""What was pressed longer ago than this is not done any more, s."""
+"""Clicks older than this are ignored, s."""
 _BEATS_KEPT: Final = 64
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
@@ -39,18 +39,18 @@ def serve_page(
     start: Callable[[], Awaitable[None]],
     stop: Callable[[], Awaitable[None]],
     names: Collection[str] = (),
-    **look: Any,  # noqa: ANN401 (of NiceGUI)
+    **look: Any,  # noqa: ANN401 (options of NiceGUI)
 ) -> None:
     """Serve a page until SIGINT or SIGTERM.
 
     Args:
-        root: Builds the page, for each browser that comes.
-        host: Where it listens.
-        port: Where it listens.
+        root: Builds the page for each browser.
+        host: Host to listen at.
+        port: Port to listen at.
         start: Awaited on the loop before the first visitor is served.
         stop: Awaited on the loop after the last one.
         names: Names under which browsers find it, besides this computer's own (`visitors`).
-        look: What else `ui.run` takes.
+        look: Further arguments of `ui.run`.
     """
 
     async def begin() -> None:
@@ -73,7 +73,7 @@ def serve_page(
         uvicorn_logging_level="error",
         **look,
     )
-    for number in _SIGNALS:  # nothing is left that could be interrupted
+    for number in _SIGNALS:  # nothing remains to be interrupted
         signal.signal(number, signal.SIG_IGN)
 
 
@@ -81,7 +81,7 @@ class Banner:
     """The banner of one page with its failures (`truth`); made with the page.
 
     Args:
-        what: Begins it when the page's server is gone.
+        what: Beginning of its text when the page's server is gone.
     """
 
     def __init__(self, what: str) -> None:
@@ -95,11 +95,11 @@ class Banner:
         self._element = ui.html(sanitize=False).style("display: none").mark("beat")
 
     def beat(self, alarm: Alarm | None = None, *, taken: int = 0) -> None:
-        """Show that the server runs; at least every second.
+        """Show that the server runs; call it at least every second.
 
         Args:
-            alarm: What it knows to be dead; None: nothing.
-            taken: Number of the last order of this page that was taken.
+            alarm: A known failure; None: none.
+            taken: Number of this page's last accepted command.
         """
         self._number += 1
         self._sent_at_s[self._number] = time.monotonic()
@@ -109,8 +109,8 @@ class Banner:
     def is_current(self) -> bool:
         """Tell whether the browser's input is recent.
 
-        What was pressed while the connection hung comes when it is back, perhaps minutes later.
-        The browser echoes each beat, so what comes behind an old echo is old.
+        A click made while the connection hung arrives when it is back, perhaps minutes later. The
+        browser echoes each heartbeat, so input after an old echo is old.
         """
         if self._echoed is None:
             return True

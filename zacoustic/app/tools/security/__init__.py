@@ -1,1 +1,1 @@
-"""What the verbs for keys and rights do."""
+"""The work of the verbs for keys and permissions."""

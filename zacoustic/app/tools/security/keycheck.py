@@ -1,4 +1,4 @@
-"""Is the seal of a node in order: key file, life records, journal?"""
+"""Checks the seal of a node: key file, life records, journal."""
 
 import os
 import re
@@ -35,22 +35,22 @@ Findings = Iterator[Finding]
 
 
 class KeyCheck(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found."""
+    """The result of the check."""
 
     file: str
     """The configuration."""
     address: int
-    """Of the node."""
+    """Address of the node."""
     network: str | None
-    """Name of the network; None: no key could be read, here and below."""
+    """Name of the network; None, here and below: no key could be read."""
     generation: int | None
-    """Of the key."""
+    """Generation of the key."""
     fingerprint: str | None
-    """Of the key."""
+    """Fingerprint of the key."""
     life: int | None
-    """Of the last start; None: there is no record, or none with this generation of the key."""
+    """Life of the last start; None: no record, or none with this generation of the key."""
     findings: tuple[Finding, ...]
-    """What is wrong."""
+    """The faults."""
 
 
 def check_keys(
@@ -59,9 +59,9 @@ def check_keys(
     """Examine the seal of a node; nothing is changed.
 
     Args:
-        config: Of the node.
-        fingerprint: That of the key that it should have; None: any.
-        is_running: Its gateway runs, and knows more of its journal than the files say.
+        config: Configuration of the node.
+        fingerprint: Expected fingerprint of the key; None: any.
+        is_running: Its gateway runs, and knows more of its journal than the files show.
     """
     ring: Keyring | None = None
     findings: list[Finding] = []
@@ -104,11 +104,11 @@ def check_keys(
 
 
 def check_room(config: Config, capabilities: LinkCapabilities) -> Findings:
-    """See whether sealed frames fit a link, and the lengths of `pad` too.
+    """Check that sealed frames fit a link, also with the lengths of `pad`.
 
     Args:
-        config: Of the node.
-        capabilities: Of the link.
+        config: Configuration of the node.
+        capabilities: Capabilities of the link.
     """
     if config.security is None:
         return
@@ -131,12 +131,12 @@ def check_room(config: Config, capabilities: LinkCapabilities) -> Findings:
 
 
 def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | None) -> Findings:
-    """Judge what the running gateway says of its seal.
+    """Find faults in a running gateway's report on its seal.
 
     Args:
-        config: Of the node.
+        config: Configuration of the node.
         health: Documents of the gateway, by name.
-        fingerprint: Of the key file here; None: it cannot be read, or there is none.
+        fingerprint: Fingerprint of the key file here; None: unknown.
     """
     seal = health.get("seal")
     if not isinstance(seal, Mapping):
@@ -189,7 +189,7 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
 
 
 def as_text(check: KeyCheck) -> str:
-    """Return it as lines."""
+    """Return the result as lines."""
     lines = []
     for finding in check.findings:
         lines += [f"! {finding.what}", f"  at sea: {finding.why}", f"  cure:   {finding.cure}"]
@@ -257,13 +257,13 @@ def _of_journal(config: Config, lives: Lives | None) -> Findings:
 
 
 def _of_age(path: Path, lives: Lives) -> Findings:
-    """Compare the journal with the life records: each tells whether the other is an old copy."""
+    """Compare the journal with the life records: either can reveal the other as an old copy."""
     try:
         found = inspect(path, None, read_mark(path))
     except OSError:
-        return  # the doctor says whether it can be read and written
+        return  # the doctor reports whether it can be read and written
     if found.fault:
-        return  # the next start sets it aside, and says so
+        return  # the next start renames it, and reports that
     started, last = start_in(found.entries, lives), lives.find().last
     if age := age_of(started, lives):
         yield Finding(what=f"old journal: {path}: {age}", why=_OLD, cure=_CURE)

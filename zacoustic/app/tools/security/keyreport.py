@@ -1,4 +1,4 @@
-"""What may be shown of a key: never the key."""
+"""The public facts about a key, without the key."""
 
 from pathlib import Path
 
@@ -8,22 +8,22 @@ from zacoustic.seal.keys import FleetKey
 
 
 class KeyReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A key file, as people and programs see it."""
+    """The public facts about a key file."""
 
     file: str
     """Its name."""
     network: str
     """Name of the network."""
     generation: int
-    """Of the key, counted from 0."""
+    """Generation of the key, counted from 0."""
     fingerprint: str
-    """Eight hexadecimal digits: equal where the keys are."""
+    """Eight hexadecimal digits, equal if the keys are."""
     opens_former: bool
-    """Frames of the generation before are opened, too."""
+    """Frames of the generation before are opened as well."""
 
 
 def report_on(path: Path, key: FleetKey) -> KeyReport:
-    """Return what may be shown."""
+    """Return the public facts about a key file."""
     return KeyReport(
         file=str(path),
         network=key.network,

@@ -1,7 +1,7 @@
-"""The list of members and the identities beside it, as the officer on land has them.
+"""The members file and the identities beside it, as kept on land.
 
-Identities lie in the folder of the list, as ``NAME.identity``. Those that are there wrap their
-broadcasts for everybody in the list; of others the report says that nobody opens their broadcasts.
+Identities are in the folder of the list, as ``NAME.identity``. Those present wrap their broadcast
+secret for all members; the report names the others, whose broadcasts somebody cannot open.
 """
 
 import json
@@ -26,26 +26,26 @@ PATTERN: Final = "*.identity"
 
 
 class MembersReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A list of members, as people and programs see it."""
+    """The public facts about a members file."""
 
     file: str
     """Its name."""
     network: str
     """Name of the network."""
     generation: int
-    """Of the keys, counted from 0."""
+    """Generation of the keys, counted from 0."""
     fingerprint: str
-    """Eight hexadecimal digits: equal where network, generation and members are."""
+    """Eight hexadecimal digits, equal if network, generation and members are."""
     members: tuple[int, ...]
-    """Addresses."""
+    """Addresses of the members."""
     unheard: tuple[int, ...]
-    """Of these nodes somebody has no key for broadcasts."""
+    """Nodes whose broadcast key some member lacks."""
     opens_former: bool
-    """Frames of the generation before are opened, too."""
+    """Frames of the generation before are opened as well."""
 
 
 def is_list(path: Path) -> bool:
-    """Tell whether a file is a list of members, as far as it can be read."""
+    """Tell whether a readable file is a members file."""
     try:
         content = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -54,7 +54,7 @@ def is_list(path: Path) -> bool:
 
 
 def report_on(path: Path, members: Members) -> MembersReport:
-    """Return what a list says."""
+    """Return the public facts about a members file."""
     listed = sorted(members.public)
     unheard = [
         source
@@ -87,10 +87,10 @@ def as_text(report: MembersReport) -> str:
 
 
 def enrol(identity_path: Path, list_path: Path, network: str, address: int) -> Members:
-    """Make an identity, and put it on a list, which is made when there is none.
+    """Make an identity and add it to a list, which is made if it is missing.
 
     Raises:
-        KeyFileError: The identity is there already, or the node is on the list with another one.
+        KeyFileError: The identity exists already, or the node is on the list with another one.
     """
     members = Members(network=network)
     if list_path.exists():
@@ -105,7 +105,7 @@ def enrol(identity_path: Path, list_path: Path, network: str, address: int) -> M
 
 
 def rotate(list_path: Path, *, end_overlap: bool) -> Members:
-    """Make the next generation; or take the former one out.
+    """Make the next generation, or remove the former one.
 
     Raises:
         KeyFileError: A file cannot be used, or there is no next generation.
@@ -117,7 +117,7 @@ def rotate(list_path: Path, *, end_overlap: bool) -> Members:
 
 
 def revoke(list_path: Path, address: int) -> Members:
-    """Make the next generation without a node, and without the former one.
+    """Make the next generation without a node, and without the former generation.
 
     Raises:
         KeyFileError: A file cannot be used, or the node is not on the list.
@@ -133,7 +133,7 @@ def _beside(list_path: Path) -> list[Path]:
 
 
 def _identities(list_path: Path, members: Members) -> list[Identity]:
-    """Return the identities beside a list that are on it."""
+    """Return the identities beside a list whose nodes are on it."""
     found = [read_identity(each) for each in _beside(list_path)]
     return [each for each in found if members.public.get(each.address) == each.public]
 
@@ -141,5 +141,5 @@ def _identities(list_path: Path, members: Members) -> list[Identity]:
 def _wrapped(members: Members, identity: Identity) -> Members:
     try:
         return members.wrapped_by(identity)
-    except KeyFileError:  # not on the list: an old one, or of another network
+    except KeyFileError:  # not on the list: outdated, or of another network
         return members

@@ -1,14 +1,14 @@
-"""Watching gateways from anywhere on their Zenoh network: one model, several ways to show it.
+"""Watches gateways from anywhere on their Zenoh network: one model, several displays.
 
 Every gateway publishes its health in documents under ``@acoustic/ADDRESS/``
 (`zacoustic.zenoh.gateway.status.health`): counters, instants and mean times, which stay true while
-nothing happens. `Watch` subscribes to them, `Board` keeps the newest and makes of them what people
-want to read, `GatewayView`: ages, rates, shares, now. The rest shows views::
+nothing happens. `Watch` subscribes to them. `Board` stores the newest and derives a `GatewayView`
+for people: ages, rates, shares at present. The rest displays views::
 
     Zenoh ──► Watch ──► Board ──► GatewayView ──┬─► terminal   zacoustic monitor
                                                 ├─► page       zacoustic dashboard
                                                 ├─► text       zacoustic monitor --once, topics
                                                 └─► JSON       --json
 
-Nothing of it takes airtime.
+Watching uses no airtime.
 """

@@ -1,8 +1,8 @@
 """The board: the newest documents of all gateways, and the values derived from them.
 
 Instants in documents are by the clock of the gateway's computer, which may differ from ours by
-hours: a vehicle has no network time. So a gateway answers with its own time, and ages are computed
-by its clock.
+hours: a vehicle has no network time. So a gateway's answers contain its own time, and ages are
+computed by its clock.
 """
 
 import re
@@ -47,19 +47,19 @@ from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.zenoh.session.asking.commands import PREFIX
 
 WINDOW_S: Final = 60.0
-"""The utilisation covers the last so many seconds, once they were observed."""
+"""The utilisation covers this time, s, once it was observed."""
 _DAMAGED: Final = ("check", "short", "overlong", "stuffing")
-# A rate of more than this is two records of one moment.
+# A higher rate comes from two records of one moment.
 _LEAST_PERIOD_S: Final = 0.001
 
-# Anybody can put a key: other digits than these are no address.
+# Anybody can put a key: a text with other digits than these is no address.
 _ADDRESS: Final = re.compile(r"[0-9]{1,3}")
 
 T = TypeVar("T")
 
 
 def addresses_in(key: str) -> list[int]:
-    """Return the address of the gateway whose document has this key; none: no gateway's."""
+    """Return the address of the gateway whose document has this key; empty: none."""
     prefix, _, rest = key.partition("/")
     address = rest.partition("/")[0]
     return [int(address)] if prefix == PREFIX and _ADDRESS.fullmatch(address) else []
@@ -69,13 +69,13 @@ class Board:
     """Documents in, views out.
 
     Args:
-        unix_s: The clock of people here, s; None: this computer's, as it was at first and goes on
-            from there, so that ages never jump.
+        unix_s: The clock for people here, s; None: this computer's at first, then monotonic, so
+            that ages never jump.
     """
 
     def __init__(self, unix_s: Callable[[], float] | None = None) -> None:
         self.unreadable = 0
-        """Documents that were none."""
+        """Number of unreadable documents."""
         began_s = time.time() - time.monotonic()
         self._unix_s = unix_s or (lambda: began_s + time.monotonic())
         self._boards: dict[int, _GatewayBoard] = {}
@@ -106,24 +106,24 @@ class Board:
         board.take("/".join(chunks[2:]), document, self._unix_s())
 
     def note_alive(self, address: int, *, is_alive: bool) -> None:
-        """A gateway has come, or has gone."""
+        """Note that a gateway has appeared or disappeared."""
         board = self._boards.setdefault(address, _GatewayBoard(address))
         board.note_alive(is_alive, self._unix_s())
 
     def note_answer(self, address: int, *, has_answered: bool) -> None:
-        """A gateway was asked whether it runs."""
+        """Note whether a gateway has answered that it runs."""
         self._boards[address].note_answer(has_answered, self._unix_s())
 
     def addresses(self) -> list[int]:
-        """Return the gateways with something to show, in order."""
+        """Return the addresses of known gateways, in order."""
         return sorted(address for address, board in self._boards.items() if board.has_documents)
 
     def view(self, address: int) -> GatewayView:
-        """Return what holds of a gateway now."""
+        """Return the present view of a gateway."""
         return self._boards[address].view(self._unix_s())
 
     def views(self) -> list[GatewayView]:
-        """Return what holds of all of them now."""
+        """Return the present views of all gateways."""
         return [self.view(address) for address in self.addresses()]
 
 
@@ -137,35 +137,35 @@ class _GatewayBoard:
         self._gone_at_s: float | None = None
         self._documents: dict[str, Any] = {}
         self._ahead_s = 0.0
-        """By how much our clock is ahead of the gateway's."""
+        """Our clock less the gateway's, s."""
         self._airtimes: deque[tuple[float, float]] = deque(maxlen=256)
         self._started_at_unix_s: float | None = None
 
     @property
     def has_documents(self) -> bool:
-        """It has published enough."""
+        """Whether it has published enough."""
         return "link" in self._documents and "streams" in self._documents
 
     def take(self, name: str, document: Any, now_s: float) -> None:  # noqa: ANN401 (of any kind)
-        """Keep a document."""
+        """Store a document."""
         self._documents[name] = document
         if name == "clock":
             self._ahead_s = now_s - document.now_unix_s
         if name == "node" and document.started_at_unix_s != self._started_at_unix_s:
             self._started_at_unix_s = document.started_at_unix_s
-            self._airtimes.clear()  # another life of it: counters begin anew
+            self._airtimes.clear()  # it was restarted: counters begin at 0
         if name == "link":
             self._airtimes.append((now_s, document.airtime_s))
             while len(self._airtimes) > 2 and self._airtimes[1][0] < now_s - WINDOW_S:
                 self._airtimes.popleft()
 
     def note_alive(self, is_there: bool, now_s: float) -> None:
-        """Its session is on the network, or is not any more."""
+        """Note whether its session is on the network."""
         self._is_there = is_there
         self._note_gone(now_s)
 
     def note_answer(self, answers: bool, now_s: float) -> None:
-        """It has answered the question whether it runs, or has not."""
+        """Note whether it has answered that it runs."""
         self._answers = answers
         self._note_gone(now_s)
 
@@ -176,7 +176,7 @@ class _GatewayBoard:
             self._gone_at_s = now_s
 
     def view(self, unix_s: float) -> GatewayView:
-        """Return what holds now."""
+        """Return the present view."""
         there_s = unix_s - self._ahead_s
         node, link = self._get("node", NodeDocument), self._get("link", LinkDocument)
         streams, modem = self._get("streams", StreamsDocument), self._get("modem", ModemDocument)
@@ -233,12 +233,12 @@ class _GatewayBoard:
     def _utilisation(
         self, link: LinkDocument, node: NodeDocument, unix_s: float, there_s: float
     ) -> tuple[float | None, float]:
-        """Return the share of the time on the air, and over how long, s.
+        """Return the share of the time on the air, and the observed time, s.
 
-        Over the window, as far as it was observed; else since the gateway runs.
+        It covers the window, as far as it was observed; otherwise the time since the gateway runs.
         """
         if self._airtimes and unix_s - self._airtimes[0][0] >= WINDOW_S:
-            # What was on the air before the window began is in the first of the two.
+            # Airtime before the window is included in the first of the two.
             before = [used_s for at_s, used_s in self._airtimes if at_s <= unix_s - WINDOW_S]
             window_s, used_s = WINDOW_S, link.airtime_s - before[-1]
         else:
@@ -377,7 +377,7 @@ def _ago(at_unix_s: float | None, now_s: float) -> float | None:
 
 
 def _rate(at_unix_s: float | None, period_s: float | None, now_s: float) -> float | None:
-    """Return how often now, 1/s: a stream that has stopped slows down."""
+    """Return the present rate, 1/s: that of a stopped stream falls."""
     ago_s = _ago(at_unix_s, now_s)
     if ago_s is None or period_s is None:
         return None

@@ -1,8 +1,8 @@
-"""What is shown of many gateways, nodes and streams: what fails first, and the rest as a line.
+"""Short views of many gateways, nodes and streams: faults first, and one line for the rest.
 
-A fleet of forty has forty rows of nodes at each gateway, and as many gateways where their local
-networks are joined. Nobody reads that. Up to a number everything is shown in its order; above it
-only what needs somebody to look at it, and how many others there are.
+In a fleet of forty each gateway has forty rows of nodes, and there are forty gateways if their
+local networks are joined. Nobody reads that. Up to a number everything is shown in order; above it
+only what needs attention, and the number of the others.
 """
 
 from collections.abc import Sequence
@@ -18,19 +18,19 @@ from zacoustic.app.tools.watch.words import (
 )
 
 MOST_GATEWAYS: Final = 6
-"""Of more gateways so many are shown with all that is known of them, those that fail first."""
+"""Most gateways shown in full, those with faults first."""
 MOST_PEERS: Final = 12
-"""Of more nodes only those are shown one by one with which something is amiss."""
+"""Of more nodes only those with a fault are shown one by one."""
 MOST_TROUBLED: Final = 24
-"""Of more nodes or gateways with which something is amiss so many are shown."""
+"""Most nodes or gateways with a fault to show."""
 MOST_STREAMS: Final = 40
-"""Of more streams so many are shown, those that fail first."""
+"""Most streams to show, those with faults first."""
 
 
 def gateways_in_short(
     views: Sequence[GatewayView],
 ) -> tuple[list[GatewayView], list[GatewayView], str]:
-    """Return the gateways to show whole, those to show as a row, and words for the rest."""
+    """Return the gateways to show in full, those to show as a row, and words for the rest."""
     if len(views) <= MOST_GATEWAYS:
         return list(views), [], ""
     ranked = sorted(views, key=_gateway_rank)

@@ -1,4 +1,4 @@
-"""The documents of a gateway, as far as they are shown; what one lacks has its default."""
+"""The documents of a gateway, as far as they are displayed; missing members have defaults."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class NodeDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """``node``: what does not change."""
+    """``node``: constant facts."""
 
     name: str = ""
     version: str = ""
@@ -16,7 +16,7 @@ class NodeDocument(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Capabilities(msgspec.Struct, frozen=True, kw_only=True):
-    """Of ``link``: what the modem can do."""
+    """Of ``link``: capabilities of the modem."""
 
     mtu_bytes: int | None = None
     bit_rate_bps: float | None = None
@@ -81,14 +81,14 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DifferRow(msgspec.Struct, frozen=True, kw_only=True):
-    """Of ``streams``: a stream that a peer defines in another way."""
+    """Of ``streams``: a stream that a peer defines otherwise."""
 
     id: int
     peers: list[int] = []
 
 
 class StreamsDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """``streams``: all of the table."""
+    """``streams``: all streams of the table."""
 
     digest: str = ""
     streams: list[StreamRow] = []
@@ -96,7 +96,7 @@ class StreamsDocument(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Metrics(msgspec.Struct, frozen=True, kw_only=True):
-    """Of ``peers``: what the modem measured."""
+    """Of ``peers``: measurements of the modem."""
 
     snr_db: float | None = None
     received_level_db: float | None = None
@@ -170,7 +170,7 @@ class FrameRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ChannelDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """``channel``: the frame being sent, and the last frames sent and heard."""
+    """``channel``: the frame being sent, and the last frames sent and received."""
 
     transmitting: FrameRow | None = None
     last: list[FrameRow] = []
@@ -195,7 +195,7 @@ class DroppedDocument(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EventRow(msgspec.Struct, frozen=True, kw_only=True):
-    """Of ``events``: something that was worth a line."""
+    """Of ``events``: one event."""
 
     at_unix_s: float = 0.0
     event: str = ""
@@ -217,7 +217,7 @@ class ModemDocument(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClockDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """``clock``: answered to a `get` only."""
+    """``clock``: only answered to a `get`."""
 
     now_unix_s: float
 

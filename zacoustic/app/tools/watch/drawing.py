@@ -1,4 +1,4 @@
-"""Charts and bars of the dashboard as SVG and HTML: nothing is loaded for them."""
+"""Charts and bars of the dashboard as SVG and HTML, without external files."""
 
 from collections.abc import Iterable, Sequence
 from typing import Final
@@ -10,7 +10,7 @@ from zacoustic.app.tools.watch.words import share_words, time_words, transfer_wo
 from zacoustic.text.safetext import html_text
 
 WIDTH, HEIGHT = 600, 90
-"""Of the chart, in its own units."""
+"""Size of the chart, in its own units."""
 STYLE: Final = """
 .za { font-variant-numeric: tabular-nums; }
 .za-kpi { min-width: 7.5rem; padding: .5rem .8rem; border-radius: .5rem; flex: 1 1 7.5rem;
@@ -41,7 +41,7 @@ STYLE: Final = """
 
 
 def load_chart(points: Iterable[Point], now_s: float) -> str:
-    """Draw how much of the time was airtime, over the last ten minutes.
+    """Draw the utilisation over the last ten minutes.
 
     Args:
         points: The oldest first.
@@ -76,7 +76,7 @@ def load_chart(points: Iterable[Point], now_s: float) -> str:
 
 
 def cause_bars(causes: Sequence[CauseView]) -> str:
-    """Draw what the airtime went for."""
+    """Draw the airtime by cause."""
     if not causes:
         return '<div class="za-dim">nothing transmitted</div>'
     rows = "".join(
@@ -89,7 +89,7 @@ def cause_bars(causes: Sequence[CauseView]) -> str:
 
 
 def transfer_bars(transfers: Sequence[TransferView]) -> str:
-    """Draw how far large samples are."""
+    """Draw the progress of large samples."""
     if not transfers:
         return '<div class="za-dim">none under way</div>'
     rows = []
@@ -113,7 +113,7 @@ def event_lines(events: Sequence[EventView]) -> str:
     rows = ""
     for event in events:
         number = times.pop((event.event, event.text), 0)
-        if not number:  # it stands above already, at its last occurrence
+        if not number:  # shown above already, at its last occurrence
             continue
         again = f" ({number} times)" if number > 1 else ""
         ago = age_html(event.ago_s, time_words(event.ago_s), form="short")
@@ -129,7 +129,7 @@ def figure(name: str, value: str, *, note: str = "", kind: str = "") -> str:
     """Write one number with its name.
 
     Args:
-        name: What it is.
+        name: Its name.
         value: The number.
         note: A few words below.
         kind: Class of the number: warn, bad, or none.
@@ -145,5 +145,5 @@ def _bar(share: float, kind: str = "") -> str:
 
 
 def _top(share: float) -> float:
-    """Return the height of a chart: the next of a few round shares."""
+    """Return the upper limit of a chart: the next of a few round shares."""
     return next(top for top in (0.05, 0.1, 0.2, 0.5, 1.0) if share <= top)

@@ -1,4 +1,4 @@
-"""How much a gateway was on the air, over the last minutes: what a chart of it shows."""
+"""The utilisation of a gateway over the last minutes, for a chart."""
 
 from collections import deque
 from typing import Final
@@ -10,7 +10,7 @@ from zacoustic.app.tools.watch.views import GatewayView
 STEP_S: Final = 2.0
 """Time between two points, s."""
 SPAN_S: Final = 600.0
-"""So long ago is the first point at most, s."""
+"""Longest time in the chart, s."""
 _SMOOTHED_S: Final = 20.0
 
 
@@ -18,9 +18,9 @@ class Point(msgspec.Struct, frozen=True):
     """One point of a chart."""
 
     unix_s: float
-    """When."""
+    """Instant, s since 1970."""
     share: float
-    """Of the time before it, how much was airtime, 0…1."""
+    """Share of airtime in the time before it, 0…1."""
 
 
 class History:
@@ -32,10 +32,10 @@ class History:
         self._counted: deque[tuple[float, float]] = deque()
 
     def note(self, view: GatewayView) -> None:
-        """Take what holds now; too early for a point, it is left out."""
+        """Take a present view; ignored if it is too early for a point."""
         counted = self._counted
         if counted and view.airtime_s < counted[-1][1]:
-            counted.clear()  # another life of it: counters begin anew
+            counted.clear()  # it was restarted: counters begin at 0
         if counted and view.unix_s - counted[-1][0] < STEP_S * 0.9:
             return
         counted.append((view.unix_s, view.airtime_s))

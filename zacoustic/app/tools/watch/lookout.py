@@ -1,7 +1,6 @@
-"""The lookout: keeps a watch open for as long as a page is served, and a history of each gateway.
+"""The lookout: keeps a watch open while a page is served, with a history of each gateway.
 
-A page is left open for days: a router that is not there, or not any more, is said on it and tried
-again.
+A page is left open for days: it reports a missing router, and the lookout tries again.
 """
 
 import asyncio
@@ -20,27 +19,27 @@ RETRY_S: Final = 5.0
 
 
 class Lookout:
-    """What the page shows.
+    """The data of the page.
 
     Args:
         make: Makes a watch; on the loop.
         where: What it watches, for people.
-        node: Address of the only gateway that is wanted; None: all.
+        node: Address of the only gateway to show; None: all.
     """
 
     def __init__(self, make: Callable[[], Watch], where: str, node: int | None = None) -> None:
         self.board = Board()
-        """What is known."""
+        """The newest documents."""
         self.histories: dict[int, History] = {}
-        """How much each gateway was on the air."""
+        """The utilisation of each gateway."""
         self.trouble = "connecting"
-        """Why nothing is heard; empty: something may be."""
+        """Why nothing is received; empty: no reason known."""
         self.where = where
         self._make = make
         self._node = node
 
     def addresses(self) -> list[int]:
-        """Return the gateways that are shown, in order."""
+        """Return the addresses of the gateways to show, in order."""
         return [each for each in self.board.addresses() if self._node in (None, each)]
 
     async def run(self) -> None:

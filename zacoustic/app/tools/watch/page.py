@@ -1,6 +1,6 @@
 """The dashboard: gateways as a web page. Needs nicegui, the extra `console`.
 
-NiceGUI brings everything that the browser needs: the page works without internet.
+NiceGUI includes everything that the browser needs: the page works without internet.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ from zacoustic.app.tools.watch.words import (
 )
 
 REFRESH_S: Final = 0.5
-"""Time between two looks, s."""
+"""Period of updates, s."""
 
 _GATEWAY_COLUMNS: Final = (
     ("gateway", "gateway", True), ("air", "on the air", False), ("waiting", "waits", False),
@@ -71,7 +71,7 @@ _FRAME_COLUMNS: Final = (
     ("airtime", "airtime", False), ("outcome", "", True),
 )  # fmt: skip
 FRAMES_SHOWN: Final = 8
-"""The newest so many frames of each gateway."""
+"""Number of newest frames to show of each gateway."""
 _AGE_CELL: Final = """<q-td :props="props"><span v-if="props.value" data-form="short"
   :data-age="props.row.%(name)s_s">{{ props.value }}</span>%(behind)s</q-td>"""
 _WARN_CELL: Final = '<q-td :props="props" class="warn">{{ props.value }}</q-td>'
@@ -85,7 +85,7 @@ class Page:
     """One browser's view of all gateways.
 
     Args:
-        lookout: What it shows.
+        lookout: Its data.
     """
 
     def __init__(self, lookout: Lookout) -> None:
@@ -94,7 +94,7 @@ class Page:
         ui.page_title("zacoustic")
         self._banner = Banner("NOT CURRENT")
         ui.add_css(STYLE)
-        ui.dark_mode(value=None)  # as the browser likes it
+        ui.dark_mode(value=None)  # as set in the browser
         ui.colors(primary="#155e7c")
         with ui.header().classes("items-center q-py-sm"):
             ui.label("zacoustic").classes("text-h6")
@@ -115,7 +115,7 @@ class Page:
         self._where.set_text(f"{number} on {lookout.where}")
         views = [lookout.board.view(address) for address in addresses]
         self._banner.beat(alarm_of(views, lookout.trouble))
-        # Above the gateways the banner shows it.
+        # The banner shows it above the gateways.
         trouble = "" if addresses else lookout.trouble or "no gateway has been heard yet"
         self._trouble.set_text(trouble)
         self._trouble.set_visibility(bool(trouble))
@@ -169,7 +169,7 @@ class _Section:
                     self._events = ui.html(sanitize=False).classes("w-full").mark("events")
 
     def show(self, view: GatewayView, chart: str) -> None:
-        """Show what holds now."""
+        """Show the present view."""
         self._title.set_text(title_words(view))
         self._state.set_text(state_words(view))
         self._state.props(f"color={'positive' if is_well(view) else 'negative'}")
@@ -191,7 +191,7 @@ class _Section:
 
 
 def gateway_row(view: GatewayView) -> dict[str, Any]:
-    """Return the row of a gateway among many."""
+    """Return the row of a gateway in the list of many."""
     return {
         "id": view.address,
         "gateway": title_words(view),
@@ -241,7 +241,7 @@ def peer_row(peer: PeerView) -> dict[str, Any]:
 
 
 def frame_rows(view: GatewayView) -> list[dict[str, Any]]:
-    """Return the rows of the last frames, that which is being sent on top."""
+    """Return the rows of the last frames, the one being sent on top."""
     now = [] if view.transmitting is None else [(view.transmitting, "being sent")]
     rows = [
         *now,
@@ -294,7 +294,7 @@ def _heading(text: str) -> None:
 
 
 def _table(columns: Sequence[tuple[str, str, bool]], **ages: str) -> ui.table:
-    """Make a table; `ages` names the columns that count on, and what stands behind them."""
+    """Make a table; `ages` names the columns whose ages count on, and the texts after them."""
     told = [
         {"name": name, "field": name, "label": label, "align": "left" if is_left else "right"}
         for name, label, is_left in columns

@@ -1,4 +1,4 @@
-"""The dashboard's server: one lookout, a page for each browser that comes."""
+"""The dashboard's server: one lookout, and a page for each browser."""
 
 import asyncio
 import socket
@@ -14,9 +14,9 @@ def serve(lookout: Lookout, host: str, port: int, names: Sequence[str] = ()) -> 
     """Serve the page until it is interrupted.
 
     Args:
-        lookout: What is shown; runs as long as the server does.
-        host: Where it listens.
-        port: Where it listens.
+        lookout: The data; runs as long as the server does.
+        host: Host to listen at.
+        port: Port to listen at.
         names: Names under which browsers find it, besides this computer's own.
     """
     working: list[asyncio.Task[None]] = []
@@ -36,10 +36,10 @@ def serve(lookout: Lookout, host: str, port: int, names: Sequence[str] = ()) -> 
 
 
 def free_place(host: str, port: int) -> int:
-    """Return the port to listen at: a free one where it is 0.
+    """Return the port to listen at: a free one for 0.
 
     Raises:
-        LinkOpenError: It cannot be listened at.
+        LinkOpenError: The port cannot be used.
     """
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET

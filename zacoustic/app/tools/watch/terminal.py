@@ -1,7 +1,7 @@
 """Views of gateways drawn on a terminal. Needs rich, the extra `terminal`.
 
-A name in a view is data: it comes into a picture through `_cell`, never as a text of rich's, in
-which brackets are markup.
+A name in a view is data: it enters a picture through `_cell`, never as a text of rich's, in which
+brackets are markup.
 """
 
 from collections.abc import Sequence
@@ -44,24 +44,24 @@ from zacoustic.app.tools.watch.words import (
 from zacoustic.text.safetext import one_line
 
 EVENTS_SHOWN: Final = 6
-"""The newest so many events of each gateway."""
+"""Number of newest events to show of each gateway."""
 TROUBLES_SHOWN: Final = 3
-"""Of those before them the newest so many that were trouble."""
+"""Number of earlier events of trouble to show besides."""
 FRAMES_SHOWN: Final = 5
-"""The newest so many frames of each gateway."""
+"""Number of newest frames to show of each gateway."""
 _BAR_CELLS: Final = 18
 _WIDEST: Final = 1000
-# What a narrow terminal does not show of streams, by place: the rates, then the airtime as well,
-# then when something was sent and heard last.
+# Columns of streams omitted on a narrow terminal, by index: the rates, then also the airtime, then
+# also the times of the last transmission and reception.
 _LACKING: Final = tuple(map(frozenset, ((), (2, 5), (2, 5, 8), (1, 2, 4, 5, 8))))
 _GOOD, _BAD, _WEAK, _DIM = "green", "bold red", "yellow", "dim"
 
 
 class Terminal:
-    """Draws again and again in one place; a context manager.
+    """Redraws pictures in one place; a context manager.
 
     Args:
-        console: Where to; a new one on standard output unless given.
+        console: The console; default: a new one on standard output.
     """
 
     def __init__(self, console: Console | None = None) -> None:
@@ -84,7 +84,7 @@ class Terminal:
         self._live.stop()
 
     def show(self, picture: RenderableType) -> None:
-        """Draw; where there is no terminal, one below the other."""
+        """Draw; without a terminal one picture below the other."""
         if self._console.is_terminal:
             self._live.update(picture, refresh=True)
         else:
@@ -101,8 +101,8 @@ def picture(views: Sequence[GatewayView], *, is_complete: bool = False) -> Rende
     """Draw gateways, one below the other.
 
     Args:
-        views: What holds of each.
-        is_complete: With all gateways and nodes, and the streams that are quiet.
+        views: View of each.
+        is_complete: Include all gateways and nodes, and quiet streams.
     """
     if is_complete:
         return Group(*(_gateway(view, is_complete=True) for view in views))
@@ -156,7 +156,7 @@ def _head(view: GatewayView) -> RenderableType:
 
 
 def _cell(text: str, style: str = "") -> Text:
-    """Return words with a name in them as something that rich only shows."""
+    """Return a text that may contain names, so that rich does not interpret it."""
     return Text(one_line(text), style=style)
 
 
@@ -170,7 +170,7 @@ def _table(*left: str, right: Sequence[str] = ()) -> Table:
 
 
 class _Fitting:
-    """The first of several pictures that is not wider than there is room; else the last one."""
+    """The first of several pictures that fits the width; else the last one."""
 
     def __init__(self, *pictures: RenderableType) -> None:
         self._pictures = pictures
@@ -200,7 +200,7 @@ def _streams(view: GatewayView, *, is_complete: bool) -> RenderableType:
 
 
 def _stream_table(streams: Sequence[StreamView], lacking: frozenset[int]) -> Table:
-    """Draw streams, without some of the columns on the right."""
+    """Draw streams, without some columns on the right."""
     right = ("sent", "ago", "rate", "heard", "ago", "rate", "age", "waits", "airtime")
     kept = [index for index in range(len(right)) if index not in lacking]
     table = _table("id", "stream", right=[right[index] for index in kept])
@@ -225,7 +225,7 @@ def _crossed(times: int, ago_s: float | None, rate_hz: float | None) -> tuple[st
 
 
 def _peers(view: GatewayView, *, is_complete: bool) -> RenderableType:
-    """Draw the other nodes; of many only those with something amiss, and a line for the rest."""
+    """Draw the other nodes; of many only those with a fault, and a line for the rest."""
     shown, rest = peers_in_short(view.peers, is_complete=is_complete)
     line = [Text(rest, style=_DIM)] if rest else []
     return Group(*([_peer_table(shown)] if shown or not rest else []), *line)

@@ -1,4 +1,4 @@
-"""Streams of gateways as a table of text: what crosses, how often, how old, what waits."""
+"""Streams of gateways as a table of text: counts, rates, ages, waiting samples."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What people read of a gateway: records with ages, rates and shares of one moment.
+"""Views of a gateway for people: records with ages, rates and shares of one moment.
 
 Ages are seconds before that moment, None: never. The same records are drawn on a terminal and on a
 page, and are the lines of `zacoustic monitor --json`.
@@ -17,7 +17,7 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     kind: str
     """``topic``, ``service`` or ``action``."""
     jobs: tuple[str, ...]
-    """What the gateway does for it."""
+    """The gateway's roles in it."""
     published: int
     """Local inputs that the gateway accepted."""
     sent: int
@@ -25,46 +25,46 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     heard: int
     """Received records."""
     sent_ago_s: float | None
-    """When the last one was transmitted, s ago."""
+    """Time since the last transmission, s."""
     heard_ago_s: float | None
-    """When the last one came, s ago."""
+    """Time since the last reception, s."""
     sent_rate_hz: float | None
-    """How often now, 1/s; None: once at most."""
+    """Present rate, 1/s; None: less than two so far."""
     heard_rate_hz: float | None
-    """How often now, 1/s; None: once at most."""
+    """Present rate, 1/s; None: less than two so far."""
     age_s: float | None
     """Age of the newest received sample, s; None: none, or without an age."""
     waiting: int
     """Samples, calls and goals that wait for transmission."""
     delivering: int | None
-    """Reliable samples that have not arrived; None: it is not reliable."""
+    """Reliable samples under way; None: it is not reliable."""
     outcomes: dict[str, int]
-    """Reliable samples by how they ended; empty: it is not reliable."""
+    """Number of reliable samples by outcome; empty: it is not reliable."""
     useless: int
     """Samples that expired, were superseded, or had no subscribers."""
     expired: int
-    """Those of them that became too old before they could go, or that did not arrive in time."""
+    """Samples of those that expired before transmission, or did not arrive in time."""
     refused: int
-    """What the gateway has not taken: too large, not of the type, no room."""
+    """Inputs that the gateway refused: too large, not of the type, no room."""
     deadline_missed: int | None
-    """How often no sample came in time; None: it has no deadline."""
+    """Number of missed deadlines; None: it has no deadline."""
     airtime_bytes: int
     """Bytes on the link since the gateway runs."""
     airtime_share: float
-    """Of all its airtime, 0…1."""
+    """Share of the gateway's airtime, 0…1."""
     differs_at: tuple[int, ...]
-    """Nodes that define it in another way: it is stopped between them."""
+    """Nodes that define it otherwise: it is stopped between them."""
 
 
 class PeerView(msgspec.Struct, frozen=True, kw_only=True):
-    """Another node, as this one hears it."""
+    """Another node, as this one receives it."""
 
     address: int
     """Acoustic address."""
     name: str
     """Name in the table."""
     heard_ago_s: float | None
-    """When it was heard last, s ago."""
+    """Time since its last frame, s."""
     is_lost: bool
     """Not heard for the file's `lost_after_s`."""
     same_table: bool | None
@@ -80,73 +80,73 @@ class PeerView(msgspec.Struct, frozen=True, kw_only=True):
     propagation_s: float | None
     """Propagation delay, one way, s."""
     range_ago_s: float | None
-    """When that was measured, s ago."""
+    """Age of that measurement, s."""
     per: float | None
-    """Of the last frames that its modem was to confirm, how many it has not, 0…1."""
+    """Share of frames without an acknowledgement of its modem, of the last ones, 0…1."""
     exchanges: int
-    """Frames that its modem was to confirm."""
+    """Frames that its modem was asked to acknowledge."""
     late: tuple[str, ...]
     """Keys whose next sample is overdue."""
 
 
 class CauseView(msgspec.Struct, frozen=True, kw_only=True):
-    """What airtime was used for."""
+    """The airtime of one cause."""
 
     cause: str
-    """Word of the ledger."""
+    """The cause, a word of the ledger."""
     airtime_bytes: int
     """Bytes since the gateway runs."""
     airtime_s: float
     """Airtime, s."""
     share: float
-    """Of all its airtime, 0…1."""
+    """Share of the gateway's airtime, 0…1."""
 
 
 class TransferView(msgspec.Struct, frozen=True, kw_only=True):
     """A sample larger than a frame."""
 
     stream: str
-    """Name; empty: its beginning has not come."""
+    """Name; empty: its beginning has not arrived."""
     direction: str
     """``to`` or ``from``."""
     peer: int | None
     """The other node; None: several."""
     done_bytes: int
-    """What the receivers have, as far as known."""
+    """Bytes that the receivers have, as far as known."""
     sent_bytes: int | None
-    """What was transmitted of it, repair included; None: it comes to here."""
+    """Bytes transmitted, repair included; None: it is an incoming one."""
     total_bytes: int | None
-    """Its size; None: not known yet."""
+    """Its size; None: unknown yet."""
     outcome: str | None
-    """How it ended; None: it is under way."""
+    """Its outcome; None: it is under way."""
 
 
 class FrameView(msgspec.Struct, frozen=True, kw_only=True):
     """A frame."""
 
     ago_s: float
-    """When it began, s ago."""
+    """Time since its beginning, s."""
     way: str
     """``out`` or ``in``."""
     peer: int | None
-    """The other node; None: everybody, or unknown."""
+    """The other node; None: broadcast, or unknown."""
     size_bytes: int
     """Its size."""
     airtime_s: float
-    """How long it sounds."""
+    """Airtime, s."""
     streams: tuple[str, ...]
-    """Names of those with a record in it; none: the link's own business."""
+    """Streams with a record in it; none: only controls."""
     outcome: str
-    """Of a sent one: the modem's report; empty: none yet, or it was heard."""
+    """Report of the modem on a sent one; empty: none yet, or it was received."""
 
 
 class EventView(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that was worth a line."""
+    """An event."""
 
     ago_s: float
-    """When, s ago."""
+    """Its age, s."""
     event: str
-    """Which kind."""
+    """Its kind."""
     is_trouble: bool
     """Somebody should look at it."""
     text: str
@@ -165,11 +165,11 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     is_alive: bool
     """It runs, its network is reached, and it answers."""
     gone_s: float | None
-    """For how long it is not, s; None: it is."""
+    """Time for which it has not, s; None: it does."""
     version: str
-    """Of its program."""
+    """Version of its program."""
     uptime_s: float | None
-    """Since when it runs, s."""
+    """Time since its start, s."""
     wire: str
     """Wire profile."""
     link: str
@@ -179,52 +179,52 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     link_detail: str
     """What it waits for."""
     is_silent: bool
-    """Silence is kept."""
+    """Transmit silence is in force."""
     why_silent: str = ""
-    """Why, one line."""
+    """Its reason, one line."""
     mtu_bytes: int | None
     """Largest frame, bytes."""
     bit_rate_bps: float | None
     """Acoustic bit rate, bit/s."""
     battery_v: float | None
-    """Supply of the modem, V."""
+    """Supply voltage of the modem, V."""
     firmware: str
-    """Of the modem."""
+    """Firmware of the modem."""
     journal: str
     """``kept``, ``none``, or why it cannot be written."""
     journal_doubt: str
     """Why it may lack the last writes; empty: it does not."""
     digest: str
-    """Of the stream table."""
+    """Digest of the stream table."""
     frames_sent: int
     """Frames given to the modem."""
     frames_heard: int
-    """Frames that came, damaged ones included."""
+    """Received frames, including damaged ones."""
     frames_damaged: int
-    """Those of them that were damaged."""
+    """Damaged frames among them."""
     bytes_sent: int
-    """Bytes of those sent."""
+    """Bytes of the frames sent."""
     airtime_s: float
-    """Airtime of those, s."""
+    """Their airtime, s."""
     utilisation: float | None
-    """Share of the time that it was on the air, over `window_s`, 0…1; None: not known yet."""
+    """Share of the time that it was on the air, over `window_s`, 0…1; None: unknown yet."""
     window_s: float
-    """Over how long that was observed, s."""
+    """Observed time, s."""
     waiting: int
-    """What waits, of all streams."""
+    """Waiting samples, calls and goals of all streams."""
     streams: tuple[StreamView, ...]
-    """By id."""
+    """The streams by id."""
     peers: tuple[PeerView, ...]
-    """By address."""
+    """The other nodes by address."""
     causes: tuple[CauseView, ...]
-    """The greatest first."""
+    """Causes of airtime, the largest first."""
     transfers: tuple[TransferView, ...]
-    """Those under way, and how the last ones ended."""
+    """Transfers under way, and the last ones that ended."""
     transmitting: FrameView | None
-    """What the modem is sending now."""
+    """The frame being sent."""
     frames: tuple[FrameView, ...]
-    """The last ones that were sent or heard, the newest first."""
+    """The last frames sent or received, the newest first."""
     dropped: dict[str, int]
     """Dropped receptions, by reason."""
     events: tuple[EventView, ...]
-    """The newest first."""
+    """The last events, the newest first."""

@@ -18,13 +18,13 @@ from zacoustic.zenoh.session.session import ZenohSession
 from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
 PULSE_S: Final = 0.5
-"""Time between two checks of the gateways, s: a hanging one leaves no other trace."""
+"""Period of checks of the gateways, s: a hanging one leaves no other trace."""
 PULSE_LIMIT_S: Final = 1.2
-"""A gateway that has not answered that within this time is gone until it does, s."""
+"""A gateway that does not answer a check within this time is gone until it does, s."""
 ASK_S: Final = 30.0
-"""Everything is asked for again after so long, s: a put may be lost, and clocks drift."""
+"""Period of queries for everything, s: a put may be lost, and clocks drift."""
 _ANSWER_LIMIT_S: Final = 5.0
-# Documents that wait for the loop: one of each key. More keys than this are no fleet's.
+# Documents that wait for the loop, one of each key. No fleet has more keys than this.
 _KEYS_LIMIT: Final = 16_384
 _TOKEN: Final = re.compile(rf"{PREFIX}/([0-9]{{1,3}})/gateway")
 
@@ -33,18 +33,18 @@ class Watch:
     """Watches all gateways of a local network; an asynchronous context manager, for the loop.
 
     Args:
-        config: Tells where the router is, or None.
-        connect: Endpoints of the router, instead of those.
-        ask_s: Time after which everything is asked for again, s.
+        config: Names the router, or None.
+        connect: Endpoints of the router; override the config.
+        ask_s: Period of queries for everything, s.
     """
 
     def __init__(
         self, config: Config | None, connect: Sequence[str] | None, *, ask_s: float = ASK_S
     ) -> None:
         self.board = Board()
-        """What is known."""
+        """The newest documents."""
         self.changed = asyncio.Event()
-        """Set when something was heard; cleared by the waiting caller."""
+        """Set after a reception; cleared by the waiting caller."""
         self.zenoh_session: ZenohSession
         """The session."""
         self._settings = session_config(config, connect)
@@ -55,15 +55,15 @@ class Watch:
         self._news: dict[str, bytes] = {}
         self._alive: dict[int, bool] = {}
         self.is_connected = True
-        """There is a router, or another peer."""
+        """Whether there is a router, or another peer."""
         self._feeling: asyncio.Task[None] | None = None
         self._asking: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Self:
-        """Open the session; returns when every gateway that is there has answered.
+        """Open the session; returns when every present gateway has answered.
 
         Raises:
-            SessionError: No router is reached.
+            SessionError: No router can be reached.
         """
         self.zenoh_session = await ZenohSession.open(self._settings)
         try:
@@ -89,11 +89,11 @@ class Watch:
         await self.zenoh_session.close()
 
     async def ask(self) -> None:
-        """Ask all gateways for everything, and wait until they have answered."""
+        """Query all gateways for everything, and wait for their answers."""
         await self._get("**", _ANSWER_LIMIT_S)
 
     async def _get(self, what: str, limit_s: float) -> set[int]:
-        """Ask for documents, and wait for the answers; return the answering addresses."""
+        """Query documents and wait for the answers; return the answering addresses."""
         ended = asyncio.Event()
         answered: set[int] = set()
 
@@ -136,7 +136,7 @@ class Watch:
                 await self.ask()
 
     async def _feel_pulses(self) -> None:
-        """See which gateways run: a hanging process keeps its session, and puts nothing."""
+        """Check which gateways run: a hanging process keeps its session, and puts nothing."""
         while True:
             await asyncio.sleep(PULSE_S)
             known = self.board.addresses()

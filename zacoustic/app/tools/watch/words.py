@@ -13,15 +13,15 @@ from zacoustic.app.tools.watch.views import (
 )
 
 NOTHING: Final = "–"
-"""Stands for unknown values."""
+"""Text for unknown values."""
 _MOST_NAMED: Final = 4
-"""Of more gateways that have failed, so many are named."""
+"""Most failed gateways to name."""
 LOSING: Final = 0.2
-"""A packet error rate above this is worth a colour."""
+"""A packet error rate above this gets a colour."""
 LOST_OUTCOMES: Final = ("not_delivered", "rejected", "aborted")
 """A modem's outcomes of undelivered frames."""
 OLD_S: Final = 120.0
-"""A node that was not heard for longer than this is worth a colour, s."""
+"""A node not heard for longer than this gets a colour, s."""
 
 _SILENT: Final = "SILENT by order or by a quiet window"
 _MINUTE_S: Final = 60
@@ -45,7 +45,7 @@ def time_words(seconds: float | None) -> str:
 
 
 def rate_words(hz: float | None) -> str:
-    """Return how often, with the unit that makes a number of some size: ``2.0/s``, ``12/min``."""
+    """Return a rate with a suitable unit: ``2.0/s``, ``12/min``."""
     if hz is None:
         return NOTHING
     for unit, seconds in (("s", 1), ("min", _MINUTE_S)):
@@ -80,12 +80,12 @@ def number_words(value: float | None, unit: str, digits: int = 1) -> str:
 
 
 def title_words(view: GatewayView) -> str:
-    """Return its name and address."""
+    """Return a gateway's name and address."""
     return f"{view.address} {view.name}".rstrip()
 
 
 def state_words(view: GatewayView) -> str:
-    """Return the state in a few words: what prevents transmission comes first."""
+    """Return the state in a few words, with what prevents transmission first."""
     if not view.is_alive:
         return "gone: it does not answer on this network"
     words = [f"link {view.link_state}"]
@@ -101,11 +101,11 @@ def state_words(view: GatewayView) -> str:
 
 
 def alarm_of(views: Sequence[GatewayView], trouble: str) -> Alarm | None:
-    """Return what has failed of all that is shown; None: nothing.
+    """Return the failure to show; None: none.
 
     Args:
         views: The gateways.
-        trouble: Why none of them is reached; empty: they may be.
+        trouble: Why none of them can be reached; empty: no reason known.
     """
     if trouble:
         return Alarm(f"NOT CURRENT: {trouble}")
@@ -122,7 +122,7 @@ def alarm_of(views: Sequence[GatewayView], trouble: str) -> Alarm | None:
 
 
 def troubled_first(streams: Sequence[StreamView]) -> list[StreamView]:
-    """Return streams with those on top that fail, then those that have lost something."""
+    """Return streams in order: those with faults, those with losses, the others."""
 
     def rank(stream: StreamView) -> tuple[bool, bool]:
         return not stream_words(stream), not (stream.refused or stream.expired)
@@ -137,7 +137,7 @@ def is_well(view: GatewayView) -> bool:
 
 
 def load_words(view: GatewayView) -> str:
-    """Return how much of the time it is on the air."""
+    """Return the utilisation in words."""
     if view.utilisation is None:
         return NOTHING
     return f"{share_words(view.utilisation)} of the last {time_words(view.window_s)}"
@@ -158,7 +158,7 @@ def signal_words(peer: PeerView) -> str:
 
 
 def range_words(peer: PeerView) -> str:
-    """Return how far away a node is, and when that was measured."""
+    """Return the range of a node, and the age of the measurement."""
     if peer.range_m is not None:
         return f"{peer.range_m:.0f} m, {time_words(peer.range_ago_s)} ago"
     if peer.propagation_s is not None:
@@ -167,7 +167,7 @@ def range_words(peer: PeerView) -> str:
 
 
 def error_words(peer: PeerView) -> str:
-    """Return the packet error rate, and of how many frames."""
+    """Return the packet error rate, and its number of frames."""
     return NOTHING if peer.per is None else f"{share_words(peer.per)} of {peer.exchanges}"
 
 
@@ -209,7 +209,7 @@ def is_quiet(stream: StreamView) -> bool:
 
 
 def transfer_words(transfer: TransferView) -> str:
-    """Return which large sample it is, and how it ended or how far it is."""
+    """Return the name of a large sample, with its outcome or progress."""
     peer = "all" if transfer.peer is None else str(transfer.peer)
     head = f"{transfer.stream or 'beginning'} {transfer.direction} {peer}"
     if transfer.outcome is not None:

@@ -1,7 +1,7 @@
-"""`zacoustic sim campaign`: a scenario with parameters swept, on all cores or machines there are.
+"""`zacoustic sim campaign`: a scenario with varied parameters, on all cores or machines.
 
-`spec` is the file, `paths` names values in it and in what it refers to, `campaign` is everything
-that decides a figure: its cells and runs. `running` is what a worker does, `batches` decides which
-runs go to a worker together, `carrying` gets them done by `cluster`, and `rows` keeps each finished
-one. `interval` and `cells` sum rows up; `tables`, `plots`, `page` and `text` show that.
+`spec` is the file, `paths` names values in it and in the files it refers to, `campaign` holds all
+that decides a figure: its cells and runs. `running` is the work of a worker, `batches` groups runs
+for workers, `carrying` executes them on `cluster`, and `rows` stores each result. `interval` and
+`cells` summarise rows; `tables`, `plots`, `page` and `text` show the summary.
 """

@@ -1,9 +1,9 @@
-"""Which runs go to a worker together: as many as take about two seconds.
+"""Batches of runs for workers: as many runs as take about two seconds.
 
-A scheduler takes some milliseconds for a task, a run of ten minutes with two nodes no more than
-that. A batch of two seconds makes that 1 % at most, is soon done again when a worker dies with it,
-and keeps results coming. Towards the end batches become smaller, so that all workers end together.
-What a run of a cell takes is known from the seeds that the cell has had.
+A scheduler needs some milliseconds for a task, and a run of ten minutes with two nodes takes no
+longer. With batches of two seconds that overhead is 1 % at most, a batch lost with its worker is
+soon repeated, and results keep coming. Towards the end batches become smaller, so that all workers
+end together. The time of a cell's run is estimated from the seeds that it has had.
 """
 
 from collections import deque
@@ -15,16 +15,16 @@ from zacoustic.app.tools.design.campaign.running import Row
 
 TARGET_S: Final = 2.0
 _SHARE_OF_REST: Final = 3
-"""A batch is at most the share of one worker in this part of what is left: one in three."""
+"""A batch is at most one worker's share of the remaining work, divided by this."""
 
 
 class Batches:
-    """The runs that are still to be done.
+    """The missing runs.
 
     Args:
-        campaign: Theirs.
-        missing: Their numbers, in order.
-        rows: What is known already.
+        campaign: The campaign.
+        missing: Numbers of the missing runs, in order.
+        rows: Known rows.
     """
 
     def __init__(self, campaign: Campaign, missing: Iterable[int], rows: Iterable[Row]) -> None:
@@ -39,17 +39,17 @@ class Batches:
         return len(self._waiting)
 
     def note(self, rows: Iterable[Row]) -> None:
-        """Learn how long runs take."""
+        """Learn the duration of runs."""
         for row in rows:
             self._took_s[self._campaign.cell_of(row.run)] = row.took_s
             self._sum_s += row.took_s
             self._count += 1
 
     def take(self, workers: int) -> list[int]:
-        """Take the next batch; empty: nothing is left.
+        """Take the next batch; empty: no run is left.
 
         Args:
-            workers: How many there are.
+            workers: Number of workers.
         """
         most = max(1, len(self._waiting) // (_SHARE_OF_REST * max(1, workers)))
         batch: list[int] = []
@@ -64,5 +64,5 @@ class Batches:
         known_s = self._took_s.get(self._campaign.cell_of(run))
         if known_s is not None:
             return known_s
-        # Nothing is known at the beginning: one run each, to learn of.
+        # At the beginning nothing is known: one run each, to learn from.
         return self._sum_s / self._count if self._count else TARGET_S

@@ -1,12 +1,12 @@
-"""A campaign: everything that decides a figure of it, in one record that a worker gets whole.
+"""A campaign: all that decides its figures, in one record for the workers.
 
-The scenario and the configs are in it as they were read, the swept values as a list for each case,
-and a digest of each file that a config names. Two records that are equal but for the places of
-their files have the same rows, wherever and in whatever order their runs are done.
+It contains the scenario and the configs as read, the swept values as a list for each case, and a
+digest of each file that a config names. Two records that differ only in the places of their files
+give the same rows, wherever and in whatever order their runs are done.
 
 A cell is one case of each parameter, the last one changing fastest. Runs are numbered by seed
 first: run ``seed index × cells + cell``. So all cells have their first seed before any has its
-second, and what is there after an interrupt is about the same of each.
+second, and an interrupted campaign has about as many results of each.
 """
 
 import copy
@@ -29,11 +29,11 @@ from zacoustic.config.json5 import read_json5, read_zenoh_config
 from zacoustic.errors import ConfigError
 
 Value = bool | int | float | str
-"""What a table has of a case."""
+"""Value of a case in a table."""
 
 _CONFIG: Final = "config"
 _COUNT: Final = ("nodes", "count")
-_SECRETS: Final = "security"  # no part of a simulation; a digest of a key is nobody's business
+_SECRETS: Final = "security"  # no part of a simulation, and even a digest of a key is private
 _MOST_FILE_BYTES: Final = 1 << 28
 
 
@@ -56,7 +56,7 @@ class Parameter(msgspec.Struct, frozen=True):
 
 
 class Campaign(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything that decides a figure."""
+    """All that decides a figure."""
 
     version: str
     """Version of zacoustic."""
@@ -67,22 +67,22 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
     sweep: list[Parameter]
     """The parameters."""
     scenario: Any
-    """The scenario as it was read."""
+    """The scenario as read."""
     configs: dict[str, Any]
     """Sections of the configs, by their names in scenarios."""
     files: dict[str, str]
     """SHA-256 of the files that configs name, by path from the scenario's folder."""
     place: str = ""
-    """File of the scenario; decides nothing."""
+    """File of the scenario; does not affect figures."""
 
     @property
     def cells(self) -> int:
-        """How many cells there are."""
+        """Number of cells."""
         return math.prod(len(parameter.cases) for parameter in self.sweep)
 
     @property
     def runs(self) -> int:
-        """How many runs there are."""
+        """Number of runs."""
         return self.cells * len(self.seeds)
 
     def cell_of(self, run: int) -> int:
@@ -102,7 +102,7 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
         return cases[::-1]
 
     def named(self, cell: int) -> str:
-        """Return what messages call a cell."""
+        """Return the name of a cell for messages."""
         pairs = zip(self.sweep, self.cases_of(cell), strict=True)
         return ", ".join(f"{parameter.name} = {case.value}" for parameter, case in pairs)
 
@@ -120,7 +120,7 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
         """Return the scenario and the configs of a run.
 
         Raises:
-            ConfigError: A swept value is not allowed where it is.
+            ConfigError: A swept value is not allowed at its place.
         """
         edits = [edit for case in self.cases_of(cell) for edit in case.edits]
         source = f"{self.place} with {self.named(cell)}"
@@ -150,15 +150,15 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
         }
 
     def check(self) -> None:
-        """Build what the cells are, as far as that differs.
+        """Build the cells, as far as they differ.
 
         Raises:
-            ConfigError: A swept value is not allowed where it is.
+            ConfigError: A swept value is not allowed at its place.
         """
         seen: set[bytes] = set()
         for cell in range(self.cells):
             edits = [edit for case in self.cases_of(cell) for edit in case.edits]
-            # Configs are read for each node; what leaves them alone needs the scenario only.
+            # Configs are read for each node; cases that do not change them need only the scenario.
             of_config = [edit for edit in edits if edit[0].startswith((_CONFIG, "nodes"))]
             key = msgspec.json.encode(of_config)
             if key not in seen:
@@ -171,10 +171,10 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
             scenario_from_mapping(mapping, source=source, folder=Path(self.place).parent)
 
     def check_files(self) -> None:
-        """Compare the files that configs name with those that the campaign was made with.
+        """Compare the files that configs name with their digests in the campaign.
 
         Raises:
-            ConfigError: One is not there, or is another one.
+            ConfigError: A file is missing or differs.
         """
         folder = Path(self.place).parent
         for name, digest in self.files.items():
@@ -186,12 +186,12 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def campaign_of(spec: CampaignSpec, path: Path, version: str) -> Campaign:
-    """Read what a campaign refers to.
+    """Read the files of a campaign.
 
     Args:
-        spec: Its file, read.
-        path: Its file.
-        version: Of zacoustic.
+        spec: Its file, parsed.
+        path: Path of its file.
+        version: Version of zacoustic.
 
     Raises:
         ConfigError: The scenario or a config is wrong.
@@ -240,10 +240,10 @@ def _is_of_config(path: str) -> bool:
 
 
 def _change(tree: Any, edits: Iterable[tuple[str, Any]], source: str) -> None:  # noqa: ANN401
-    """Make changes; the number of nodes last, so that indices are those of the file.
+    """Apply changes; the number of nodes last, so that indices are those of the file.
 
     Raises:
-        ConfigError: A path leads nowhere.
+        ConfigError: A path does not exist.
     """
     for path, value in sorted(edits, key=lambda edit: parse_path(edit[0]) == _COUNT):
         steps = parse_path(path)
@@ -284,7 +284,7 @@ def _texts(value: object) -> Iterator[str]:
 
 
 def _digest(path: Path) -> str:
-    """Return the digest of a file; empty: it is none, or cannot be read."""
+    """Return the digest of a file; empty: it cannot be read."""
     try:
         if not path.is_file() or path.stat().st_size > _MOST_FILE_BYTES:
             return ""

@@ -1,8 +1,8 @@
-"""Carrying a campaign out: batches to workers, rows back, until nothing is missing.
+"""Execution of a campaign: batches to workers, rows back, until nothing is missing.
 
 A task of the scheduler is a batch. When a worker dies, the scheduler gives its batches to another
-one; they come to the same rows. Rows are taken as soon as their batch is done, so that a second
-start runs only what is missing.
+one; the rows are the same. Rows are stored as soon as their batch is done, so that a repeated start
+runs only the missing ones.
 """
 
 import time
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 _AHEAD: Final = 2
-"""Batches of each worker at a time: it works on one, the next one is there when that is done."""
+"""Batches of each worker at a time: one in work, and the next one."""
 _LOOK_S: Final = 1.0
-"""How often workers are counted."""
+"""Period of counting workers, s."""
 _AGAIN: Final = "start it again to go on: what is done is kept"
 
 
@@ -35,18 +35,18 @@ def carry_out(
     take: Callable[[Sequence[Row]], None],
     patience_s: float,
 ) -> None:
-    """Do all runs that are missing.
+    """Do all missing runs.
 
     Args:
-        client: Of a scheduler.
+        client: Client of a scheduler.
         campaign: The campaign.
-        known: Rows of the runs that are done.
+        known: Rows of finished runs.
         take: Takes new rows, in any order.
-        patience_s: How long there may be no worker, s.
+        patience_s: Longest time without a worker, s.
 
     Raises:
         ConfigError: A value of the campaign is not allowed.
-        CampaignError: A run has failed, or the scheduler is gone.
+        CampaignError: A run has failed, or the scheduler is lost.
         TimeoutError: There is no worker.
     """
     known = list(known)
@@ -56,7 +56,7 @@ def carry_out(
 
 
 class _Carrying:
-    """One campaign that is being carried out."""
+    """The execution of one campaign."""
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class _Carrying:
         return set(found.done)
 
     def _look(self) -> None:
-        """Count the workers, now and then."""
+        """Count the workers periodically."""
         now_s = time.monotonic()
         if now_s < self._looked_s + _LOOK_S:
             return
@@ -127,7 +127,7 @@ class _Carrying:
     def _finish(self, future: "Future[bytes]", runs: list[int]) -> None:
         try:
             result = future.result()
-        except Exception as error:  # of the scheduler: the worker has died of it again and again
+        except Exception as error:  # of the scheduler: workers have died of this batch repeatedly
             names = self._named(runs[0]) + (f" and {len(runs) - 1} more" if runs[1:] else "")
             raise CampaignError(
                 f"no worker could run {names}: {type(error).__name__}: {error}", hint=_AGAIN

@@ -17,7 +17,7 @@ class Cell(msgspec.Struct, frozen=True, kw_only=True):
     parameters: dict[str, Value]
     """Value of each parameter."""
     figures: dict[str, Interval]
-    """By name; without those that no seed has."""
+    """Figures by name, without those that no seed has."""
 
 
 def ordered(rows: Mapping[int, Row], campaign: Campaign) -> list[Row]:
@@ -26,17 +26,17 @@ def ordered(rows: Mapping[int, Row], campaign: Campaign) -> list[Row]:
 
 
 def figure_names(rows: Sequence[Row]) -> list[str]:
-    """Return the names of all figures, in the order in which they come."""
+    """Return the names of all figures, in order of appearance."""
     return list(dict.fromkeys(name for row in rows for name in row.figures))
 
 
 def cells_of(campaign: Campaign, rows: Sequence[Row], confidence: float) -> list[Cell]:
-    """Sum up.
+    """Summarise rows by cell.
 
     Args:
         campaign: The campaign.
         rows: All of its rows, in order.
-        confidence: Of the intervals, between 0 and 1.
+        confidence: Confidence of the intervals, between 0 and 1.
     """
     names = figure_names(rows)
     by_cell: dict[int, list[Row]] = {}

@@ -1,4 +1,4 @@
-"""Workers: processes of this computer, or those of a `dask` scheduler that is there already.
+"""Workers: processes on this computer, or those of an existing `dask` scheduler.
 
 Needs dask.distributed, the extra `campaign`.
 """
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 SCHEMES: Final = ("tcp://", "tls://", "ws://", "wss://")
-"""How the address of a scheduler begins."""
+"""Prefixes of a scheduler's address."""
 
-# Each process would look at itself up to a hundred times a second, for a dashboard that nobody has.
+# Otherwise each process would profile itself up to a hundred times a second, for a dashboard.
 _SETTINGS: Final[dict[str, Any]] = {
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
@@ -32,7 +32,7 @@ class CampaignError(ZacousticError):
 
 
 def cores() -> int:
-    """Return how many processors this process may use."""
+    """Return the number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -42,21 +42,21 @@ def cores() -> int:
 def connected(
     scheduler: str | None, *, workers: int | None, patience_s: float
 ) -> "Iterator[Client]":
-    """Give a client whose scheduler has a worker at least.
+    """Yield a client whose scheduler has at least one worker.
 
     Args:
         scheduler: Its address; None: workers are started here, and ended with the context.
-        workers: How many are started; None: one for each processor.
-        patience_s: How long scheduler and workers may take, s.
+        workers: Number of workers to start; None: one for each processor.
+        patience_s: Time limit for scheduler and workers, s.
 
     Raises:
-        ConfigError: The address is none.
+        ConfigError: The address is not valid.
         CampaignError: No worker can be started.
-        TimeoutError: Scheduler or workers are not there in time.
+        TimeoutError: Scheduler or workers are not ready in time.
     """
     from distributed import Client
 
-    for name in ("distributed", "distributed.client"):  # what matters comes as an exception
+    for name in ("distributed", "distributed.client"):  # relevant messages come as exceptions
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler is None:
         with _started(workers or cores()) as client:
@@ -72,7 +72,7 @@ def connected(
             )
         except ValueError as error:
             raise ConfigError(f"--scheduler {scheduler}: {error}") from error
-        except OSError as error:  # also what has timed out
+        except OSError as error:  # includes a time-out
             raise TimeoutError(
                 f"no scheduler at {scheduler} within {patience_s:g} s (start one: dask scheduler)"
             ) from error
@@ -118,5 +118,5 @@ def _started(workers: int) -> "Iterator[Client]":
 
 
 def no_workers(patience_s: float) -> str:
-    """Return what to say when there is no worker."""
+    """Return the message for a missing worker."""
     return f"no worker within {patience_s:g} s; start one: dask worker tcp://HOST:PORT --nthreads 1"

@@ -30,55 +30,55 @@ PAGE: Final = "page.html"
 
 
 class CampaignResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a campaign."""
+    """The result of a campaign."""
 
     folder: str
-    """Where rows, tables and page are."""
+    """Folder of rows, tables and page."""
     runs: int
-    """Runs in all."""
+    """Number of runs."""
     ran: int
-    """How many of them this start has done."""
+    """Number of runs done by this start."""
     confidence: float
-    """Of the intervals."""
+    """Confidence of the intervals."""
     cells: list[Cell]
     """Every cell with every figure."""
 
 
 class Wishes(msgspec.Struct, frozen=True, kw_only=True):
-    """How a campaign is carried out; no figure depends on it."""
+    """How to execute a campaign; no figure depends on it."""
 
     scheduler: str | None = None
     """Address of a scheduler; None: workers are started here."""
     workers: int | None = None
-    """How many are started; None: one for each processor."""
+    """Number of workers to start; None: one for each processor."""
     patience_s: float = 30.0
-    """How long scheduler and workers may be away, s."""
+    """Longest absence of scheduler and workers, s."""
     parquet: bool = False
-    """Parquet instead of CSV."""
+    """Write Parquet instead of CSV."""
 
 
 def run_campaign(
     path: Path, folder: Path, wishes: Wishes, *, progress: Callable[[int, int], None]
 ) -> tuple[CampaignResult, str]:
-    """Do what is missing of a campaign, and write its results.
+    """Do the missing runs of a campaign, and write its results.
 
     Args:
         path: Its file.
-        folder: For the results.
-        wishes: How to do it.
-        progress: Called with the number of runs done, and of all.
+        folder: Folder of the results.
+        wishes: How to execute it.
+        progress: Called with the number of finished runs and the number of all.
 
     Returns:
         The result, and the table of its cells for people.
 
     Raises:
-        ConfigError: A file is wrong, or the folder has something else.
+        ConfigError: A file is wrong, or the folder has other contents.
         CampaignError: A run or the scheduler has failed.
         TimeoutError: There is no scheduler, or no worker.
     """
     need_matplotlib("campaign")
     if wishes.parquet:
-        import pyarrow  # noqa: F401 (before hours of work)
+        import pyarrow  # noqa: F401 (fails before hours of work)
     spec = read_spec(path)
     campaign = campaign_of(spec, path, version())
     campaign.check()
@@ -112,10 +112,10 @@ def run_campaign(
 
 
 def _check_figures(spec: CampaignSpec, campaign: Campaign, path: Path) -> None:
-    """Refuse figures that no run has.
+    """Check that runs have the chosen figures.
 
     Raises:
-        ConfigError: Names one.
+        ConfigError: Names one that they lack.
     """
     taken = {"cell", "seed", "digest", *OVERALL}
     for parameter in campaign.sweep:
@@ -166,7 +166,7 @@ def _write(
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """Write a file whole, or leave the one that is there."""
+    """Write a file atomically."""
     beside = path.with_name(f".{path.name}.new")
     with beside.open("wb") as file:
         file.write(content)

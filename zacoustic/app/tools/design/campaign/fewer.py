@@ -1,4 +1,4 @@
-"""A scenario of many nodes with the first ones only: how a campaign sweeps their number."""
+"""Reduces a scenario to its first nodes: how a campaign sweeps their number."""
 
 from typing import Any, Final
 
@@ -7,14 +7,14 @@ _NAMING: Final = ("node", "from", "to")
 
 
 def keep_first(scenario: Any, count: object) -> None:  # noqa: ANN401 (of JSON)
-    """Keep the first nodes, and of links, faults and traffic what is about them.
+    """Keep the first nodes, and the links, faults and traffic that concern only them.
 
     Args:
-        scenario: As it was read, changed in place.
-        count: How many nodes stay.
+        scenario: As read; changed in place.
+        count: Number of nodes to keep.
 
     Raises:
-        ValueError: There are not so many.
+        ValueError: There are fewer nodes.
     """
     nodes = scenario.get("nodes") if isinstance(scenario, dict) else None
     if not isinstance(nodes, list):

@@ -13,28 +13,28 @@ from collections.abc import Sequence
 
 import msgspec
 
-_STEPS = 200  # of a bisection: all bits that a float has
+_STEPS = 200  # of a bisection: enough for all bits of a float
 
 
 class Interval(msgspec.Struct, frozen=True, kw_only=True):
-    """A mean, and where the true one lies."""
+    """A mean with its confidence interval."""
 
     count: int
-    """Of how many seeds."""
+    """Number of seeds."""
     mean: float
-    """Their mean."""
+    """Mean over the seeds."""
     low: float | None
-    """Lower end; None: of one seed nothing is known."""
+    """Lower end; None: one seed gives no interval."""
     high: float | None
     """Upper end."""
 
 
 def interval_of(numbers: Sequence[float], confidence: float) -> Interval | None:
-    """Return the interval of the mean; None without any number.
+    """Return the interval of the mean; None if there is no number.
 
     Args:
         numbers: A figure, once for each seed.
-        confidence: How sure, between 0 and 1.
+        confidence: Confidence, between 0 and 1.
     """
     if not numbers:
         return None

@@ -1,7 +1,7 @@
-"""Dotted paths: which value of a file a campaign changes, as messages about the file name it.
+"""Dotted paths of the values that a campaign changes, in the form of error messages.
 
 ``loss.frame``, ``nodes[1].position[0]``, ``traffic[*].every_s`` (of each entry). Objects on the way
-that the file leaves out are made; an entry of an array must be there.
+that the file omits are made; an entry of an array must exist.
 """
 
 import re
@@ -19,7 +19,7 @@ def parse_path(text: str) -> tuple[Step, ...]:
     """Return the steps of a path.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is not valid.
     """
     steps: list[Step] = []
     at = 0
@@ -36,7 +36,7 @@ def parse_path(text: str) -> tuple[Step, ...]:
 
 
 def put(tree: Any, steps: tuple[Step, ...], value: object) -> None:  # noqa: ANN401 (of JSON)
-    """Set what a path names.
+    """Set the value at a path.
 
     Args:
         tree: Plain objects, changed in place.
@@ -44,7 +44,7 @@ def put(tree: Any, steps: tuple[Step, ...], value: object) -> None:  # noqa: ANN
         value: The new value.
 
     Raises:
-        ValueError: The path leads nowhere: says where, and what is there.
+        ValueError: The path does not exist; names the place and the value there.
     """
     _put(tree, steps, 0, value)
 

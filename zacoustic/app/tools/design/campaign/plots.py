@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_PLOTS: Final = 24
-"""More make a page slow; the tables have everything."""
+"""Most plots of a page; more make it slow, and the tables have everything."""
 _MOST_LINES: Final = 12
-"""Of a parameter with more values, so many are drawn, the first and the last among them."""
+"""Most drawn values of one parameter, always with the first and the last."""
 
 
 def plots_of(campaign: Campaign, cells: Sequence[Cell], names: Sequence[str]) -> list[Plot]:
@@ -45,13 +45,13 @@ def plots_of(campaign: Campaign, cells: Sequence[Cell], names: Sequence[str]) ->
 
 
 def plots_wanted(campaign: Campaign, names: Sequence[str]) -> int:
-    """Return how many plots there would be without a limit."""
+    """Return the number of plots without a limit."""
     _, _, fixed = _roles(campaign.sweep)
     return len(names) * math.prod(len(each.cases) for each in fixed)
 
 
 def _roles(sweep: Sequence[Parameter]) -> tuple[Parameter, Parameter | None, list[Parameter]]:
-    """Return what goes across, what makes lines, and what is the same in one plot."""
+    """Return the parameter of the x axis, that of the lines, and those constant in one plot."""
     across = max(sweep, key=lambda each: (_is_numeric(each), len(each.cases)))
     others = [each for each in sweep if each is not across]
     beside = max(others, key=lambda each: len(each.cases), default=None)
@@ -59,7 +59,7 @@ def _roles(sweep: Sequence[Parameter]) -> tuple[Parameter, Parameter | None, lis
 
 
 def _spread(values: Sequence[Value]) -> list[Value]:
-    """Return values that are drawn, spread evenly."""
+    """Return the values to draw, spread evenly."""
     if len(values) <= _MOST_LINES:
         return list(values)
     last = len(values) - 1

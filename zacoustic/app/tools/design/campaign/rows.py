@@ -1,9 +1,9 @@
-"""The rows of a campaign on the disk: one line for each run that is done, whatever happens then.
+"""The rows of a campaign on the disk: one line for each finished run.
 
-The first line says which campaign it is, by a digest of each part that decides a figure; each line
-below is a row, in the order in which runs were done. Lines are appended and brought to the disk
-before anybody is told. What a crash leaves of a line is cut off at the next start, and its run is
-done again. One process at a time has the file.
+The first line identifies the campaign by a digest of each part that decides a figure. Each further
+line is a row, in the order in which the runs ended. Lines are appended and synced to the disk
+before they are reported. A partial line after a crash is cut off at the next start, and its run is
+repeated. One process at a time may use the file.
 """
 
 import os
@@ -19,7 +19,7 @@ from zacoustic.errors import ConfigError
 from zacoustic.run.filelock import lock_file
 
 NAME: Final = "runs.jsonl"
-"""The file, in the folder of the results."""
+"""Name of the file in the folder of the results."""
 _PARTS: Final = {
     "version": "the version of zacoustic", "until_s": "until_s", "seeds": "seeds",
     "sweep": "sweep", "scenario": "the scenario", "configs": "the config",
@@ -35,22 +35,22 @@ class Head(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RowFile:
-    """The file, locked for as long as it is open; a context manager.
+    """The file, locked while it is open; a context manager.
 
     Args:
-        folder: Of the results; it is made where it is not there.
-        campaign: Whose rows they are.
+        folder: Folder of the results; made if it is missing.
+        campaign: The campaign of the rows.
 
     Raises:
-        ConfigError: The folder has something else, rows of another campaign, or another process at
-            work on it; or it cannot be made.
+        ConfigError: The folder has other contents or rows of another campaign, another process
+            uses it, or it cannot be made.
     """
 
     def __init__(self, folder: Path, campaign: Campaign) -> None:
         self.path = folder / NAME
-        """Its place."""
+        """Path of the file."""
         self.rows: dict[int, Row] = {}
-        """What is there, by run."""
+        """Rows by run."""
         self._campaign = campaign
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -77,10 +77,10 @@ class RowFile:
         os.close(self._descriptor)
 
     def append(self, rows: Sequence[Row]) -> None:
-        """Add rows and bring them to the disk; a run that is there already stays as it is.
+        """Append rows and sync them; a run that has a row keeps it.
 
         Raises:
-            OSError: They cannot be written; none of them is there then.
+            OSError: They cannot be written; none of them is stored then.
         """
         new = {row.run: row for row in rows if row.run not in self.rows}
         self._write(new.values())
@@ -96,7 +96,7 @@ class RowFile:
             ) from error
         content = self.path.read_bytes()
         head, *lines = content.split(b"\n")
-        for line in lines[:-1]:  # what is behind the last line end is no line yet
+        for line in lines[:-1]:  # the text after the last line end is incomplete
             row = _row_in(line, self._campaign.runs)
             if row is not None:
                 self.rows.setdefault(row.run, row)
@@ -111,7 +111,7 @@ class RowFile:
         os.lseek(self._descriptor, 0, os.SEEK_END)
 
     def _check_is_ours(self, head: bytes) -> None:
-        """Refuse what is not the beginning of a first line of ours, which a crash may leave."""
+        """Check that the file begins like our first line, which a crash may have cut."""
         whole = msgspec.json.encode(Head(self._campaign.identity()))
         beginning = whole[: whole.index(b"{", 1) + 1]
         if not (head.startswith(beginning) or beginning.startswith(head)):
@@ -143,14 +143,14 @@ class RowFile:
             while written < len(text):
                 written += os.write(self._descriptor, text[written:])
             os.fsync(self._descriptor)
-        except BaseException:  # also an interrupt: no part of a line stays
+        except BaseException:  # includes an interrupt: no part of a line stays
             os.ftruncate(self._descriptor, end)
             os.lseek(self._descriptor, end, os.SEEK_SET)
             raise
 
 
 def _row_in(line: bytes, runs: int) -> Row | None:
-    """Return the row of a line; None: it is none."""
+    """Return the row of a line; None: it is not a row."""
     try:
         row = msgspec.json.decode(line, type=Row)
     except msgspec.MsgspecError:

@@ -1,8 +1,7 @@
-"""Runs of a campaign, as a worker does them: a batch in, its rows out, both as bytes.
+"""Runs of a campaign on a worker: a batch in, its rows out, both as bytes.
 
-A worker may be a process on another machine. It gets the whole campaign with each batch and reads
-it once. A run depends on nothing but its campaign and its number, so whoever does it, and how
-often, the row is the same.
+A worker may be a process on another machine. It gets the whole campaign with each batch and parses
+it once. A run depends only on its campaign and its number, so the row is always the same.
 """
 
 import functools
@@ -20,25 +19,25 @@ from zacoustic.errors import ConfigError
 from zacoustic.testing.counters import SimulationResult
 
 Figure = int | float | None
-"""What a run came to; None: nothing, such as a latency of what never arrived."""
+"""Value of a figure; None: it has none, for example the latency of samples that never arrived."""
 
 OVERALL: Final = (
     "published", "expected", "delivered", "delivery", "late", "duplicate", "out_of_order",
     "failed", "refused", "mean_s", "p50_s", "p95_s", "p99_s", "frames", "transmitted_bytes",
     "airtime_s", "utilisation", "lost", "dropped", "crashes",
 )  # fmt: skip
-"""Figures of all streams together."""
+"""Figures over all streams."""
 PER_STREAM: Final = (
     "delivery", "late", "failed", "mean_s", "p50_s", "p95_s", "transmitted_bytes", "airtime_s"
 )  # fmt: skip
-"""Figures of one stream; a table calls them ``STREAM: FIGURE``."""
+"""Figures of one stream; tables name them ``STREAM: FIGURE``."""
 _COUNTED: Final = (
     "published", "expected", "delivered", "late", "duplicate", "out_of_order", "failed", "refused"
 )  # fmt: skip
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """What a run came to."""
+    """The result of a run."""
 
     run: int
     """Its number."""
@@ -47,7 +46,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     digest: str
     """SHA-256 of the trace of all engines."""
     took_s: float
-    """How long it took, s of a processor; no figure, and in no table."""
+    """Processor time, s; in no table."""
 
 
 class Failure(msgspec.Struct, frozen=True):
@@ -56,20 +55,20 @@ class Failure(msgspec.Struct, frozen=True):
     run: int
     """The run."""
     reason: str
-    """What it said, one line."""
+    """Error, one line."""
     hint: str = ""
     """What to do about it."""
     is_usage: bool = False
-    """A file is wrong, and not the program."""
+    """A file is wrong, not the program."""
 
 
 class Batch(msgspec.Struct, frozen=True):
-    """What came of a batch."""
+    """The result of a batch."""
 
     rows: list[Row]
-    """Of the runs that were done."""
+    """Rows of the finished runs."""
     failure: Failure | None = None
-    """None: all were."""
+    """Failure of a run; None: all are finished."""
 
 
 def run_batch(campaign: bytes, runs: list[int]) -> bytes:
@@ -89,7 +88,7 @@ def run_batch(campaign: bytes, runs: list[int]) -> bytes:
             rows.append(row_of(_read(campaign), run))
         except ConfigError as error:
             failure = Failure(run, error.args[0], error.hint, is_usage=True)
-        except Exception as error:  # it is told where somebody reads it, with the run it is of
+        except Exception as error:  # reported with its run where somebody reads it
             failure = Failure(run, f"{type(error).__name__}: {error}")
         if failure is not None:
             break
@@ -122,10 +121,10 @@ def version() -> str:
 
 @functools.lru_cache(maxsize=1)
 def _read(campaign: bytes) -> Campaign:
-    """Read a campaign, and compare this computer with the one that has made it.
+    """Parse a campaign, and compare this computer with the one that made it.
 
     Raises:
-        ConfigError: Here is another version, or a file is missing.
+        ConfigError: This computer has another version, or a file is missing.
     """
     read = msgspec.json.decode(campaign, type=Campaign)
     if read.version != version():
@@ -134,7 +133,7 @@ def _read(campaign: bytes) -> Campaign:
             hint="install the same version for all workers",
         )
     read.check_files()
-    # What is loaded by now stays; a collector that passes it over saves a tenth of each run.
+    # Loaded objects stay; excluding them from garbage collection saves a tenth of each run.
     gc.collect()
     gc.freeze()
     return read

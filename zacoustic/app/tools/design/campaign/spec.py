@@ -1,4 +1,4 @@
-"""The file of a campaign: the scenario, what is swept, and how much is known of each cell.
+"""The file of a campaign: scenario, swept parameters, seeds and shown figures.
 
 ::
 
@@ -11,8 +11,8 @@
             { name: "busy", set: { "traffic[0].every_s": 10, "loss.frame": 0.2 } } ] } ],
       figures: ["delivery", "p95_s"], confidence: 0.95 }
 
-A path leads into the scenario; behind ``config.`` it leads into the section `plugins.acoustic` of
-the config that the scenario names. ``nodes.count`` keeps the first nodes only.
+A path leads into the scenario; after ``config.`` it leads into the section `plugins.acoustic` of
+the config that the scenario names. ``nodes.count`` keeps only the first nodes.
 """
 
 from pathlib import Path
@@ -30,7 +30,7 @@ from zacoustic.errors import ConfigError
 MOST_CASES: Final = 10_000
 MOST_RUNS: Final = 1_000_000
 DEFAULT_FIGURES: Final = ("delivery", "p95_s", "utilisation")
-"""What the page and the terminal show of a cell."""
+"""Default figures of a cell on the page and the terminal."""
 SEEDS_ALLOWED: Final = "a number, 1 to 100000, for the seeds from 1 to it; or an array of seeds"
 
 _MOST_SEEDS: Final = 100_000
@@ -41,9 +41,9 @@ class CaseSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Values that change together."""
 
     name: str
-    """What tables and plots call it."""
+    """Name in tables and plots."""
     set: dict[str, Any]
-    """Path → value; may be empty: the scenario as it is."""
+    """Path → value; empty: the scenario unchanged."""
 
 
 class SweepSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -52,17 +52,17 @@ class SweepSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     key: str | None = None
     """Path of the value; or cases."""
     values: tuple[Any, ...] | None = None
-    """What it takes, with a key."""
+    """Values of the parameter, with a key."""
     cases: tuple[CaseSpec, ...] | None = None
     """Values that change together, without a key."""
     name: str = ""
-    """What tables and plots call it; empty: the key."""
+    """Name in tables and plots; empty: the key."""
 
     def __post_init__(self) -> None:
         """Check that there is a key with values, or a name with cases.
 
         Raises:
-            ValueError: There is neither, or a path is none.
+            ValueError: There is neither, or a path is not valid.
         """
         if (self.key is None) == (self.cases is None):
             raise ValueError(f"key is {self.key!r}; allowed: either key and values, or cases")
@@ -94,13 +94,13 @@ class CampaignSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     sweep: tuple[SweepSpec, ...]
     """The parameters; every combination of their values is a cell."""
     seeds: int | tuple[int, ...]
-    """Each cell runs once with each."""
+    """Seeds; each cell runs once with each."""
     until_s: float = DEFAULT_UNTIL_S
     """Length of each run, s of virtual time."""
     figures: tuple[str, ...] = DEFAULT_FIGURES
-    """What the page and the terminal show."""
+    """Figures on the page and the terminal."""
     confidence: float = 0.95
-    """Of the intervals, 0.5…0.999."""
+    """Confidence of the intervals, 0.5…0.999."""
 
     def __post_init__(self) -> None:
         """Check the ranges.

@@ -10,7 +10,7 @@ from zacoustic.app.tools.design.campaign.cells import Cell, figure_names, parame
 from zacoustic.app.tools.design.campaign.running import Row
 
 Table = Mapping[str, Sequence[Any]]
-"""Columns by name, as long as each other; None: nothing is there."""
+"""Columns by name, of equal length; None: no value."""
 
 _ENDS: Final = ("mean", "low", "high", "count")
 
@@ -65,7 +65,7 @@ def as_parquet(table: Table) -> bytes:
 
 
 def _of_one_type(column: Sequence[Any]) -> Sequence[Any]:
-    """Return a column as numbers, truths or texts: a column of Parquet has one type."""
+    """Return a column as numbers, booleans or texts: a column of Parquet has one type."""
     types = {type(value) for value in column if value is not None}
     if types <= {int, float}:
         return column if types != {int, float} else [_real(value) for value in column]

@@ -31,7 +31,7 @@ def table_text(sheet: Sheet, *, where: str) -> str:
 
     Args:
         sheet: The table.
-        where: Where the rest of it is, if it is long.
+        where: Place of the rest, if the table is long.
     """
     shown = sheet.rows[:_MOST_ROWS]
     text = align(sheet.header, shown, right=sheet.header[sheet.left :])
@@ -40,7 +40,7 @@ def table_text(sheet: Sheet, *, where: str) -> str:
 
 
 def _written(interval: Interval | None) -> str:
-    """Return a mean with half its interval: as many digits as that deserves."""
+    """Return a mean with half its interval, with as many digits as that justifies."""
     if interval is None:
         return ""
     if interval.high is None:

@@ -1,9 +1,9 @@
 """The cost of a sample in bits: the smallest, the typical and the largest, for planning a link.
 
-Of packed samples these are the payload's bits; the record's id, and what fills the last byte, come
-on top. Of a dense sample they are what it adds to a block that goes anyway; the largest is the
-whole block of a sample that is like nothing before. What is typical of it has been measured by the
-fit, one sample behind the one before it, and is in the model's file.
+For packed samples these are the payload's bits; the record's id and padding to a whole byte come on
+top. For a dense sample they are its part of a block that is sent anyway; the largest is the whole
+block of a sample that resembles nothing before. The fit has measured the typical size, each sample
+coded against the previous one, and the model's file contains it.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ import msgspec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.values.payload import PackedCodec, PayloadCodec
 
-_MORE_BYTES: Final = 2  # of a dense block of one sample beside its packed payload, at most
+_MORE_BYTES: Final = 2  # of a dense block of one sample besides its packed payload, at most
 _LEAST_DENSE_BITS: Final = 1
 
 
@@ -22,22 +22,22 @@ class SampleBits(msgspec.Struct, frozen=True, kw_only=True):
     """The bits of a sample."""
 
     smallest: int
-    """Of the one that costs least."""
+    """Cost of the smallest sample."""
     typical: float | None
-    """On the average; None: not known."""
+    """Mean cost; None: unknown."""
     largest: int | None
-    """Of the one that costs most; None: no bound."""
+    """Cost of the largest sample; None: unbounded."""
 
 
 def sample_bits(
     stream: Stream, codec: PayloadCodec, typical: Mapping[int, float]
 ) -> SampleBits | None:
-    """Return the cost of a sample in bits; None where bytes say all: CBOR, opaque.
+    """Return the cost of a sample in bits; None for codecs in bytes: CBOR, opaque.
 
     Args:
         stream: The stream.
-        codec: The one of its codecs that is meant.
-        typical: What was measured of dense streams, by stream id, bits.
+        codec: The codec to consider, one of its own.
+        typical: Measured bits of dense streams, by stream id.
     """
     if not isinstance(codec, PackedCodec):
         return None

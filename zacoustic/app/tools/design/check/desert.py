@@ -15,7 +15,7 @@ _KIND_BYTES = 1
 
 
 def head_bytes(stream: Stream) -> int:
-    """Return the bytes around a message's fields: packet, kind, id, for calls a sequence id."""
+    """Return the bytes around a message's fields: packet, kind, id, and a call's sequence id."""
     is_call = isinstance(stream.spec, ServiceSpec)
     head = encode_head(stream.stream_id, LAST_SEQUENCE if is_call else None)
     return OVERHEAD_BYTES + _KIND_BYTES + len(head)
@@ -69,7 +69,7 @@ def _notes_of(what: str, stream: Stream, codec: RmwDesertCodec) -> Iterator[str]
 
 
 def _find(type_spec: TypeSpec, is_it: Callable[[FieldSpec], bool]) -> str:
-    """Return the path of the first such field; empty: there is none."""
+    """Return the path of the first field that meets a condition; empty: none does."""
     for field in type_spec.fields:
         path = f"{type_spec.name}.{field.name}"
         if is_it(field):

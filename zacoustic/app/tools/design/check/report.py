@@ -2,8 +2,8 @@
 
 The bytes are those of a record alone in a frame, on a link that frames, addresses and checks by
 itself: stream id, wildcards, age or call byte, payload. The airtime is that of such a frame with
-the modem profile. What a frame carries besides now and then (HELLO, LEN, the envelope of a poorer
-link) is docs/wire.md's matter.
+the modem profile. docs/wire.md tells what else a frame may carry (HELLO, LEN, the envelope of a
+poorer link).
 """
 
 import os
@@ -50,14 +50,13 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     sources: tuple[int, ...] | None
     """Addresses that send it; None: any."""
     targets: tuple[int, ...] | None
-    """Addresses that take it; None: all."""
+    """Addresses that receive it; None: all."""
     priority: str
     """Zenoh's name."""
     depth: int | None
-    """Samples kept per key; None: does not apply."""
+    """Samples stored per key; None: does not apply."""
     lifespan_s: float | None
-    """Age beyond which it is not sent, s; of services and actions their timeout; None: never too
-    old."""
+    """Age above which it is not sent, s; for services and actions their timeout; None: no limit."""
     smallest_bytes: int
     """Smallest record, id included."""
     largest_bytes: int | None
@@ -85,26 +84,26 @@ class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
     """One modem."""
 
     locator: str
-    """As the file has it."""
+    """Its locator in the file."""
     error: str
-    """Why it cannot be used on this computer; empty when it can."""
+    """Why it is unusable on this computer; empty: it is usable."""
     mtu_bytes: int | None = None
-    """Largest frame that it takes, where that is known before it is open."""
+    """Its largest frame, if known before it is open."""
 
 
 class _Built(msgspec.Struct, frozen=True):
-    """A link that was made, and not opened."""
+    """A link that was created, and not opened."""
 
     row: LinkRow
     capabilities: LinkCapabilities | None
-    """Where they are known before it is open."""
+    """Its capabilities, if known before it is open."""
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
-    """What `check` found in a valid configuration."""
+    """The result of `check` for a valid configuration."""
 
     file: str
-    """Where it was read from."""
+    """The file."""
     address: int
     """Acoustic address of this node."""
     nodes: dict[int, str]
@@ -112,13 +111,13 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[LinkRow, ...]
     """The modems."""
     digest: str
-    """Digest of the stream table: equal on both ends, or typed streams stop."""
+    """Digest of the stream table: equal on both ends, otherwise typed streams stop."""
     wire: str
     """Wire profile of the link."""
     agreement: str
     """How nodes agree on tables; empty: frames are sealed, or are those of rmw_desert."""
     profile: str
-    """Whose airtimes they are: name of a modem profile, or locator of the link."""
+    """Source of the airtimes: name of a modem profile, or locator of the link."""
     unsaid: str
     """Why the airtimes are not the link's; empty: they are, or a profile was given."""
     mtu_bytes: int
@@ -130,9 +129,9 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     journal: str
     """File of the journal; empty: nothing survives a restart."""
     forgotten: str
-    """What a restart forgets for want of a journal; empty: nothing that matters."""
+    """What a restart forgets without a journal; empty: nothing relevant."""
     notes: tuple[str, ...]
-    """What is valid and still worth a thought."""
+    """Valid settings that deserve attention."""
     misfits: tuple[str, ...] = ()
     """Streams that can never cross, each with a setting that would help."""
 
@@ -269,7 +268,7 @@ def _type_row(codec: TypedCodec) -> TypeRow:
 
 
 def _like(profile: ModemProfile, built: _Built) -> ModemProfile:
-    """Return a profile with the rate and the frames of a link."""
+    """Return a profile with the bit rate and the frame size of a link."""
     capabilities = built.capabilities
     assert capabilities is not None
     return msgspec.structs.replace(
@@ -283,7 +282,7 @@ def _like(profile: ModemProfile, built: _Built) -> ModemProfile:
 
 
 def _build(locator: str, address: int) -> _Built:
-    """Build the link without opening it, to check its package and its settings."""
+    """Create the link without opening it, to check its package and its settings."""
     shown = without_secrets(locator)
     try:
         link = registry.create(locator, address)

@@ -1,9 +1,9 @@
-"""From some values of a topic to a type that fits them, and more than them.
+"""From some values of a topic to a type that accepts them, and more.
 
-A few seconds of listening do not show what a value may become, so every bound is generous: integers
-get a type that holds eight times the seen values, floats ten times, texts twice. A step is only set
-where the values themselves have few decimals, or the name is known (a latitude). What was
-seen stands beside each field, so that a person who knows the vehicle can do better.
+A few seconds of listening do not show the range of a value, so every bound is generous: integers
+get a type for eight times the observed values, floats ten times, texts twice. A step is only set if
+the values themselves have few decimals, or the name is known (a latitude). The observed values
+stand beside each field, so that a user who knows the vehicle can do better.
 """
 
 import math
@@ -14,18 +14,18 @@ from typing import Any, Final
 import msgspec
 
 INTEGER_HEADROOM: Final = 8
-"""An integer type holds so many times the seen values."""
+"""Ratio of an integer type's range to the observed values."""
 FLOAT_HEADROOM: Final = 10
-"""A range of floats reaches to so many times the seen values."""
+"""Ratio of a range of floats to the observed values."""
 SHORTEST_TEXT_BYTES: Final = 16
 """Least bound of a text."""
 MOST_WORDS: Final = 8
-"""A text that takes so few values might be an enum."""
+"""A text with no more distinct values might be an enum."""
 _MOST_DECIMALS: Final = 6
 _MAX_DEPTH: Final = 8
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
-# Names whose meaning is the same everywhere: low, high, step, unit, whether the ends meet.
+# Names with a common meaning: low, high, step, unit, whether the ends meet.
 _KNOWN: Final[dict[str, tuple[float, float, float, str, bool]]] = {
     **dict.fromkeys(("lat", "latitude"), (-90.0, 90.0, 1e-6, "deg", False)),
     **dict.fromkeys(("lon", "lng", "longitude"), (-180.0, 180.0, 1e-6, "deg", False)),
@@ -38,16 +38,16 @@ class NoTypeError(Exception):
 
 
 class InferredField(msgspec.Struct, frozen=True, kw_only=True):
-    """One field, in the form that is written."""
+    """One field, in the form of the file."""
 
     keys: dict[str, Any]
-    """`name`, `type` and what else a field has, in the order in which it is written."""
+    """`name`, `type` and other keys of a field, in the order of writing."""
     remark: str
-    """What was seen, for people."""
+    """The observed values, for people."""
 
 
 class InferredType(msgspec.Struct, frozen=True, kw_only=True):
-    """One type, in the form that is written."""
+    """One type, in the form of the file."""
 
     name: str
     """Its name."""
@@ -56,7 +56,7 @@ class InferredType(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def infer_type(name: str, values: Sequence[object]) -> list[InferredType]:
-    """Find the types of some values.
+    """Infer the types of some values.
 
     Args:
         name: Name of the outermost type.
@@ -66,7 +66,7 @@ def infer_type(name: str, values: Sequence[object]) -> list[InferredType]:
         The nested types first, the outermost last.
 
     Raises:
-        NoTypeError: The values are no maps, or something in them has no type of ours.
+        NoTypeError: The values are not maps, or a part of them has no type.
     """
     types: list[InferredType] = []
     _infer(name, values, types, depth=1)
@@ -179,7 +179,7 @@ def _text(seen: list[str]) -> tuple[dict[str, Any], str]:
 
 
 def _decimals(seen: Iterable[float]) -> int | None:
-    """How many decimals all values have at most; None: more than a few, as measurements have."""
+    """Return the most decimals of the values; None: more than a few, as in measurements."""
     for decimals in range(_MOST_DECIMALS + 1):
         if all(math.isclose(value, round(value, decimals), rel_tol=1e-12) for value in seen):
             return decimals
@@ -187,14 +187,14 @@ def _decimals(seen: Iterable[float]) -> int | None:
 
 
 def _nice(number: float) -> float:
-    """The next of 1, 2, 5, 10, … that is not below."""
+    """Return the next of 1, 2, 5, 10, … that is not below."""
     power = 10.0 ** math.floor(math.log10(number))
     nice = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= number * 0.999999)
     return float(f"{nice:.3g}")
 
 
 def _bound(longest: int) -> int:
-    """A power of two that is at least twice the longest text."""
+    """Return a power of two that is at least twice the longest text."""
     return max(SHORTEST_TEXT_BYTES, 1 << (2 * longest - 1).bit_length()) if longest else 16
 
 

@@ -1,8 +1,8 @@
-"""What a Zenoh network carries: topics that are published, services that are offered.
+"""The contents of a Zenoh network: published topics, offered services.
 
 One session, one subscriber. Its callback only stores, in bounded memory: the first payloads of each
-key, and counts. Services are no samples; a router lists them in its admin space if that is switched
-on (``adminspace: { enabled: true }``).
+key, and counts. Services are not samples; a router lists them in its admin space if that is enabled
+(``adminspace: { enabled: true }``).
 """
 
 import json
@@ -17,11 +17,11 @@ import zenoh
 from zacoustic.errors import SessionError
 
 KEYS_LIMIT: Final = 1000
-"""Keys that are looked at; further ones are counted only."""
+"""Most keys to examine; further ones are only counted."""
 PAYLOADS_LIMIT: Final = 64
-"""Payloads of a key that are kept."""
+"""Most stored payloads of a key."""
 PAYLOAD_LIMIT_BYTES: Final = 4096
-"""Larger payloads are counted only: they are no values of a type."""
+"""Larger payloads are only counted: they are not values of a type."""
 
 _ASK_LIMIT_S: Final = 2.0
 _CONNECT_LIMIT_MS: Final = 3000
@@ -29,14 +29,14 @@ _QUERYABLE: Final = re.compile(r"@/[^/]+/[^/]+/queryable/(.+)")
 
 
 class SeenTopic(msgspec.Struct, frozen=True, kw_only=True):
-    """One key on which something was published."""
+    """One key with published samples."""
 
     key: str
     """The key."""
     samples: int
-    """How many were heard."""
+    """Number of samples."""
     rate_hz: float
-    """Samples per second, over the time of listening."""
+    """Samples per second while listening."""
     encoding: str
     """Encoding of most of them, without its schema."""
     smallest_bytes: int
@@ -44,16 +44,16 @@ class SeenTopic(msgspec.Struct, frozen=True, kw_only=True):
     largest_bytes: int
     """Largest payload."""
     payloads: tuple[bytes, ...] = ()
-    """The first of them, in their order."""
+    """The first payloads, in order."""
 
 
 class Survey(msgspec.Struct, frozen=True, kw_only=True):
-    """What was seen."""
+    """The result of listening."""
 
     endpoint: str
-    """Router that was listened to."""
+    """Endpoint of the router."""
     listened_s: float
-    """For how long, s."""
+    """Time of listening, s."""
     topics: tuple[SeenTopic, ...]
     """By key."""
     services: tuple[str, ...]
@@ -68,12 +68,12 @@ def survey_network(endpoint: str, *, listen_s: float, expression: str = "**") ->
     """Listen to a network through one of its routers; blocks.
 
     Args:
-        endpoint: Where the router listens, such as ``tcp/127.0.0.1:7447``.
-        listen_s: For how long, s.
+        endpoint: Endpoint of the router, such as ``tcp/127.0.0.1:7447``.
+        listen_s: Time of listening, s.
         expression: Key expression of the topics.
 
     Raises:
-        SessionError: No router answers there, or the key expression is none.
+        SessionError: No router answers there, or the key expression is not valid.
     """
     ears = _Ears()
     with _open(endpoint) as session:
@@ -122,7 +122,7 @@ class _Ears:
 
 
 class _Heard:
-    """What was heard on one key."""
+    """The samples of one key."""
 
     def __init__(self) -> None:
         self._sizes: list[int] = []
@@ -166,7 +166,7 @@ def _open(endpoint: str) -> zenoh.Session:
 
 
 def _services(session: zenoh.Session) -> tuple[tuple[str, ...], bool]:
-    """The queryables that the routers list, and whether any router lists anything."""
+    """Return the queryables that the routers list, and whether any router lists something."""
     keys: set[str] = set()
     replies = list(session.get("@/*/*/queryable/**", timeout=_ASK_LIMIT_S))
     for reply in replies:

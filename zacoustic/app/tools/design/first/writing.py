@@ -1,7 +1,7 @@
-"""The file: a survey as a configuration, with a comment wherever a person knows more.
+"""The file: a survey as a configuration, with a comment wherever the user knows more.
 
-What is written is read back before it is handed out, and every payload that was seen must pass its
-type. A topic that fails goes as opaque bytes instead.
+The text is read back before it is returned, and every observed payload must fit its type. A topic
+that fails becomes opaque bytes.
 """
 
 import json
@@ -34,11 +34,11 @@ from zacoustic.errors import ConfigError, PayloadInvalidError
 FIRST_ID: Final = 10
 """Stream id of the first topic; lower ones are left for more important topics."""
 FAST_HZ: Final = 0.5
-"""A topic that is faster gets a least interval: sound carries a frame or two per second in all."""
+"""A faster topic gets a least interval: a channel carries one or two frames per second in all."""
 INTERVAL_S: Final = 5.0
 """That interval, s."""
 LIFESPAN_S: Final = 60.0
-"""How old a sample may become, s, unless it takes longer to cross."""
+"""Largest age of a sample, s, unless it takes longer to cross."""
 
 _HEAD_BYTES: Final = 1  # the stream id
 _PARTS_MARGIN: Final = 3
@@ -49,22 +49,23 @@ class TopicDraft(msgspec.Struct, frozen=True, kw_only=True):
     """The entry of one topic."""
 
     seen: SeenTopic
-    """What was heard."""
+    """The observed samples."""
     types: tuple[InferredType, ...] = ()
     """Its types, the outermost last; none: opaque."""
     encoding: str = OPAQUE
-    """What the application's payloads are."""
+    """Encoding of the application's payloads."""
     remark: str = ""
     """Why it has no type."""
     parts_s: float | None = None
-    """How long its largest sample takes to cross in parts, s; None: all of them fit a frame."""
+    """Time of its largest sample to cross in parts, s; None: all samples fit a frame."""
 
 
 def draft_topic(topic: SeenTopic, name: str) -> TopicDraft:
-    """Find out what the payloads of a topic are.
+    """Determine the type of a topic's payloads.
 
     Args:
-        topic: What was heard.
+        topic: The observed samples.
+        name: Name of its type.
         name: Name of its type.
     """
     for encoding in _encodings_to_try(topic):
@@ -87,10 +88,10 @@ def write_config(survey: Survey) -> tuple[str, Config]:
     """Write a configuration.
 
     Returns:
-        The text, and what it means.
+        The text, and the configuration that it defines.
 
     Raises:
-        ConfigError: Nothing was seen that could be a stream.
+        ConfigError: Nothing was observed that could be a stream.
     """
     left_out = [
         f"{topic.key}: {fault}"
@@ -126,19 +127,19 @@ def write_config(survey: Survey) -> tuple[str, Config]:
 
 
 def _sized(draft: TopicDraft) -> TopicDraft:
-    """Find out whether the largest sample fits a frame, and how long it takes where it does not."""
+    """Determine whether the largest sample fits a frame, and how long it takes if it does not."""
     profile = profile_named(DEFAULT_PROFILE)
     payload_bytes = _largest_payload(draft)
     if _HEAD_BYTES + payload_bytes <= room_bytes(profile.mtu_bytes):
         return draft
-    frames = 1 + payload_bytes // (profile.mtu_bytes // 2)  # with heads, answers and repair
+    frames = 1 + payload_bytes // (profile.mtu_bytes // 2)  # with headers, answers and repair
     frame_s = profile.airtime_s(profile.mtu_bytes) + profile.gap_s
     parts_s = math.ceil(_PARTS_MARGIN * frames * frame_s / INTERVAL_S) * INTERVAL_S
     return msgspec.structs.replace(draft, parts_s=max(LIFESPAN_S, parts_s))
 
 
 def _largest_payload(draft: TopicDraft) -> int:
-    """Return the largest transmitted payload of the seen values, bytes."""
+    """Return the largest transmitted payload of the observed values, bytes."""
     seen = draft.seen
     if not draft.types or seen.largest_bytes > PAYLOAD_LIMIT_BYTES:
         return seen.largest_bytes
@@ -148,7 +149,7 @@ def _largest_payload(draft: TopicDraft) -> int:
 
 
 def _fault_of(key: str) -> str | None:
-    """Why a key cannot be the name of a stream, or None."""
+    """Return why a key cannot be the name of a stream, or None."""
     return "has a brace, which stands for a placeholder" if "{" in key else fault_of_name(key)
 
 
@@ -159,7 +160,7 @@ def _encodings_to_try(topic: SeenTopic) -> Sequence[str]:
         return (topic.encoding,)
     if topic.encoding != OPAQUE or _is_cdr(topic):
         return ()
-    # Programs often do not say what they publish.
+    # Programs often do not declare the encoding of their payloads.
     return (JSON, CBOR)
 
 
@@ -168,11 +169,11 @@ def _is_cdr(topic: SeenTopic) -> bool:
 
 
 def _check(types: Sequence[InferredType], values: Sequence[object]) -> None:
-    """Make the types, and let every value pass.
+    """Make the types, and check every value.
 
     Raises:
         ConfigError: A type contradicts itself.
-        NoTypeError: A value does not pass.
+        NoTypeError: A value does not fit.
     """
     outermost = _type_of(types)
     for value in values:
@@ -203,7 +204,7 @@ def _spec(field: InferredField) -> FieldSpec:
 
 
 def _type_names(topics: Sequence[SeenTopic]) -> list[str]:
-    """A name for the type of each topic: its last chunk, or all of them where that is taken."""
+    """Return a name for the type of each topic: its last chunk, or all of them if that is taken."""
     names: list[str] = []
     for topic in topics:
         chunks = [re.sub(r"[^A-Za-z0-9]", " ", chunk).title() for chunk in topic.key.split("/")]
@@ -297,7 +298,7 @@ def _topic_lines(stream_id: int, draft: TopicDraft) -> Iterator[str]:
 
 
 def _written(value: object) -> str:
-    """A value as it stands in the file."""
+    """Return a value as text of the file."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
@@ -312,5 +313,5 @@ def _text(text: str) -> str:
 
 
 def _comment(text: str) -> str:
-    """A text that stays inside its comment, whatever was published."""
+    """Return a text that cannot end its comment, whatever was published."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)[:200]

@@ -1,7 +1,7 @@
-"""Which single change would make it fit: each is tried in the model, and named if it does.
+"""Single changes that make the traffic fit: each is tried in the model, and named if it does.
 
-It tries, the least painful first: another codec of the largest, several in a frame, a longer
-interval of what takes most, all of that together, longer intervals of everything.
+It tries, in order of inconvenience: another codec for the largest, several samples in a frame, a
+longer interval of the largest, all of that together, longer intervals of everything.
 """
 
 import contextlib
@@ -28,9 +28,9 @@ from zacoustic.errors import ConfigError
 
 _TRIED_PERIODS: Final = 20.0
 _LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
-"""How long a change is tried: so many periods of the rarest, within these, s."""
+"""Length of a trial, s: a number of periods of the rarest traffic, within these limits."""
 _ENOUGH_ARRIVALS, _MOST_ARRIVALS = 20_000, 80_000
-"""So many frames arrive in all that is tried, once something fits, and before: some seconds."""
+"""Most arriving frames in all trials, once a change fits, and before that: some seconds."""
 _SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
 _MOST_STREAMS: Final = 2
 _MOST_CHANGES: Final = 4
@@ -38,12 +38,12 @@ _LINGER_S: Final = 10.0
 
 
 class Change(msgspec.Struct, frozen=True, kw_only=True):
-    """A change that makes it fit."""
+    """A change that makes the traffic fit."""
 
     what: str
-    """What to change."""
+    """Description of the change."""
     demand: float
-    """Share of the time that everything takes then."""
+    """Share of the time that all traffic then takes."""
 
 
 Respecify = Callable[[StreamSpec], StreamSpec]
@@ -53,9 +53,9 @@ def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) ->
     """Try changes.
 
     Args:
-        fleet: What does not fit.
-        streams: What was found of it, what takes most first.
-        seed: Of the model.
+        fleet: The fleet that does not fit.
+        streams: Its streams, the largest first.
+        seed: Seed of the model.
     """
     found: list[Change] = []
     arrivals = 0
@@ -81,7 +81,7 @@ def _try(fleet: Fleet, seed: int) -> Found:
 
 
 def _ladders(fleet: Fleet, streams: Sequence[StreamFound]) -> Iterator[Iterator[tuple[str, Fleet]]]:
-    """Yield series of changes; each is only tried if those before it are not enough."""
+    """Yield series of changes; each is only tried if those before it are insufficient."""
     heavy = [each.stream for each in streams[:_MOST_STREAMS]]
     yield _tagged(fleet)
     for each in streams:
@@ -109,7 +109,7 @@ def _recoded(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
 
 
 def _tagged(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:
-    """Let nobody confirm to everybody."""
+    """Replace confirmations by a TAG in each frame."""
     if all(each.agreement is AgreementMethod.CONFIRM for each in fleet.rules.values()):
         rules = {
             address: msgspec.structs.replace(each, agreement=AgreementMethod.TAG)
@@ -141,7 +141,7 @@ def _lingering(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:
 
 
 def _slower(fleet: Fleet, stream_ids: Sequence[int]) -> Iterator[tuple[str, Fleet]]:
-    """Let streams send more rarely; tries the advised values, in three digits."""
+    """Increase the intervals of streams; tries the proposed values, with three digits."""
     for factor in _SLOWER:
         told: dict[int, str] = {}
         offers = []
@@ -157,7 +157,7 @@ def _slower(fleet: Fleet, stream_ids: Sequence[int]) -> Iterator[tuple[str, Flee
 
 
 def _in_parts(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
-    """Let samples that are larger than a frame cross in parts."""
+    """Let samples larger than a frame cross in parts."""
     reliable = msgspec.structs.replace(stream.qos, reliability=Reliability.RELIABLE)
     with contextlib.suppress(ConfigError):  # a dense topic cannot be reliable
         changed = _changed(fleet, {stream.stream_id: partial(_replace, qos=reliable)})
@@ -168,7 +168,7 @@ def _changed(fleet: Fleet, changes: Mapping[int, Respecify]) -> Fleet:
     """Return the fleet with other streams.
 
     Raises:
-        ConfigError: A stream cannot be so.
+        ConfigError: A stream cannot have these settings.
     """
     tables = {address: _table(table, changes) for address, table in fleet.tables.items()}
     any_table = next(iter(tables.values()))

@@ -1,7 +1,7 @@
-"""What agreement on tables takes with each policy, and which one to choose.
+"""The cost of agreement on tables with each policy, and the proposed policy.
 
-Both are walked from a cold start, since that is when confirmations go: one per pair of nodes. What
-takes fewer bytes in the first hour is proposed.
+Both are modelled from a cold start, when the confirmations occur: one per pair of nodes. The policy
+with fewer bytes in the first hour is proposed.
 """
 
 from typing import Final
@@ -13,20 +13,20 @@ from zacoustic.app.tools.design.plan.verdict import MOST_TRIED_ARRIVALS, walk
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 
 COMPARED_S: Final = 3600.0
-"""How long is compared, s."""
+"""Compared time, s."""
 
 
 class AgreementPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What agreement takes."""
+    """The cost of agreement."""
 
     method: str
-    """What the file has."""
+    """Policy of the file."""
     proposed: str
-    """What takes fewer bytes."""
+    """Policy with fewer bytes."""
     share: dict[str, float]
-    """Share of all bytes that it takes in `compared_s` after a start, 0…1, by method."""
+    """Its share of all bytes in `compared_s` after a start, 0…1, by method."""
     compared_s: dict[str, float]
-    """How long was walked, s, by method: at most the first hour."""
+    """Modelled time, s, by method: at most the first hour."""
 
 
 def agreement_of(fleet: Fleet, seed: int) -> AgreementPlan | None:
@@ -34,7 +34,7 @@ def agreement_of(fleet: Fleet, seed: int) -> AgreementPlan | None:
 
     Args:
         fleet: The fleet.
-        seed: Of the model.
+        seed: Seed of the model.
     """
     if len(fleet.tables) < 2:
         return None

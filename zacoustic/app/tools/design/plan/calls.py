@@ -1,4 +1,4 @@
-"""Calls in the model: request, answer, confirmation, each again when it is lost."""
+"""Calls in the model: request, answer, confirmation, each repeated after a loss."""
 
 import random
 from collections.abc import Callable
@@ -15,13 +15,13 @@ _CALL_HEAD_BYTES: Final = 2
 
 
 class Call:
-    """One call of a service: request, answer, confirmation, each again when it is lost.
+    """One call of a service: request, answer, confirmation, each repeated after a loss.
 
     Args:
-        offer: Who calls what.
-        payload_bytes: Of the request.
+        offer: The client and its service.
+        payload_bytes: Size of the request's payload.
         walk: Clock and nodes.
-        times: Of the link.
+        times: Times of the link.
         rng: Draws pauses.
     """
 

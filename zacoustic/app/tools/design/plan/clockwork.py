@@ -1,4 +1,4 @@
-"""What the exchanges of the model need of the walk: the clock, the nodes, the listeners."""
+"""The parts of the walk that exchanges of the model need: clock, nodes, results."""
 
 from collections.abc import Callable
 from typing import Final, Protocol
@@ -12,7 +12,7 @@ _ID_BYTES: Final = 1
 
 
 class Clockwork(Protocol):
-    """What exchanges need of the walk."""
+    """The interface of the walk for exchanges."""
 
     @property
     def now(self) -> int:
@@ -20,7 +20,7 @@ class Clockwork(Protocol):
         ...
 
     def later(self, at: int, action: Callable[[], object]) -> None:
-        """Do something at an instant, ns."""
+        """Schedule an action at an instant, ns."""
         ...
 
     def speaker(self, address: int) -> Speaker:
@@ -28,7 +28,7 @@ class Clockwork(Protocol):
         ...
 
     def timing(self, source: int, target: int) -> Pacer:
-        """Return how long a node takes to answer another one."""
+        """Return the times in which a node answers another one."""
         ...
 
     def serve(self, address: int) -> None:
@@ -36,15 +36,15 @@ class Clockwork(Protocol):
         ...
 
     def went(self, offer: Offer) -> None:
-        """Something is transmitted for the first time."""
+        """Note the first transmission of an item."""
         ...
 
     def delivered(self, offer: Offer, began_at: int) -> None:
-        """Something from that instant has arrived."""
+        """Note the arrival of an item that began at an instant, ns."""
         ...
 
 
 def head_bytes_of(offer: Offer) -> int:
-    """Return what stands before the payload of a best-effort sample: id, wildcards, age."""
+    """Return the bytes before the payload of a best-effort sample: id, wildcards, age."""
     stamped = offer.stream.qos.stamp is Stamp.AGE
     return _ID_BYTES + len(offer.instance) + stamped

@@ -1,7 +1,7 @@
 """The inputs of a plan: the channel, the tables and rules of its nodes, and their traffic.
 
-The file is a scenario with traffic, which has all of that; or a config, whose nodes are then put
-into a channel: in a row, at a distance, with a loss.
+The file is a scenario with traffic, which has all of that; or a config, whose nodes are then placed
+in a channel: in a row, at a distance, with a loss.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -35,33 +35,33 @@ _WINDOW_S: Final = 10.0
 
 
 class Refused(msgspec.Struct, frozen=True, kw_only=True):
-    """Samples that a publisher would be refused."""
+    """Samples that their publisher would have refused."""
 
     share: float
-    """Of all of the stream, 0…1."""
+    """Share of all samples of the stream, 0…1."""
     reason: str
-    """Of the first."""
+    """Reason for the first."""
 
 
 class Fleet(msgspec.Struct, kw_only=True):
-    """Everything that a walk needs."""
+    """The inputs of a walk."""
 
     scenario: Scenario
     """The channel."""
     tables: dict[int, StreamTable]
-    """The streams of each node that is walked."""
+    """The streams of each modelled node."""
     rules: dict[int, TransmitRules]
     """The config's rules of transmission."""
     offers: list[Offer]
     """The offered traffic."""
     notes: list[str]
-    """Notes on it."""
+    """Remarks on the traffic."""
     refused: dict[int, Refused] = {}
-    """What a recording has that its types refuse, by stream id."""
+    """Recorded samples that their types refuse, by stream id."""
     apart_m: float | None = None
     """Assumed distance of each two nodes, m; None: the scenario has their places."""
     members: dict[int, tuple[int, ...]] = {}
-    """The nodes that each of them stands for, itself among them; empty: each for itself."""
+    """Nodes represented by each modelled node, itself included; empty: each represents itself."""
 
     @property
     def nodes(self) -> list[int]:
@@ -76,9 +76,9 @@ class AssumedChannel(msgspec.Struct, frozen=True, kw_only=True):
     profile: str = DEFAULT_PROFILE
     """Modem."""
     range_m: float = DEFAULT_RANGE_M
-    """From the first node to each other one, m."""
+    """Distance from the first node to each other one, m."""
     loss: float = 0.0
-    """Share of the frames that are lost on top of what the channel takes, 0…1."""
+    """Share of frames lost in addition to the channel's losses, 0…1."""
 
 
 def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> Fleet:
@@ -159,7 +159,7 @@ def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
 
 
 def _settings_of(path: Path, addresses: Sequence[int]) -> dict[int, Hashable]:
-    """Return what a config, which has been read before, says of each node but address and name."""
+    """Return what a config, already read, says of each node besides address and name."""
     _, section = read_zenoh_config(path)
     nodes = section.get("nodes") if isinstance(section, Mapping) else None
     settings: dict[int, Hashable] = dict.fromkeys(addresses)

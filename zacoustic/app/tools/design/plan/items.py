@@ -1,8 +1,8 @@
-"""What waits at a node in the model: its size, its receivers, what follows from its arrival.
+"""Waiting items of a node in the model: size, receivers, and the effects of their arrival.
 
-The real queue (`zacoustic.core.schedule.queue`) has records; here are their sizes, and their rules:
-first in, first out in a lane, as deep as the stream says, nothing too old, the lane of the highest
-value first.
+The real queue (`zacoustic.core.schedule.queue`) has records; this one has their sizes and follows
+its rules: a lane is first in, first out, as deep as the stream says, and drops old items; the lane
+of the highest value goes first.
 """
 
 from collections import deque
@@ -20,12 +20,12 @@ NO_VOICE: Final = 0
 
 
 class Item:
-    """A record, a control or a fragment that waits.
+    """A waiting record, control or fragment.
 
     Args:
         stream_id: Stream of its airtime; 0: none.
         destination: Address, or `BROADCAST`.
-        size_bytes: Of the record, prefixes included, LEN excepted.
+        size_bytes: Size of the record, prefixes included, LEN excepted.
         queued_at: When it began to wait, ns.
     """
 
@@ -41,30 +41,30 @@ class Item:
         self.size_bytes = size_bytes
         self.queued_at = queued_at
         self.voice = NO_VOICE
-        """Whose sample it is: the node that transmits it, or one for which that stands. `NO_VOICE`:
+        """Node of the sample: the one that transmits it, or one that it represents. `NO_VOICE`:
         each of those transmits one of its own."""
         self.wait_ns = 0
         """How long it waits for others, ns."""
         self.rides = False
-        """It is no reason for a frame, and goes with any."""
+        """It causes no frame, but goes with any."""
         self.expires_at: int | None = None
         self.open_ended = False
-        """It does not show its end."""
+        """Its end needs a LEN, unless it is last."""
         self.is_control = False
-        """It shows its end in any frame."""
+        """It is delimited in any frame."""
         self.for_one_node = False
-        """It rides in no broadcast frame."""
+        """It is never in a broadcast frame."""
         self.alone = False
-        """It fills its frame: a fragment."""
+        """It fills its frame, as a fragment does."""
         self.dense: DenseSample | None = None
         self.begins: Callable[[int], None] | None = None
-        """Told when its frame begins."""
+        """Called when its frame begins."""
         self.ends: Callable[[int], None] | None = None
-        """Told when its frame has left."""
+        """Called when its frame has left."""
         self.heard: Callable[[int, int], None] | None = None
-        """Called with the node that has received it, and when."""
+        """Called with each node that has received it, and the instant."""
         self.lost: Callable[[int, int], None] | None = None
-        """Called with the node that has lost it, and when."""
+        """Called with each node that has lost it, and the instant."""
 
     @property
     def is_confirm(self) -> bool:

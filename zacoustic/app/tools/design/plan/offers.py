@@ -1,16 +1,15 @@
 """The offered traffic: who publishes or calls what, how often, how large.
 
-There are three sources, and the first that is there counts:
+There are three sources, and the first one present counts:
 
-* a scenario's `traffic`, the same that `zacoustic sim` has;
-* a recording: what each topic published in it, at the instants at which it did;
-* the config alone: `min_interval_s` of a topic is its highest rate, `deadline_s`
-  how often it promises to. A topic without either, a service or an action has no rate: it is named,
-  and left out.
+* a scenario's `traffic`, the same as for `zacoustic sim`;
+* a recording: what each topic published in it, at the recorded instants;
+* the config alone: `min_interval_s` of a topic is its highest rate, `deadline_s` the promised one.
+  A topic without either, a service or an action has no rate: it is named and left out.
 
-Payloads are those of the values, written by the codec of the stream. Where only the type is known
-they have the typical size, which the fit of a dense topic has measured; where that is not known
-either, the largest.
+Payloads are those of the values, encoded by the codec of the stream. If only the type is known,
+they have the typical size, which the fit of a dense topic has measured; if that is unknown as well,
+the largest size.
 """
 
 import itertools
@@ -31,18 +30,18 @@ from zacoustic.errors import ConfigError
 
 _BITS: Final = 8
 _BLOCK: Final = 16
-"""So many random instants lie within as many periods: a plan is about the usual."""
+"""Number of random instants drawn within as many periods: a plan is about usual traffic."""
 _HEAD_BYTES: Final = 12
-"""TAG, SYNC, id, number and age: what the largest record leaves room for."""
+"""TAG, SYNC, id, number and age: reserved besides the largest record, bytes."""
 
 
 class Saying(msgspec.Struct, frozen=True, kw_only=True):
     """One sample or request."""
 
     payload_bytes: int
-    """Size of its payload as a record."""
+    """Size of its payload as a record, bytes."""
     dense_value: dict[str, Any] | None = None
-    """What a dense block has of it, where it is known."""
+    """Its value in a dense block, if known."""
 
 
 class Offer:
@@ -50,10 +49,10 @@ class Offer:
 
     Args:
         node: Address of the node.
-        stream: What it publishes, or calls.
-        instance: Which of the topic's keys.
-        every_s: Mean time between two, s.
-        is_steady: They come in a rhythm.
+        stream: The published or called stream.
+        instance: Key of the topic.
+        every_s: Mean period, s.
+        is_steady: The period is regular.
     """
 
     def __init__(
@@ -69,7 +68,7 @@ class Offer:
     ) -> None:
         self.node = node
         self.voice = node
-        """Whose samples these are: that node, or one for which it stands."""
+        """Node of these samples, or the one that represents it."""
         self.stream = stream
         self.instance = instance
         self.every_s = every_s
@@ -79,9 +78,9 @@ class Offer:
         self.first_s: float | None = None
         """First instant, s; None: any within the first period."""
         self.until_s: float | None = None
-        """None from here on, s; None: it goes on."""
+        """No instant at or after this, s; None: no end."""
         self.answer_bytes = 0
-        """Payload of the answer to a call."""
+        """Payload of a call's answer, bytes."""
         self._sayings: Sequence[Saying] = ()
         self._instants: Sequence[float] | None = None
         self._span_s = 0.0
@@ -100,7 +99,7 @@ class Offer:
 
     @property
     def is_call(self) -> bool:
-        """It calls a service."""
+        """Whether it calls a service."""
         return isinstance(self.stream.spec, ServiceSpec)
 
     def instants(self, rng: random.Random) -> Iterator[int]:
@@ -118,11 +117,11 @@ class Offer:
             at_s += self.every_s if self.is_steady else _BLOCK * self.every_s
 
     def _at_random(self, begin_s: float, rng: random.Random) -> list[float]:
-        """Return the instants of a block of periods: as many as are expected."""
+        """Return the instants of a block of periods: as many as expected."""
         return sorted(begin_s + rng.random() * _BLOCK * self.every_s for _ in range(_BLOCK))
 
     def sayings(self, rng: random.Random) -> Iterator[Saying]:
-        """Yield the offers."""
+        """Yield the samples or requests."""
         if self._spec is None:
             yield from itertools.cycle(self._sayings)
         while True:
@@ -130,7 +129,7 @@ class Offer:
             yield saying_of(self.stream, _draw(self._spec, rng))
 
     def altered(self, stream: Stream, every_s: float) -> "Offer":
-        """Return the same with another stream, of the same type, and another rate."""
+        """Return the same with another stream of the same type, and another period."""
         other = Offer(
             self.node, stream, self.instance, every_s=every_s, is_steady=self.is_steady,
             jitter_s=self.jitter_s, burst=self.burst,
@@ -145,14 +144,14 @@ class Offer:
         return other
 
     def spoken_by(self, node: int) -> "Offer":
-        """Return the same, transmitted by a node that stands for the one whose it is."""
+        """Return the same, transmitted by a node that represents its own."""
         other = self.altered(self.stream, self.every_s)
         other.node = node
         return other
 
 
 def saying_of(stream: Stream, value: object) -> Saying:
-    """Write a value.
+    """Encode a value.
 
     Raises:
         PayloadInvalidError: It is not of the stream's type.
@@ -218,7 +217,7 @@ def offers_of_recording(
 def offers_of_config(
     table: StreamTable, nodes: Sequence[int], typical: Mapping[int, float], room_bytes: int
 ) -> tuple[list[Offer], list[str]]:
-    """Return the offers that a table allows or promises, and notes on them."""
+    """Return the offers that a table permits or promises, and remarks on them."""
     offers: list[Offer] = []
     notes: list[str] = []
     for stream in table:
@@ -272,7 +271,7 @@ def _instances(stream: Stream) -> Iterator[Instance]:
 
 
 def _usual_bytes(stream: Stream, typical: Mapping[int, float], room_bytes: int) -> tuple[int, bool]:
-    """Return the size of a payload, and whether that is more than the largest one."""
+    """Return the size of a payload, and whether it is known, not just the largest possible."""
     bits = sample_bits(stream, stream.codec, typical)
     if bits is not None and bits.typical is not None:
         return -(-int(bits.typical) // _BITS), True

@@ -1,9 +1,9 @@
-"""Reliable samples in the model: what is repeated, and what is asked for.
+"""Reliable samples in the model: repetitions and requests for missing ones.
 
-The lane learns which of its frames have arrived, and queues the next item at a node; so what a
-loss costs, and what rides in frames that go anyway, comes of itself. When something is repeated,
-and what a rhythm spares, is decided by the engine's own parts (`Pacer`, `SendRhythm`,
-`Watch`), which are pure.
+The lane learns which of its frames have arrived, and queues the next item at a node. So the cost of
+losses, and the benefit of items in frames that are sent anyway, follow by themselves. The engine's
+own pure parts (`Pacer`, `SendRhythm`, `Watch`) decide when something is repeated, and what a
+regular period saves.
 """
 
 import random
@@ -30,7 +30,7 @@ _ACK_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
 
 
 class Sample:
-    """A reliable sample on its way."""
+    """A reliable sample under way."""
 
     __slots__ = (
         "asked", "began_at", "due_at", "expires_at", "frame_ns", "lacking", "marked", "number",
@@ -52,13 +52,13 @@ class Sample:
 
 
 class _Reception:
-    """What one receiver has, and has acknowledged."""
+    """The samples that one receiver has, and those it has acknowledged."""
 
     def __init__(self) -> None:
         self.got: set[int] = set()
         self.newest = -1
         self.acknowledgements = 0
-        """How many have arrived."""
+        """Number of received acknowledgements."""
         self.watch = Watch()
 
     @property
@@ -70,10 +70,10 @@ class ReliableLane:
     """The samples of one key of a reliable topic, and the acknowledging receivers.
 
     Args:
-        offer: Who publishes what.
+        offer: The publisher and its topic.
         receivers: Addresses of the acknowledging nodes.
         walk: Clock and nodes.
-        times: Of the link.
+        times: Times of the link.
         rng: Draws pauses.
     """
 
@@ -96,7 +96,7 @@ class ReliableLane:
         self._spread_ns = times.ack_spread_ns(len(receivers))
 
     def publish(self, saying: Saying) -> None:
-        """Let a sample go."""
+        """Publish a sample."""
         now = self._walk.now
         sample = Sample(self._next, saying.payload_bytes, set(self._receptions), now)
         if self._qos.lifespan_s is not None:
@@ -130,7 +130,7 @@ class ReliableLane:
         return self._walk.timing(self._offer.node, node)
 
     def _is_known(self, sample: Sample) -> bool:
-        """Tell whether the receiver knows the rhythm, and would ask for a sample."""
+        """Tell whether the receiver knows the period, and would ask for a missing sample."""
         return self._rhythm is not None and self._rhythm.is_known(sample.number, self._expected)
 
     def _send(self, sample: Sample) -> None:
@@ -172,7 +172,7 @@ class ReliableLane:
         sample.asked = False
 
     def _sent(self, sample: Sample, at: int) -> None:
-        """Plan when it is repeated without an answer."""
+        """Schedule its repetition, in case no answer comes."""
         sample.frame_ns, sample.sent_at = at - sample.sent_at, at
         if self._is_known(sample):
             assert self._rhythm is not None
@@ -281,7 +281,7 @@ class ReliableLane:
         self._acknowledge(node, at, wait_ns)
 
     def _ask(self, node: int, reception: _Reception) -> None:
-        """The receiver knows that something is missing, and sends what it has."""
+        """Let the receiver, which misses something, report what it has."""
         now, ask_at = self._walk.now, reception.watch.ask_at
         if ask_at is None or ask_at > now:
             return

@@ -25,17 +25,17 @@ from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
 
 DEFAULT_HOURS: Final = 4.0
-"""How long the model walks, h."""
+"""Default modelled time, h."""
 _S_PER_H: Final = 3600.0
 _H_PER_DAY: Final = 24.0
 _WATT_DB: Final = 170.8
 """Source level of one acoustic watt, dB re 1 µPa at 1 m (Urick)."""
 _EFFICIENCY: Final = 0.5
-"""Of amplifier and transducer together, assumed if the modem's power is not given."""
+"""Efficiency of amplifier and transducer together, assumed if the modem's power is not given."""
 
 
 class StreamPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What one stream does."""
+    """The plan of one stream."""
 
     stream_id: int
     """Its id."""
@@ -44,22 +44,22 @@ class StreamPlan(msgspec.Struct, frozen=True, kw_only=True):
     kind: str
     """`topic` or `service`."""
     per_h: float
-    """Samples or calls in an hour, of all nodes together."""
+    """Samples or calls per hour, of all nodes together."""
     airtime_s_per_h: float
-    """Its sound in an hour, repetitions, acknowledgements and answers included, s."""
+    """Airtime per hour, including repetitions, acknowledgements and answers, s."""
     utilisation: float
-    """That as a share of the time."""
+    """That airtime as a share of the time."""
     share: float
-    """That as a share of all sound, 0…1."""
+    """That airtime as a share of all airtime, 0…1."""
     went: float
-    """Share of its samples that get on the channel at all, 0…1; without those that `min_interval_s`
-    leaves out."""
+    """Share of its samples that were transmitted, 0…1; without those that `min_interval_s` leaves
+    out."""
     refused: float
-    """Share of its samples that publishing refuses, 0…1: its type does, or no frame has room."""
+    """Share of its samples that publishing refuses, 0…1: by their type or for lack of room."""
     expected_s: float | None
-    """Half of them take no longer to arrive, of calls to the answer, s; None: nothing arrived."""
+    """Median latency, for calls to the answer, s; None: nothing arrived."""
     worst_s: float | None
-    """99 of 100 take no longer, s."""
+    """99th percentile of the latency, s."""
     bound_s: float | None
     """Lifespan, deadline or timeout, the shortest of them, s; None: there is none."""
     misfit: str
@@ -67,47 +67,47 @@ class StreamPlan(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class NodePlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What one node does."""
+    """The plan of one node."""
 
     address: int
     """Its address."""
     utilisation: float
-    """Share of the time that it transmits."""
+    """Share of the time in which it transmits."""
     energy_wh_per_day: float
-    """What transmitting takes, Wh a day."""
+    """Energy of transmitting, Wh per day."""
 
 
 class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     """The plan."""
 
     file: str
-    """What it is of."""
+    """The planned file."""
     profile: str
     """Modem."""
     hours: float
-    """How long the model walked, h."""
+    """Modelled time, h."""
     frames_per_h: float
-    """Frames of all nodes in an hour."""
+    """Frames of all nodes per hour."""
     utilisation: float
     """Share of the time with sound, summed over all nodes."""
     demand: float
     """The same if everything were transmitted."""
     fits: bool
-    """Everything fits."""
+    """Whether everything fits."""
     transmit_w: float
-    """Power for the energy, W."""
+    """Transmit power for the energy, W."""
     streams: tuple[StreamPlan, ...]
-    """What takes most first."""
+    """The streams, the largest first."""
     nodes: tuple[NodePlan, ...]
-    """By address."""
+    """The nodes by address."""
     misfits: tuple[str, ...]
     """What does not fit, in words."""
     changes: tuple[Change, ...]
-    """Any one of these makes it fit."""
+    """Changes, any one of which makes it fit."""
     agreement: AgreementPlan | None
-    """What agreement on tables takes with each policy; None: there is one node."""
+    """Cost of agreement on tables with each policy; None: there is one node."""
     notes: tuple[str, ...]
-    """Notes on the plan."""
+    """Remarks on the plan."""
     schedule: SchedulePlan | None = None
     """The schedule that was asked for."""
 
@@ -126,13 +126,13 @@ def plan(
 
     Args:
         path: A scenario with traffic, or a config.
-        channel: What a config does not have.
-        recordings: Where sizes and rates come from instead.
-        hours: How long the model walks, h, above 0; None: `DEFAULT_HOURS`, or less if there are so
-            many nodes that this takes long.
-        transmit_w: What the modem takes while it transmits, W; None: from its source level.
-        seed: Of the model.
-        schedule: Make a schedule with these settings.
+        channel: Assumptions that a config lacks.
+        recordings: Recordings to take sizes and rates from instead.
+        hours: Modelled time, h, above 0; None: `DEFAULT_HOURS`, or less if the number of nodes
+            makes that slow.
+        transmit_w: Power of the modem while it transmits, W; None: from its source level.
+        seed: Seed of the model.
+        schedule: Settings of the schedule to make; None: make none.
 
     Raises:
         ConfigError: A file is wrong, or no rates are known.
@@ -171,7 +171,7 @@ def plan(
 
 
 def transmit_power_w(profile: ModemProfile) -> float:
-    """Return what a modem takes while it transmits, W, from its source level.
+    """Return the power of a modem while it transmits, W, from its source level.
 
     Source:
         R. J. Urick, Principles of Underwater Sound, 1983: SL = 170.8 + 10 log P, without

@@ -1,11 +1,11 @@
-"""Which nodes of a large fleet are walked: one may stand for several that are equal.
+"""The modelled nodes of a large fleet: one may represent several equal ones.
 
-A frame arrives at every node, so the work of a walk grows with the square of the nodes, and with
-254 of them it would end within the first minutes of their start. Nodes that publish and subscribe
-the same, with the same settings, are equal but for their phase. Of those some are walked, each of
-which *stands for* several: it transmits the samples of each of them, in frames of their own, so
-what is offered to the channel is whole. What each node transmits by itself (acknowledgements,
-confirmations, heartbeats) is walked once and counted for each.
+A frame arrives at every node, so the work of a walk grows with the square of the nodes, and a walk
+with 254 of them would have to end within minutes of their start. Nodes that publish and subscribe
+the same, with the same settings, differ only in phase. Of those only some are modelled, and each
+*represents* several: it transmits the samples of each of them in separate frames, so the offered
+traffic is complete. Frames of each node for itself (acknowledgements, confirmations, heartbeats)
+are modelled once and counted for each.
 """
 
 from collections.abc import Hashable, Mapping
@@ -17,23 +17,23 @@ from zacoustic.core.schedule.access.spec import ClockedSpec, PollingSpec
 from zacoustic.core.streams.table import StreamTable
 
 MOST_WALKED: Final = 32
-"""A fleet of so many nodes is walked whole."""
+"""A fleet of up to this size is modelled completely."""
 _WALKED: Final = 20
-"""Of a larger one; more if it has more different nodes."""
+"""Modelled nodes of a larger one; more if it has more different nodes."""
 
 
 def members_of(
     table: StreamTable, rules: TransmitRules, settings: Mapping[int, Hashable]
 ) -> dict[int, tuple[int, ...]]:
-    """Choose the nodes to walk.
+    """Choose the nodes to model.
 
     Args:
         table: The streams.
         rules: The config's rules of transmission.
-        settings: What the file says of each node, by address; the first node is never stood for.
+        settings: Settings of each node in the file, by address; the first node is always modelled.
 
     Returns:
-        For each node to walk the nodes it stands for, itself the first.
+        For each modelled node the nodes it represents, itself the first.
     """
     own: dict[int, tuple[int, ...]] = {address: (address,) for address in settings}
     is_scheduled = any(
@@ -58,13 +58,13 @@ def members_of(
 
 
 def spoken(offers: list[Offer], members: Mapping[int, tuple[int, ...]]) -> list[Offer]:
-    """Let the nodes that are walked speak for those that they stand for."""
+    """Let the modelled nodes transmit for those that they represent."""
     speaker = {each: walked for walked, group in members.items() for each in group}
     return [offer.spoken_by(speaker[offer.node]) for offer in offers]
 
 
 def note_on(members: Mapping[int, tuple[int, ...]]) -> list[str]:
-    """Return what to say about a fleet that was not walked whole."""
+    """Return a remark on a fleet that was modelled in part."""
     nodes = sum(len(group) for group in members.values())
     if nodes == len(members):
         return []
@@ -76,7 +76,7 @@ def note_on(members: Mapping[int, tuple[int, ...]]) -> list[str]:
 
 
 def _part(table: StreamTable, address: int) -> Hashable:
-    """Return what a node has to do with each stream."""
+    """Return the role of a node in each stream."""
     return tuple(
         (
             stream.may_publish(address),

@@ -1,8 +1,8 @@
 """One node of the model: its queue, its frames, and the nodes that know it.
 
-It follows docs/wire.md in sizes: HELLO or TAG as the policy of agreement says, LEN before what
-does not show its end, a dense block for dense samples. Whether a frame may start is asked of
-the medium access that the node would really have.
+It follows docs/wire.md in sizes: HELLO or TAG by the policy of agreement, LEN before items that are
+not delimited, a dense block for dense samples. The node's real medium access decides whether a
+frame may start.
 """
 
 import random
@@ -41,9 +41,9 @@ class Said(msgspec.Struct, kw_only=True):
     destination: int
     """Address, or `BROADCAST`."""
     size_bytes: int
-    """Of all of it."""
+    """Length of the frame."""
     items: list[Item]
-    """What is in it."""
+    """Its contents."""
     controls: bytes = b""
     """Controls of medium access."""
     hello: bool = False
@@ -53,16 +53,16 @@ class Said(msgspec.Struct, kw_only=True):
     block: bytes = b""
     """A dense block."""
     acknowledged: tuple[tuple[int, int], ...] = ()
-    """Marks of dense blocks that it acknowledges, by their sources."""
+    """Marks of dense blocks that it acknowledges, by source."""
 
     @property
     def opening_bytes(self) -> int:
-        """What of it is HELLO or TAG."""
+        """Bytes of HELLO or TAG."""
         return HELLO_BYTES if self.hello else TAG_BYTES * self.introduced
 
 
 class _Known:
-    """A source, as this node knows it."""
+    """What this node knows of a source."""
 
     def __init__(self) -> None:
         self.settled_at: int | None = None
@@ -77,10 +77,10 @@ class Speaker:
         address: Address.
         table: Its streams.
         hearers: Addresses of all others.
-        capabilities: What its modem can do.
+        capabilities: Capabilities of its modem.
         rules: The config's rules of transmission.
-        rng: For pauses.
-        stands_for: How many nodes it is; their caps are its.
+        rng: Draws pauses.
+        stands_for: Number of nodes it represents; it has their airtime caps together.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Speaker:
         self.armed_at: int | None = None
         self.carriers = 0
         self.dropped = 0
-        """What was pushed out, or became too old, before it went."""
+        """Number of items replaced or expired before transmission."""
         self._caps = AirtimeCaps(_cap_of(rules.max_airtime, stands_for))
         for stream in table:
             self._caps.limit(stream.stream_id, _cap_of(stream.qos.max_airtime, stands_for))
@@ -123,28 +123,28 @@ class Speaker:
         self._listeners: dict[int, Listener] = {}
         self._unsaid: dict[int, int] = {}
 
-    # What waits
+    # Waiting items
 
     def push(self, key: tuple[object, ...], item: Item, qos: Qos, depth: int | None = None) -> None:
-        """Let something wait in a lane."""
+        """Put an item into a lane."""
         lane = self._lanes.get(key)
         if lane is None:
             lane = self._lanes[key] = Lane(qos, depth)
         self.dropped += lane.push(item)
 
     def take_back(self, key: tuple[object, ...]) -> None:
-        """Forget what waits in a lane."""
+        """Empty a lane."""
         lane = self._lanes.get(key)
         if lane is not None:
             lane.items.clear()
 
     def waits(self, key: tuple[object, ...]) -> bool:
-        """Tell whether something waits in a lane."""
+        """Tell whether an item waits in a lane."""
         lane = self._lanes.get(key)
         return lane is not None and bool(lane.items)
 
     def ready_at(self, now: int) -> int | None:
-        """Return when the next frame may go, ns; None: nothing waits, or it depends."""
+        """Return when the next frame may go, ns; None: nothing waits, or it depends on events."""
         if self.on_air is not None:
             return None
         due = [lane.due_at for lane in self._busy(now)]
@@ -166,7 +166,7 @@ class Speaker:
     # Frames
 
     def say(self, now: int) -> Said | None:
-        """Make the frame that goes now."""
+        """Compose the frame that goes now."""
         lanes = sorted(self._busy(now), key=lambda lane: lane.rank)
         due = [lane for lane in lanes if (at := lane.due_at) is not None and at <= now]
         if due:
@@ -252,7 +252,7 @@ class Speaker:
         self, items: list[Item], samples: list[DenseSample], destination: int, room_bytes: int,
         introduced: bool,
     ) -> tuple[int, Encoded | None]:  # fmt: skip
-        """Return what records take, or a block and what cannot be in it, where that is less."""
+        """Return the size of records, or that of a block with the remaining records if less."""
         records_bytes = _records_bytes(items, destination, introduced)
         if not samples or self._dense is None:
             return records_bytes, None
@@ -269,7 +269,7 @@ class Speaker:
         return block_bytes, encoded
 
     def spend(self, said: Said, airtime_ns: int, now: int) -> None:
-        """Take out of the caps what a frame lasts."""
+        """Charge the airtime of a frame to the caps."""
         sizes: dict[int, int] = {}
         for item in said.items:
             sizes[item.stream_id] = sizes.get(item.stream_id, 0) + item.size_bytes
@@ -298,7 +298,7 @@ class Speaker:
                 self._dense.acknowledged(source, mark)
 
     def _confirm(self, source: int, known: _Known, now: int) -> None:
-        """Owe a CONFIRM: after a frame of the source that comes when it is allowed."""
+        """Queue a CONFIRM after a frame of the source, when it is allowed."""
         assert known.settled_at is not None
         pause_ns = self._rng.randrange(self._unit_ns // 2, 2 * self._unit_ns + 1)
         if now < known.settled_at:
@@ -319,10 +319,10 @@ class Speaker:
         self.push(key, item, Qos(priority=Priority.BACKGROUND))
 
     def _confirmed_at(self, node: int, now: int) -> None:
-        """Nothing: the walk informs the confirmed node."""
+        """Do nothing: the walk informs the confirmed node."""
 
     def confirmed(self, hearer: int) -> None:
-        """A hearer knows this node's table."""
+        """Note that a hearer knows this node's table."""
         self._confirmed.add(hearer)
 
     def _opening(self, destination: int) -> Opening:
@@ -344,7 +344,7 @@ class Speaker:
             return destination not in self._confirmed
         return not self._listed or any(each not in self._confirmed for each in self._hearers)
 
-    # Dense strings
+    # Dense blocks
 
     def _receivers(self, destination: int, samples: list[DenseSample]) -> tuple[int, ...]:
         if destination != BROADCAST:
@@ -371,7 +371,7 @@ class Speaker:
         try:
             listener.decode(block)
         except PayloadError:
-            return  # it refers to one that was lost
+            return  # it refers to a lost block
         self._unsaid[source] = self._unsaid.get(source, 0) + len(block)
 
     def _marks(self, destination: int, room_bytes: int) -> tuple[tuple[int, int], ...]:
@@ -412,7 +412,7 @@ def _open_ended(items: list[Item], introduced: bool) -> bool:
 
 
 def _records_bytes(items: list[Item], destination: int, introduced: bool) -> int:
-    """Return what records take: LEN before all that do not show their end, but one."""
+    """Return the size of records: LEN before all but one of those that are not delimited."""
     ends = sum(each.open_ended or (introduced and not each.is_control) for each in items)
     sizes_bytes = sum(each.bytes_in(destination) for each in items)
     return sizes_bytes + DELIMITER_BYTES * max(0, ends - 1)

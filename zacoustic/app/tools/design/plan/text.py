@@ -98,7 +98,7 @@ def _stream_cells(row: StreamPlan) -> tuple[str, ...]:
 
 
 def _node_rows(nodes: Sequence[NodePlan]) -> list[tuple[str, ...]]:
-    """Return a row for each node; of many those with equal figures share one, the largest first."""
+    """Return a row for each node; in a large fleet equal nodes share one, the largest first."""
     if len(nodes) <= _MOST_NODES:
         return [_node_cells(str(each.address), [each]) for each in nodes]
     equal: dict[str, list[NodePlan]] = {}
@@ -120,7 +120,7 @@ def _node_cells(name: str, group: Sequence[NodePlan]) -> tuple[str, ...]:
 
 
 def _ranges(addresses: list[int]) -> str:
-    """Return a sorted list of addresses as ranges; of many the first ones and their number."""
+    """Return a sorted list of addresses as ranges; a long list is cut and has its length."""
     runs: list[list[int]] = []
     for each in addresses:
         if runs and runs[-1][-1] == each - 1:

@@ -1,7 +1,7 @@
-"""An object in the model: rounds of fragments, each ending with a question.
+"""An object in the model: rounds of fragments, each ending with a request for feedback.
 
-How many repair fragments a round has is what the sender would decide (`repairs_to_send`), from what
-it knows of the loss. Everything else is docs/wire.md section 9.
+The number of repair fragments in a round is the sender's own decision (`repairs_to_send`), from its
+estimate of the loss. Everything else is docs/wire.md section 9.
 """
 
 from typing import Final
@@ -18,7 +18,7 @@ from zacoustic.core.transport.objects.timing import Timing
 from zacoustic.core.wire.objects import FEEDBACK_BYTES, FRAGMENT_HEADER_BYTES
 
 MANIFEST_BYTES: Final = 17
-"""Without instance bytes and encoding, of an object of 128 bytes to 16 kB."""
+"""Without instance bytes and encoding, for an object of 128 bytes to 16 kB."""
 _FIRST_COPY: Final = 0.1
 _SECOND_COPY: Final = 0.35
 _ANSWER_COPIES: Final = 3
@@ -27,14 +27,14 @@ _ANSWER_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
 
 
 class TransferLane:
-    """The objects of one publisher, one behind the other.
+    """The objects of one publisher, one after the other.
 
     Args:
-        offer: Who publishes what.
+        offer: The publisher and its topic.
         receivers: Addresses of its receivers.
         walk: Clock and nodes.
-        capabilities: Of the link.
-        room_bytes: What a frame has for a fragment.
+        capabilities: Capabilities of the link.
+        room_bytes: Room for a fragment in a frame.
     """
 
     def __init__(
@@ -53,14 +53,14 @@ class TransferLane:
         self._current: Transfer | None = None
 
     def publish(self, payload_bytes: int) -> None:
-        """Let an object go when those before it have arrived."""
+        """Publish an object; it goes when those before it have arrived."""
         depth = self.offer.stream.qos.depth
         self._waiting.append((payload_bytes, self.walk.now))
         del self._waiting[: max(0, len(self._waiting) - depth)]
         self._next()
 
     def finished(self) -> None:
-        """All receivers have the one that was on its way."""
+        """Note that all receivers have the present object."""
         self._current = None
         self._next()
 
@@ -74,9 +74,9 @@ class Transfer:
     """One object.
 
     Args:
-        lane: Whose.
+        lane: Its lane.
         payload_bytes: Its size.
-        began_at: When it was published, ns.
+        began_at: Instant of its publication, ns.
     """
 
     def __init__(self, lane: TransferLane, payload_bytes: int, began_at: int) -> None:
@@ -99,7 +99,7 @@ class Transfer:
         return max(0, self._layout.size(block) - got[block])
 
     def _round(self) -> None:
-        """Send the next block, and the missing fragments of those before."""
+        """Send the next block, and the missing fragments of earlier ones."""
         lane, layout = self._lane, self._layout
         waiting = [each for each in lane.receivers if each not in self._done]
         more = self._next_source < layout.fragments
@@ -141,7 +141,7 @@ class Transfer:
             if node in self._got:
                 self._got[node][block] += 1
                 if left <= 1:
-                    # The last one calls for an answer, and the one before announces that.
+                    # The last one asks for an answer, and the one before announces that.
                     wait_ns = left * lane.timing.slot_ns
                     lane.walk.later(at + wait_ns, lambda: self._answer(node, ask))
 
@@ -160,7 +160,7 @@ class Transfer:
         lane.walk.serve(lane.offer.node)
 
     def _answer(self, node: int, ask: int) -> None:
-        """Send what is missing, or that all is there; repeat it while fragments are lost."""
+        """Report missing fragments, or completion; repeat it while fragments are lost."""
         lane = self._lane
         sent = max(1, sum(self._sent))
         loss = 1 - sum(self._got[node]) / sent

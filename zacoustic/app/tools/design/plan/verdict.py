@@ -1,4 +1,4 @@
-"""Whether a walk fits: what was transmitted, in time, and within the limit of the access."""
+"""Whether a walk fits: transmitted, in time, and within the limit of the medium access."""
 
 import math
 from typing import Final
@@ -12,42 +12,42 @@ from zacoustic.core.schedule.access.spec import AlohaSpec
 from zacoustic.core.streams.table import Stream
 
 LEAST_WENT: Final = 0.95
-"""Share of the samples that must be transmitted."""
+"""Least share of the samples that must be transmitted."""
 ALOHA_LIMIT: Final = 0.18
-"""What unslotted ALOHA carries at most: 1/(2e) of the time."""
+"""Capacity of unslotted ALOHA: 1/(2e) of the time."""
 MOST_ARRIVALS: Final = 30_000
-"""Of a plan whose length nobody has named: some two seconds."""
+"""Most arrivals of a plan without a given length: some two seconds."""
 MOST_TRIED_ARRIVALS: Final = 12_000
-"""Of what is tried beside it."""
+"""The same for each trial."""
 _HALF, _WORST = 0.5, 0.99
 _TOO_LARGE: Final = f"larger than a frame ({IN_PARTS})"
 
 
 class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
-    """What a walk found of one stream."""
+    """The result of a walk for one stream."""
 
     stream: Stream
     """The stream."""
     wanted: float
-    """Samples or calls that were to go."""
+    """Samples or calls that should be transmitted."""
     went: float
-    """Share of them that did, 0…1."""
+    """Share of them that were, 0…1."""
     airtime_s: float
-    """Sound of all of it, s."""
+    """Their airtime, s."""
     expected_s: float | None
-    """Half of them took no longer to arrive, s."""
+    """Median latency, s."""
     worst_s: float | None
-    """99 of 100 took no longer, s."""
+    """99th percentile of the latency, s."""
     bound_s: float | None
-    """What is promised, or how long it is worth something, s."""
+    """Promised period or lifespan, s."""
     refused: float = 0.0
     """Share of its samples that publishing refuses, 0…1."""
     reason: str = ""
-    """Why."""
+    """Reason of the refusal."""
 
     @property
     def demand_s(self) -> float:
-        """What the sound would be if all of it went, s."""
+        """Airtime if all of it were transmitted, s."""
         return self.airtime_s / self.went if self.went else 0.0
 
     @property
@@ -68,25 +68,25 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it fits."""
 
     demand: float
-    """Share of the time that all of it takes, if all of it goes; may be above 1."""
+    """Share of the time that all traffic takes if all is transmitted; may be above 1."""
     misfits: tuple[str, ...]
     """What does not fit, the worst first."""
 
     @property
     def fits(self) -> bool:
-        """Nothing is amiss."""
+        """Whether everything fits."""
         return not self.misfits
 
 
 def walk(fleet: Fleet, until_s: float, seed: int, most_arrivals: int | None = None) -> Found:
-    """Walk along the time with a fleet.
+    """Model a fleet's traffic for a time.
 
     Args:
         fleet: The fleet.
-        until_s: How long, s.
-        seed: Of the model.
-        most_arrivals: Stop some seconds after so many frames have arrived, each
-            counted at each node: with many nodes a walk takes long.
+        until_s: Time, s.
+        seed: Seed of the model.
+        most_arrivals: Stop some seconds after that many frames have arrived, each counted at each
+            node: with many nodes a walk is slow.
     """
     started = Walk(
         fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed, fleet.members
@@ -100,7 +100,7 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
     rows = []
     for stream_id, stream in by_id.items():
         own = [offer for offer in fleet.offers if offer.stream.stream_id == stream_id]
-        # What the minimum interval leaves out is left out on purpose.
+        # Samples within the minimum interval are left out on purpose.
         floor_s = stream.qos.min_interval_s
         allowed = sum(min(1.0, each.every_s / floor_s) if floor_s else 1.0 for each in own)
         wanted = found.said.get(stream_id, 0) * allowed / len(own)
@@ -112,7 +112,7 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
             StreamFound(
                 stream=stream,
                 wanted=wanted,
-                # The last ones may not have gone yet.
+                # The last ones may still wait.
                 went=min(1.0, (went + len(own)) / wanted) if wanted else 1.0,
                 airtime_s=found.stream_airtime_s.get(stream_id, 0.0),
                 expected_s=_share_of(latencies, _HALF),
@@ -126,7 +126,7 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
 
 
 def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found) -> Verdict:
-    """Judge a walk."""
+    """Evaluate a walk."""
     until_s = found.walked_s
     others_s = found.stream_airtime_s.get(0, 0.0)
     demand = (sum(each.demand_s for each in streams) + others_s) / until_s
@@ -157,7 +157,7 @@ def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found) -> Verdic
 
 
 def _share_of(latencies_s: list[float], share: float) -> float | None:
-    """Return what a share of sorted latencies stays within, s; None: there are none."""
+    """Return a quantile of sorted latencies, s; None: there are none."""
     return latencies_s[math.ceil(share * len(latencies_s)) - 1] if latencies_s else None
 
 

@@ -1,15 +1,15 @@
 """A model of the traffic, frame by frame: costs, waiting, repetitions.
 
-The problem: what a stream takes of the channel is not its bytes. A frame has a preamble, several
-records share one when they come together, acknowledgements and repetitions come on top, and who
-may transmit when decides how many frames there are. No formula has all of that.
+The problem: a stream's share of the channel is not just its bytes. A frame has a preamble, several
+records share one when they come together, acknowledgements and repetitions come on top, and medium
+access decides how many frames there are. No formula covers all of that.
 
-The idea: walk along the time with sizes in place of contents. Records wait in lanes, a frame is
-made when the node's medium access lets it begin (the real policies, which are pure), the channel
-model of the scenario says who hears it, and what follows from that is in `reliable`, `calls` and
-`transfers`. Not modelled: contents, tables that differ, journals, remote commands, actions. So it
-is an estimate of what the engines would do, independent of them; `zacoustic sim` runs the engines
-themselves, and tests/benchmarks/bench_plan.py holds the two against each other.
+The idea: step through time with sizes in place of contents. Records wait in lanes, a frame is
+composed when the node's medium access permits it (the real policies, which are pure), the channel
+model of the scenario decides who receives it, and `reliable`, `calls` and `transfers` model the
+consequences. Not modelled: contents, tables that differ, journals, remote commands, actions. So the
+result is an estimate of the engines' behaviour, independent of them; `zacoustic sim` runs the
+engines themselves, and tests/benchmarks/bench_plan.py compares the two.
 """
 
 import random
@@ -55,33 +55,33 @@ _MOST_LATENCIES: Final = 20_000
 
 
 class Found:
-    """What a walk has found."""
+    """The result of a walk."""
 
     def __init__(self) -> None:
         self.airtime_s: dict[int, float] = {}
         """Airtime by node, s."""
         self.stream_airtime_s: dict[int, float] = {}
-        """Airtime by stream, s; what belongs to none under 0. A frame is shared out by bytes."""
+        """Airtime by stream, s; 0: no stream. A frame's airtime is divided by bytes."""
         self.walked_s = 0.0
-        """How long, s."""
+        """Modelled time, s."""
         self.arrivals = 0
-        """Frames at receivers, each frame at each."""
+        """Received frames, each counted at each receiver."""
         self.frames = 0.0
         self.transmitted_bytes = 0.0
         self.agreement_bytes = 0.0
-        """HELLO, TAG and CONFIRM."""
+        """Bytes of HELLO, TAG and CONFIRM."""
         self.latencies_s: dict[int, list[float]] = {}
         """Time to each arrival by stream, s."""
         self.said: dict[int, int] = {}
-        """Samples and calls by stream."""
+        """Number of samples and calls by stream."""
         self.went: dict[int, int] = {}
-        """Those of them that were transmitted, by stream."""
+        """Number of those transmitted, by stream."""
         self.refused: dict[int, int] = {}
-        """Those that are larger than a frame, and may not cross in parts, by stream."""
+        """Number of those larger than a frame that may not cross in parts, by stream."""
         self.lost_frames = 0
-        """Arrivals without a receiver."""
+        """Number of lost arrivals."""
         self.dropped = 0
-        """What was pushed out or became too old before it went."""
+        """Number of items replaced or expired before transmission."""
 
 
 class Walk(Driver[Said]):
@@ -92,8 +92,8 @@ class Walk(Driver[Said]):
         tables: The table of each node.
         rules: The config's rules of transmission, by node.
         offers: The offered traffic.
-        seed: Of everything that is drawn.
-        members: The nodes that each node stands for, itself among them; none: each for itself.
+        seed: Seed of all draws.
+        members: Nodes represented by each node, itself included; none: each represents itself.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Walk(Driver[Said]):
         silent = {each for group in members.values() for each in group} - set(members)
         nodes = len(tables) + len(silent)
         self._confirms = (nodes - 1) / max(1, len(tables) - 1)
-        """Confirmations of a node for each one that is walked."""
+        """Confirmations of a node for each modelled one."""
         modem, farthest_s = Modem(), scenario.farthest_s
         for address in tables:
             others = tuple(each for each in medium.addresses if each != address)
@@ -144,7 +144,7 @@ class Walk(Driver[Said]):
         return self.agenda.now
 
     def run(self, until_s: float, most_arrivals: int | None = None) -> Found:
-        """Walk for a time, s; or until so many frames have arrived."""
+        """Model a time, s; or until that many frames have arrived."""
         found = self.found
         for address in self._speakers:
             self.serve(address)
@@ -157,7 +157,7 @@ class Walk(Driver[Said]):
         return self.found
 
     def later(self, at: int, action: Callable[[], object]) -> None:
-        """Do something at an instant, ns."""
+        """Schedule an action at an instant, ns."""
         self.agenda.push(max(at, self.now), action)
 
     def speaker(self, address: int) -> Speaker:
@@ -165,17 +165,17 @@ class Walk(Driver[Said]):
         return self._speakers[address]
 
     def timing(self, source: int, target: int) -> Pacer:
-        """Return how long a node takes to answer another one."""
+        """Return the times in which a node answers another one."""
         return self._timings.setdefault((source, target), Pacer())
 
     def delivered(self, offer: Offer, began_at: int) -> None:
-        """Something from that instant has arrived."""
+        """Note the arrival of an item that began at an instant, ns."""
         latencies = self.found.latencies_s.setdefault(offer.stream.stream_id, [])
         if len(latencies) < _MOST_LATENCIES:
             latencies.append((self.now - began_at) / NS_PER_S)
 
     def went(self, offer: Offer) -> None:
-        """Something is transmitted for the first time."""
+        """Note the first transmission of an item."""
         stream_id = offer.stream.stream_id
         self.found.went[stream_id] = self.found.went.get(stream_id, 0) + 1
 
@@ -211,7 +211,7 @@ class Walk(Driver[Said]):
         go_on()
 
     def _saying(self, offer: Offer) -> Callable[[Saying], None]:
-        """Return what lets one sample or call of an offer begin."""
+        """Return a function that begins one sample or call of an offer."""
         speaker = self._speakers[offer.node]
         times = LinkTimes(speaker.capabilities)
         stream, qos = offer.stream, offer.stream.qos
@@ -249,7 +249,7 @@ class Walk(Driver[Said]):
         return lambda saying: self._say(offer, receivers, saying)
 
     def _say(self, offer: Offer, receivers: tuple[int, ...], saying: Saying) -> None:
-        """Let a best-effort sample wait."""
+        """Queue a best-effort sample."""
         stream, now = offer.stream, self.now
         self.found.said[stream.stream_id] += 1
         spec = stream.spec
@@ -280,7 +280,7 @@ class Walk(Driver[Said]):
         self.serve(offer.node)
 
     def _beat(self, address: int, rules: TransmitRules) -> None:
-        """Heartbeats; ignores that a node that transmits anyway sends none."""
+        """Model heartbeats; ignores that a transmitting node sends none."""
         if rules.contact.heartbeat_s is None:
             return
         heartbeat_ns = seconds_to_ns(rules.contact.heartbeat_s)
@@ -331,7 +331,7 @@ class Walk(Driver[Said]):
         )
 
     def _book(self, address: int, said: Said, airtime_s: float) -> None:
-        """Count a frame: a sample for the node whose it is, all else for each that this one is."""
+        """Count a frame: a sample for its node, all else for each represented node."""
         found, members = self.found, self._members[address]
         if said.destination == BROADCAST:
             self._last_said[address] = self.now
@@ -369,12 +369,12 @@ class Walk(Driver[Said]):
         self.serve(address)
 
     def notices(self, arrival: Arrival) -> bool:
-        """Tell whether the modem of a node notices that sound begins."""
+        """Tell whether a node's modem notices the beginning of a sound."""
         is_there = arrival.node in self._speakers
         return is_there and self._medium.profile(arrival.node).notices(arrival.snr_db)
 
     def begin(self, arrival: Arrival, sent: Said) -> None:
-        """Sound begins at a node."""
+        """Handle the beginning of a sound at a node."""
         self._carrier(self._speakers[arrival.node], 1)
 
     def _carrier(self, speaker: Speaker, change: int) -> None:
@@ -383,7 +383,7 @@ class Walk(Driver[Said]):
             speaker.port.handle_carrier(speaker.carriers > 0, self.now)
 
     def end(self, reception: Reception, sent: Said, is_noticed: bool) -> None:
-        """Sound has ended at a node: what is in the frame has arrived, or is lost."""
+        """Handle the end of a sound at a node: the frame's contents have arrived, or are lost."""
         arrival, said = reception.arrival, sent
         self.found.arrivals += 1
         speaker = self._speakers.get(arrival.node)

@@ -1,8 +1,8 @@
-"""Every key of the configuration, out of the records that read it.
+"""Every key of the configuration, from the records that read it.
 
-The records of `zacoustic.config` say names, types and defaults, their docstrings what a key means,
-and `ALLOWED` what it takes: `tables` puts that together, so that what is printed cannot differ from
-what is read. `zacoustic schema` prints it; docs/reference.md is its output, and a test keeps it so.
+The records of `zacoustic.config` define names, types and defaults, their docstrings the meaning of
+a key, and `ALLOWED` its values. `tables` combines them, so the printed reference cannot differ from
+the reader. `zacoustic schema` prints it; docs/reference.md is its output, as a test ensures.
 """
 
 from zacoustic.app.tools.design.reference.jsonschema import json_schema

@@ -1,6 +1,6 @@
-"""The configuration as a JSON Schema, for editors that complete and check while one writes.
+"""The configuration as a JSON Schema, for completion and checks in editors.
 
-It is looser than reading the file is: what depends on other keys is not in it.
+It is less strict than the reader: it omits conditions between keys.
 """
 
 from typing import Any, Final
@@ -26,7 +26,7 @@ def json_schema() -> dict[str, Any]:
     paths |= dict.fromkeys(METHODS.values(), "links.access")
     for record in records:
         _describe(components[record.__name__], record, paths.get(record, "streams"))
-    for stream in _STREAMS:  # a file of rmw_desert has the ids, where a link names one
+    for stream in _STREAMS:  # with rmw_desert, the ids may be in a file that a link names
         components[stream.__name__]["required"].remove("id")
     section = components[RECORDS[""].__name__]
     section["properties"] |= _FOR_ZENOH

@@ -1,7 +1,7 @@
 """The limits in the words of `ALLOWED`, as keywords of JSON Schema.
 
-The words stand in every error and on every page; so the schema cannot allow what they do not, and
-nobody has to write a limit twice.
+The words appear in every error and on every page. Deriving the schema from them ensures that it
+allows the same values, and that each limit is written once.
 """
 
 import re
@@ -23,7 +23,7 @@ _RATIO: Final = "^ *[0-9]{1,15} */ *0*[1-9][0-9]{0,14} *$"
 
 
 def limit(entry: dict[str, Any], allowed: str, *, is_topic: bool) -> None:
-    """Add to the schema of a key what the words for it say.
+    """Add the limits in the words of a key to its schema.
 
     Args:
         entry: The schema so far: a type, or several in `anyOf`.

@@ -1,4 +1,4 @@
-"""What the keys of a record mean: the text below each attribute in the source of its class."""
+"""The meanings of a record's keys: the docstring below each attribute in its source."""
 
 import ast
 import inspect
@@ -8,10 +8,10 @@ from typing import Any
 
 
 def meanings_of(record: type[Any]) -> dict[str, str]:
-    """Return the docstring of each attribute of a class, on one line, those of its bases included.
+    """Return the docstring of each attribute of a class, on one line, including its bases.
 
     Args:
-        record: A class whose source is there.
+        record: A class with available source.
     """
     meanings: dict[str, str] = {}
     for owner in reversed(record.__mro__):

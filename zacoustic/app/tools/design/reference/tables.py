@@ -21,7 +21,7 @@ from zacoustic.core.schedule.access.spec import METHODS
 from zacoustic.errors import ConfigError
 
 SECTION: Final = "plugins.acoustic"
-"""What the table of the section itself is called."""
+"""Name of the section's own table."""
 
 _WORDS: Final = {
     bool: "true or false",
@@ -37,24 +37,24 @@ class KeyRow(msgspec.Struct, frozen=True, kw_only=True):
     """One key."""
 
     key: str
-    """As it is written."""
+    """Its text in the file."""
     type: str
     """`number`, `seconds`, `text`, `true or false`, `list`, `table`, `value`."""
     default: str | None
-    """As it would be written; "" where nothing takes its place, None: the key must be there."""
+    """Its text in the file; "": no default value, None: the key is required."""
     allowed: str
-    """Allowed values, in words; empty where the type says it all."""
+    """Allowed values, in words; empty: any of the type."""
     meaning: str
-    """What it does."""
+    """Its meaning."""
 
 
 class KeyTable(msgspec.Struct, frozen=True, kw_only=True):
     """One table of the file."""
 
     name: str
-    """Where it stands: keys from the section down, such as `links.access (tdma)`."""
+    """Its place: keys from the section down, such as `links.access (tdma)`."""
     meaning: str
-    """What an entry of it is."""
+    """Meaning of an entry."""
     rows: tuple[KeyRow, ...]
     """Its keys, in the order of the record."""
 
@@ -68,10 +68,10 @@ def table_named(name: str) -> KeyTable:
     """Return one table.
 
     Args:
-        name: As `tables` calls it.
+        name: Its name in `tables`.
 
     Raises:
-        ConfigError: There is none of that name; lists those that there are.
+        ConfigError: There is no such table; lists the names.
     """
     known = {table.name: table for table in tables()}
     if name not in known:
@@ -84,7 +84,7 @@ def table_named(name: str) -> KeyTable:
 
 
 def _records() -> Iterator[tuple[str, str, type[msgspec.Struct], tuple[str, ...]]]:
-    """Name, path of the keys, record, and the keys that an earlier table has already."""
+    """Yield name, path of the keys, record, and the keys that an earlier table has already."""
     below = {"fields": "types", "wildcards": "streams"}
     for place, record in RECORDS.items():
         name = f"{below[place]}.{place}" if place in below else place or SECTION

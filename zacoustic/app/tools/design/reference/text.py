@@ -32,7 +32,7 @@ def as_text(table: KeyTable) -> str:
 
 
 def list_of_tables(known: Sequence[KeyTable]) -> str:
-    """Return the names of the tables, each with what it is."""
+    """Return the names of the tables with their meanings."""
     return align(("TABLE", "WHAT IT IS"), [(table.name, table.meaning) for table in known])
 
 
@@ -78,5 +78,5 @@ def _code(text: str) -> str:
 
 
 def _marked(text: str) -> str:
-    """Docstrings mark code by two backquotes, the page by one."""
+    """Convert code marks: docstrings have two backquotes, the page has one."""
     return text.replace("``", "`")

@@ -1,5 +1,5 @@
 """`zacoustic sim`: a scenario with its traffic, in virtual time.
 
-`simulation` is a run and what came of it, `randomscenario` a random one, `recorder` puts engines of
-a run into a recording, `text` shows results to people.
+`simulation` is a run and its result, `randomscenario` a random one, `recorder` records the engines
+of a run, `text` shows results to people.
 """

@@ -15,7 +15,7 @@ class ScenarioResult(msgspec.Struct, frozen=True, kw_only=True):
     """The result of a random scenario."""
 
     violations: tuple[str, ...]
-    """What must not have happened, one line each."""
+    """Violated invariants, one line each."""
     summary: str
     """The scenario in one line."""
     simulation: SimulationResult
@@ -28,7 +28,7 @@ def run_random_scenario(
     trace: Callable[[TraceRecord], None] | None = None,
     record: SimulationRecorder | None = None,
 ) -> ScenarioResult:
-    """Run the random scenario of a seed, as the tests do.
+    """Run the random scenario of a seed, like the tests.
 
     Args:
         seed: The seed.

@@ -15,13 +15,13 @@ class SimulationRecorder(EngineRecorder):
     """Records the engines of a virtual network, whose time began at `WALL_BEGINS_NS`.
 
     Args:
-        sink: Takes what they do.
+        sink: Takes the messages.
     """
 
     def __init__(self, sink: MessageSink) -> None:
         super().__init__(sink, self._offset)
         self.network: VirtualNetwork | None = None
-        """The network; None as long as it is made."""
+        """The network; None before it exists."""
 
     def _offset(self, address: int) -> int:
         if self.network is None:
@@ -31,10 +31,10 @@ class SimulationRecorder(EngineRecorder):
 
 @contextlib.contextmanager
 def recorded_to(path: Path | None) -> Iterator[SimulationRecorder | None]:
-    """Give what records a simulation to a file; None without one.
+    """Yield a recorder of a simulation to a file; None without a file.
 
     Raises:
-        ConfigError: The file cannot be made, or not be written to its end.
+        ConfigError: The file cannot be made or finished.
     """
     if path is None:
         yield None
@@ -44,7 +44,7 @@ def recorded_to(path: Path | None) -> Iterator[SimulationRecorder | None]:
         recorder = SimulationRecorder(file)
         try:
             yield recorder
-        except ConfigError:  # nothing has run, and nothing is to be read of it
+        except ConfigError:  # nothing has run, so there is nothing to read in it
             file.path.unlink(missing_ok=True)
             raise
         recorder.finish()

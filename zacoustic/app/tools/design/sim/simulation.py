@@ -1,9 +1,8 @@
-"""`zacoustic sim`: a scenario with its traffic, in virtual time, and what came of it.
+"""`zacoustic sim`: a scenario with its traffic, in virtual time, and the result.
 
-The nodes run the real engines with the stream table of the scenario's `config`. Each publication of
-the scenario's `traffic` is remembered by its payload; a sample that arrives belongs to the newest
-publication of the same payload that this node has not got yet, which is exact as long as payloads
-differ (`size_bytes`, `vary`).
+The nodes run the real engines with the stream table of the scenario's `config`. A received sample
+is matched to the newest publication with the same payload that this node has not received yet,
+which is exact as long as payloads differ (`size_bytes`, `vary`).
 """
 
 import random
@@ -56,8 +55,8 @@ def simulate(
 
     Args:
         path: The file, JSON5.
-        seed: Replaces the file's.
-        until_s: How long, s of virtual time, > 0.
+        seed: Replaces the seed of the file.
+        until_s: Length, s of virtual time, > 0.
         trace: Takes each trace record.
         record: Records the engines.
 
@@ -86,9 +85,9 @@ def simulate_scenario(
 
     Args:
         scenario: The scenario.
-        configs: Of each node by address; empty: each topic is opaque bytes.
-        source: What messages call the scenario.
-        until_s: How long, s of virtual time, > 0.
+        configs: Config of each node by address; empty: each topic is opaque bytes.
+        source: Name of the scenario for messages.
+        until_s: Length, s of virtual time, > 0.
         trace: Takes each trace record.
         record: Records the engines.
 
@@ -290,7 +289,7 @@ def _want(stream_id: int, engine: Engine, now: int) -> None:
 
 
 class _Sent:
-    """A publication, and the nodes that have it."""
+    """A publication, and the nodes that have received it."""
 
     __slots__ = ("got", "publication")
 
@@ -300,7 +299,7 @@ class _Sent:
 
 
 def _with_journals(scenario: Scenario, configs: dict[int, Config]) -> Scenario:
-    """Return the scenario with journals that keep something if the config says so."""
+    """Return the scenario with journals that keep entries if the config says so."""
     journal = scenario.faults.journal
     if journal.keeps is not None or not configs:
         return scenario

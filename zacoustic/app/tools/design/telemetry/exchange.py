@@ -1,7 +1,7 @@
-"""A vehicle and a listener over a lossy channel: sizes of frames, and that they decode right.
+"""A vehicle and a listener over a lossy channel: sizes of frames, and correct decoding.
 
-An acknowledgement is known when the next but one frame is written, unless it is lost too. It goes
-in a frame that goes anyway, as on the channel, and is not counted here.
+The acknowledgement of a frame is known when the next but one is encoded, unless it is lost as well.
+As on the channel it goes in a frame that is sent anyway, and is not counted here.
 """
 
 import random
@@ -23,33 +23,33 @@ _ROOM_BYTES: Final = 1 << 20
 
 
 class Counters(msgspec.Struct):
-    """What came of an exchange."""
+    """The result of an exchange."""
 
     sizes: list[int] = []
-    """Of each frame, bytes."""
+    """Size of each frame, bytes."""
     received: int = 0
-    """Frames that arrived."""
+    """Number of received frames."""
     unread: int = 0
-    """Of these, how many could not be decoded: a fault."""
+    """Number of those that could not be decoded: a fault."""
     wrong: int = 0
-    """Samples that arrived as something else: a fault."""
+    """Number of samples decoded to another value: a fault."""
 
     @property
     def total(self) -> int:
-        """All frames, bytes."""
+        """Size of all frames, bytes."""
         return sum(self.sizes)
 
     @property
     def faults(self) -> int:
-        """What must not be."""
+        """Number of faults."""
         return self.unread + self.wrong
 
 
 def counted(mission: Mission, streams: Sequence[int] = ()) -> list[tuple[float, DenseSample]]:
-    """Make dense samples, with their times; a stream's are counted, as a node counts them.
+    """Make dense samples with their times; numbers the samples of a stream like a node.
 
     Args:
-        mission: Of a vehicle.
+        mission: Mission of a vehicle.
         streams: Only these; none: all.
     """
     counts = dict.fromkeys(streams or mission.types, 0)
@@ -62,11 +62,11 @@ def counted(mission: Mission, streams: Sequence[int] = ()) -> list[tuple[float, 
 
 
 def windows(timed: Sequence[tuple[float, Thing]], window_s: float) -> list[list[Thing]]:
-    """Group the samples of the same time.
+    """Group samples by time.
 
     Args:
-        timed: Each with its time, s.
-        window_s: How long a time is, s.
+        timed: Samples with their times, s.
+        window_s: Length of a group, s.
     """
     found: dict[int, list[Thing]] = {}
     for at_s, thing in timed:
@@ -86,12 +86,12 @@ def exchange(
     """Send groups of samples, each in its own frame, and decode what arrives.
 
     Args:
-        codec: The vehicle's.
-        types: Of its streams, by stream id.
-        groups: What is sent together.
-        acknowledged: The listener acknowledges what it has; else each frame stands for itself.
-        loss: Share of frames, and of acknowledgements, that are lost.
-        seed: Of the losses.
+        codec: The vehicle's codec.
+        types: Types of its streams, by stream id.
+        groups: Samples of each frame.
+        acknowledged: The listener acknowledges frames; otherwise each frame is independent.
+        loss: Share of lost frames and acknowledgements.
+        seed: Seed of the losses.
     """
     rng = random.Random(seed)
     packed = {stream_id: PackedCodec(each) for stream_id, each in types.items()}
@@ -102,7 +102,7 @@ def exchange(
         left = list(group)
         while left:
             encoded = speaker.encode(left, _ROOM_BYTES, receivers)
-            if encoded is None:  # no string that could not be misunderstood: as records
+            if encoded is None:  # no unambiguous block is possible: send records
                 counters.sizes.append(sum(_record_bytes(packed, sample) for sample in left))
                 break
             speaker.sent(encoded)

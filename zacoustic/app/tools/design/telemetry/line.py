@@ -1,4 +1,4 @@
-"""One sample of a recording, as it is written."""
+"""One sample of a recording, as written."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class Line(msgspec.Struct, frozen=True):
-    """A sample as it is written."""
+    """A sample as written."""
 
     place: str
     """File and number of the line, for messages."""

@@ -27,7 +27,7 @@ def read_lines(path: str) -> Iterator[Line]:
     """Read a recording.
 
     Raises:
-        ConfigError: The file cannot be read, or the first line that is wrong.
+        ConfigError: The file cannot be read, or a line is wrong; reports the first.
     """
     if is_recording(path) or path.endswith(".mcap"):
         yield from read_mcap(path)

@@ -1,7 +1,7 @@
-"""A recording in MCAP as lines: the JSON values of topics, ours or anybody's.
+"""A recording in MCAP as lines: the JSON values of topics, from any program.
 
-Of a node's own recording what it published counts, and what arrived only where nobody's publishing
-is in the file: so each sample is there once. Topics of other programs are taken as they are called.
+In a node's own recording its published samples count, and received ones only if no publisher of the
+topic is in the file, so each sample appears once. Topics of other programs keep their names.
 """
 
 import re
@@ -22,7 +22,7 @@ _NO_VALUES: Final = re.compile(
 class _Place(NamedTuple):
     key: str
     rank: tuple[int, int]
-    """Published before received, and of those who received it the first node."""
+    """Order of preference: published before received, and of receivers the first node."""
 
 
 def read_mcap(path: str) -> Iterator[Line]:
@@ -51,13 +51,13 @@ def read_mcap(path: str) -> Iterator[Line]:
 
 
 def _place(message: ReadMessage) -> _Place | None:
-    """Return what a message is a value of; None: it is none."""
+    """Return the place of a message's value; None: it is no value."""
     if message.encoding != "json":
         return None
     ours = _OURS.fullmatch(message.topic)
     if ours is not None:
         node, word, key = ours.groups()
-        # What a node publishes is its own, whoever else publishes under that name.
+        # A node's published samples are its own, whoever else publishes under that name.
         return _Place(key, (0, 0) if word == "published" else (1, int(node)))
     if _NO_VALUES.fullmatch(message.topic):
         return None

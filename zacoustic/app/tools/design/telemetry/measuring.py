@@ -1,8 +1,8 @@
-"""The bytes of every codec on recorded telemetry, each of them decoded and compared.
+"""The bytes of every codec on recorded telemetry, with each frame decoded and compared.
 
-What is counted is a frame that carries one sample alone, on a link that frames, addresses and
-checks by itself: of records the stream id, the number of a reliable topic, the age and the payload;
-of dense blocks everything, from the marker to the check. Beside that, everything that a vehicle
+A frame is counted that carries one sample alone, on a link that frames, addresses and checks by
+itself: for records the stream id, the number of a reliable topic, the age and the payload; for
+dense blocks everything from the marker to the check. In addition: all samples that a vehicle
 publishes in some seconds, in one frame.
 """
 
@@ -27,10 +27,10 @@ from zacoustic.core.wire.numbers import NUMBER_BYTES
 from zacoustic.errors import PayloadInvalidError
 
 LOSSES: Final = (0.0, 0.1, 0.3)
-"""Share of frames, and of acknowledgements, that are lost."""
+"""Shares of lost frames and acknowledgements."""
 
 RECORDS: Final = ("json", "cbor_map", "cbor", "packed")
-"""What values can be in records, by name."""
+"""Codecs of values in records, by name."""
 
 
 _OPEN_ENDED: Final = ("json", "cbor_map")  # opaque bytes on the wire
@@ -43,47 +43,47 @@ class DenseBytes(msgspec.Struct, frozen=True, kw_only=True):
     """Mean bytes of dense frames."""
 
     alone: float
-    """Each stands for itself."""
+    """Independent frames."""
     acknowledged: dict[str, float]
     """With references to acknowledged frames, by the loss in percent."""
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """What the samples of one stream cost, each alone in a frame; or all of a time, in one."""
+    """The cost of one stream's samples, each alone in a frame; or of all in a window, together."""
 
     stream_id: int
     """1…175; 0: all streams."""
     name: str
-    """Of the topic."""
+    """Name of the topic."""
     type: str
     """Name of its type."""
     frames: int
-    """How many there are of the other columns."""
+    """Number of frames behind the other columns."""
     records: dict[str, float]
     """Mean bytes, by `RECORDS`."""
     dense: DenseBytes
-    """Online, without a model."""
+    """Dense frames without a model."""
     too_large: int = 0
-    """How many records of the codec of the configuration no frame has room for, and never cross."""
+    """Number of records in the configured codec that are too large for a frame, so never cross."""
     dense_fitted: DenseBytes | None = None
-    """With the model of the configuration; None: it names none."""
+    """Dense frames with the configured model; None: there is none."""
 
 
 class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What telemetry costs."""
+    """The cost of telemetry."""
 
     files: tuple[str, ...]
     """The recordings."""
     streams: tuple[Row, ...]
-    """By id."""
+    """The streams by id."""
     window_s: float
     """Time whose samples share a frame, s."""
     window: Row
     """All samples of such a window."""
     decoded: int
-    """How many frames were decoded."""
+    """Number of decoded frames."""
     different: int
-    """How many of them did not decode, or to something else: a fault."""
+    """Number of those that did not decode, or to other values: a fault."""
     notes: tuple[str, ...]
     """Notes on the recordings."""
 
@@ -91,14 +91,14 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
 def measure(
     files: Sequence[str], recordings: Recordings, table: StreamTable, *, window_s: float, seed: int
 ) -> BenchReport:
-    """Measure what recordings cost.
+    """Measure the cost of recordings.
 
     Args:
         files: Their names.
-        recordings: What is in them.
+        recordings: Their contents.
         table: The streams, with the model.
         window_s: Time whose samples share a frame, s.
-        seed: Of the losses.
+        seed: Seed of the losses.
     """
     bench = _Bench(recordings.missions, table, window_s, seed)
     return BenchReport(
@@ -156,7 +156,7 @@ class _Bench:
         )
 
     def _sizes_of(self, mission: Mission, table: StreamTable) -> list[tuple[float, Sizes]]:
-        """What each sample of a mission costs as a record."""
+        """Return the cost of each sample of a mission as a record."""
         records = {
             stream_id: _Records(table.by_id(stream_id), type_spec)
             for stream_id, type_spec in mission.types.items()
@@ -184,7 +184,7 @@ class _Bench:
         model: Model | None,
         loss: float | None,
     ) -> float:
-        """Mean size of frames; `loss` None: no acknowledgements."""
+        """Return the mean size of frames; `loss` None: no acknowledgements."""
         total = frames = 0
         for mission, groups in zip(self._missions, missions, strict=True):
             if not groups:
@@ -216,10 +216,10 @@ class _Records:
         self.different = 0
 
     def sizes(self, value: dict[str, Any]) -> Sizes:
-        """Write a sample in all ways, and read it back; gives their sizes."""
+        """Encode a sample in all ways, and decode it; return the sizes."""
         sent = {name: part for name, part in value.items() if name != AGE_FIELD}
         packed = self._packed.encode(sent)
-        # As few digits as the steps allow, as somebody who publishes text by hand would write them.
+        # With as few digits as the steps allow, as in text written by hand.
         rounded = self._packed.decode(packed)
         written = {
             "json": encode_application(rounded, JSON),
@@ -247,17 +247,17 @@ class _Records:
 
 
 def _too_large(stream: Stream, frames: Sequence[Sequence[Sizes]]) -> int:
-    """Count the records that no frame has room for, and that may not cross in parts."""
+    """Count the records that are too large for a frame and may not cross in parts."""
     if crosses_in_parts(stream):
         return 0
     room = room_bytes(profile_named(DEFAULT_PROFILE).mtu_bytes)
-    # A dense block of one sample, where nothing refers to another, is about its packed record.
+    # An independent dense block of one sample is about as large as its packed record.
     codec = "cbor" if isinstance(stream.codec, CborCodec) else "packed"
     return sum(each[codec] > room for frame in frames for each in frame)
 
 
 def _mean_records(frames: Sequence[Sequence[Sizes]]) -> dict[str, float]:
-    """Mean sizes of frames of records."""
+    """Return mean sizes of frames of records."""
     totals = dict.fromkeys(RECORDS, 0)
     for frame in frames:
         for name in RECORDS:

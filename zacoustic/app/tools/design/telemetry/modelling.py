@@ -1,8 +1,8 @@
-"""A model out of recordings, and whether it helps.
+"""A model from recordings, and whether it helps.
 
-A model that was measured on what it was fitted to always helps. So it is fitted to the first half
-of each recording and measured on the second, which it has not seen; what is handed out is then
-fitted to everything.
+A model measured on its own training data always helps. So it is fitted to the first half of each
+recording and measured on the second, which it has not seen; the returned model is then fitted to
+everything.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,16 +26,16 @@ _LEAST_SAMPLES: Final = 4
 
 
 class Cost(msgspec.Struct, frozen=True, kw_only=True):
-    """What samples cost without the model, and with it."""
+    """The cost of samples without and with the model."""
 
     before: float
-    """Online, without a model."""
+    """Without a model."""
     after: float
     """With the model."""
 
     @property
     def gain(self) -> float:
-        """The part that the model saves, below 1; negative where it costs."""
+        """Saved share, below 1; negative: the model costs more."""
         return 1 - self.after / self.before if self.before else 0.0
 
 
@@ -45,34 +45,34 @@ class StreamFit(msgspec.Struct, frozen=True, kw_only=True):
     stream_id: int
     """1…175."""
     name: str
-    """Of the topic."""
+    """Name of the topic."""
     samples: int
-    """How many were recorded."""
+    """Number of recorded samples."""
     measured: int
-    """On how many of these it was measured."""
+    """Number of measured samples."""
     packed_bits: float
-    """Packed, mean, bits."""
+    """Mean packed size, bits."""
     first_bits: Cost
-    """The first sample of a stream, mean, bits."""
+    """Mean size of the first sample of a stream, bits."""
     next_bits: Cost
-    """A sample behind the one before it, mean, bits."""
+    """Mean size of a sample after the previous one, bits."""
 
 
 class FitReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a fit."""
+    """The result of a fit."""
 
     streams: tuple[StreamFit, ...]
-    """By id."""
+    """The streams by id."""
     window_s: float
     """Time whose samples share a frame, s."""
     alone_bytes: Cost
-    """All samples of such a window in an independent frame, mean, bytes."""
+    """Mean size of an independent frame with all samples of such a window, bytes."""
     acknowledged_bytes: Cost
-    """The same with references to frames that were acknowledged."""
+    """The same with references to acknowledged frames."""
     helps: bool
-    """These frames are smaller with the model, all in all."""
+    """Whether these frames are smaller with the model, in total."""
     digest: str
-    """Of the model: part of what both ends must agree on."""
+    """Digest of the model, on which both ends must agree."""
     notes: tuple[str, ...]
     """Notes on the recordings."""
 
@@ -80,15 +80,15 @@ class FitReport(msgspec.Struct, frozen=True, kw_only=True):
 def fit_recordings(
     recordings: Recordings, table: StreamTable, *, window_s: float
 ) -> tuple[ModelFile, FitReport]:
-    """Fit a model to recordings, and measure what it is worth.
+    """Fit a model to recordings, and measure its benefit.
 
     Args:
-        recordings: Of the dense topics.
+        recordings: Recordings of the dense topics.
         table: The streams.
         window_s: Time whose samples usually share a frame, s.
 
     Raises:
-        ConfigError: There is too little to measure on.
+        ConfigError: The recordings are too short to measure.
     """
     halves = [_halves(mission) for mission in recordings.missions]
     seconds = [second for _, second in halves if second.samples]
@@ -120,7 +120,7 @@ def fit_recordings(
 
 
 def _untyped_notes(table: StreamTable) -> Iterator[str]:
-    """What dense streams without a type have of a fit: nothing."""
+    """Yield a remark on dense streams without a type: a fit does not help them."""
     for stream in table:
         if stream.dense_type is not None and stream.type is None:
             yield (
@@ -171,9 +171,9 @@ def _stream_fit(
 def _bits(
     stream_id: int, type_spec: TypeSpec, values: Sequence[object], prior: StreamPrior | None
 ) -> tuple[list[float], list[float]]:
-    """Bits of each value alone, and of each behind the one before it."""
+    """Return the bits of each value alone, and after the previous one."""
     codec = StreamCodec(stream_id, type_spec, prior)
-    # One writer for all of a kind: by itself, each would round its bits down.
+    # One writer for all values of a kind: separate ones would each round their bits down.
     alone, behind = _Meter(), _Meter()
     state: StreamState | None = None
     for value in values:
@@ -189,7 +189,7 @@ def _bits(
 
 
 class _Meter:
-    """A writer, and what each sample has cost in it."""
+    """A writer, and the cost of each sample in it."""
 
     def __init__(self) -> None:
         self.writer = Writer()

@@ -1,4 +1,4 @@
-"""Which stream a name in a recording means: an id, a key, or the last part of one."""
+"""The stream that a name in a recording means: an id, a key, or the last part of one."""
 
 import msgspec
 
@@ -8,12 +8,12 @@ from zacoustic.errors import ConfigError
 
 
 class Named(msgspec.Struct, frozen=True):
-    """What a name means."""
+    """The meaning of a name."""
 
     stream: Stream
-    """A topic."""
+    """The topic."""
     source: int | None
-    """The node of these samples; None: unknown."""
+    """The node of the samples; None: unknown."""
 
 
 class StreamNames:
@@ -21,7 +21,7 @@ class StreamNames:
 
     Args:
         table: The streams.
-        are_typed: Whether typed topics are looked for, or those without a type.
+        are_typed: Look for typed topics, or for those without a type.
     """
 
     def __init__(self, table: StreamTable, *, are_typed: bool = True) -> None:
@@ -34,10 +34,10 @@ class StreamNames:
         self._known: dict[str, Named | None] = {}
 
     def find(self, name: str) -> Named | None:
-        """Return what a name means; None: no such topic.
+        """Return the meaning of a name; None: no such topic.
 
         Raises:
-            ConfigError: It may mean several.
+            ConfigError: The name is ambiguous.
         """
         if name not in self._known:
             self._known[name] = self._find(name)
@@ -59,7 +59,7 @@ class StreamNames:
         return Named(found[0], self._publisher(found[0])) if found else None
 
     def _publisher(self, stream: Stream) -> int | None:
-        """The only node that publishes a topic, if that is so."""
+        """Return the only node that publishes a topic, or None."""
         assert isinstance(stream.spec, TopicSpec)
         publishers = stream.spec.publishers or ()
         return publishers[0] if len(publishers) == 1 else None

@@ -1,8 +1,8 @@
-"""The recordings of a fleet's topics, checked as a publisher's values are, by vehicle.
+"""The recordings of a fleet's topics, checked like a publisher's values, by vehicle.
 
-What a publisher would be refused is counted and left out, as it would be at sea. A recording of
-another place than the configuration is for, whose positions lie outside of the bounds, is read as
-if the bounds were there: what telemetry costs does not depend on the place.
+Values that a publisher would be refused are counted and left out, as at sea. If the positions of a
+recording lie outside of the configured bounds, the bounds are moved there: the cost of telemetry
+does not depend on the place.
 """
 
 from collections import Counter
@@ -28,40 +28,40 @@ Sample = tuple[float, int, dict[str, Any]]
 
 
 class Mission(msgspec.Struct, frozen=True):
-    """What one vehicle published in one recording."""
+    """Samples of one vehicle in one recording."""
 
     types: dict[int, TypeSpec]
-    """What a dense block has of each stream, by stream id."""
+    """Types in a dense block, by stream id."""
     samples: list[Sample]
-    """In the order of time, within bounds."""
+    """In order of time, within bounds."""
 
 
 class StreamCount(msgspec.Struct, kw_only=True):
-    """What was found of one stream."""
+    """The samples of one stream."""
 
     stream_id: int
     """1…175."""
     name: str
-    """Of the topic."""
+    """Name of the topic."""
     samples: int = 0
-    """How many there are."""
+    """Number of samples."""
     refused: int = 0
-    """How many more a publisher would have been refused."""
+    """Number of further samples that a publisher would have been refused."""
     reason: str = ""
-    """Why the first of them."""
+    """Reason for the first of those."""
     outside: int = 0
-    """Numbers outside of their range that were clamped, or are carried in full width."""
+    """Numbers outside of their range, which are clamped or carried in full width."""
 
 
 class Recordings(msgspec.Struct, kw_only=True):
-    """Everything that some files have of a table's streams."""
+    """The samples of some files for a table's streams."""
 
     missions: list[Mission]
     """One for each file and vehicle."""
     counts: dict[int, StreamCount]
     """By stream id."""
     notes: list[str]
-    """Notes on the reading, a line each."""
+    """Remarks on the reading, one line each."""
 
 
 def read_recordings(
@@ -71,9 +71,9 @@ def read_recordings(
 
     Args:
         paths: The files.
-        table: The streams; only typed topics are looked for.
-        only_dense: Only those that are dense.
-        window_s: Samples wait for the end of each such time, s: their age where it is stamped.
+        table: The streams; only typed topics count.
+        only_dense: Only dense topics count.
+        window_s: Time at whose end samples are sent, s: it makes their age, if they have a stamp.
 
     Raises:
         ConfigError: A file or a line is wrong, or there are no samples.
@@ -146,7 +146,7 @@ class _Reading:
     def _is_untyped(self, name: str) -> bool:
         try:
             return self._untyped.find(name) is not None
-        except ConfigError:  # it may mean several of them
+        except ConfigError:  # the name is ambiguous
             return True
 
     def _add_mission(self, path: str, streams: dict[int, Stream], written: list[Sample]) -> None:
@@ -186,7 +186,7 @@ class _Reading:
             self._found.missions.append(Mission(dense_types, samples))
 
     def _moved(self, what: str, type_spec: TypeSpec, values: list[dict[str, Any]]) -> TypeSpec:
-        """A type with the bounds of positions where the recording was made."""
+        """Return a type with the bounds of positions at the place of the recording."""
         fields = []
         for field in type_spec.fields:
             moved = _moved_field(field, [each.get(field.name) for each in values])
@@ -201,7 +201,7 @@ class _Reading:
 
 
 def _moved_field(field: FieldSpec, written: list[Any]) -> FieldSpec | None:
-    """The field with its range where the values are; None: they are in it, or too far apart."""
+    """Return the field with its range moved to the values; None: not necessary, or too wide."""
     if field.range is None or field.wraps or field.outside != "reject" or field.is_array:
         return None
     low, high = field.range
@@ -212,13 +212,13 @@ def _moved_field(field: FieldSpec, written: list[Any]) -> FieldSpec | None:
     least, greatest = min(numbers), max(numbers)
     if greatest - least > span:
         return None
-    # Where the recording begins becomes the middle, as long as the rest is within.
+    # The beginning of the recording becomes the middle, if the rest then is within.
     wanted = max(min(numbers[0] - span / 2, least), greatest - span)
     step = field.step or (1 if field.is_integer else None)
     shift = wanted - low if step is None else round((wanted - low) / step) * step
     try:
         moved = msgspec.structs.replace(field, range=(low + shift, high + shift))
-    except ConfigError:  # beyond what the type can hold
+    except ConfigError:  # beyond the range of the type
         return None
     if Lattice.has_lattice(field) and Lattice(moved).size != Lattice(field).size:
         return None

@@ -1,4 +1,4 @@
-"""The content of a line as a value of its type, and when a decoded value is the right one.
+"""The content of a line as a value of its type, and the check of a decoded value.
 
 A recording may write a flag as 0 or 1, an enum by its position, an integer as 3.0, bytes as base64
 text, and the value of a type with one field without a list around it.
@@ -19,7 +19,7 @@ _FLOAT64: Final = 2.0**-51
 
 
 def value_of(type_spec: TypeSpec, content: object) -> dict[str, Any]:
-    """Give a value its names; what its fields hold is not checked here.
+    """Assign names to the parts of a value; does not check the contents of fields.
 
     Raises:
         ConfigError: Another number of values than fields, or unknown names.
@@ -43,7 +43,7 @@ def value_of(type_spec: TypeSpec, content: object) -> dict[str, Any]:
 
 
 def is_right(type_spec: TypeSpec, sent: Mapping[str, Any], found: object) -> bool:
-    """Tell whether the decoded value is the sent one: within half a step, or equal."""
+    """Tell whether the decoded value matches the sent one: within half a step, or equal."""
     if not isinstance(found, Mapping) or found.keys() != sent.keys():
         return False
     return all(

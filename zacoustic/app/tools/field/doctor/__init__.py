@@ -1,7 +1,7 @@
-"""`zacoustic doctor`: looks for what goes wrong at sea, and names it with the cure.
+"""`zacoustic doctor`: looks for faults that will matter at sea, and names their cures.
 
-`doctor` goes through the checks: `network` finds the router and a gateway that runs already,
-`running` judges its health report, `host` examines this computer, `ntp` asks a time server;
-the plan judges the airtime, and only its link knows the modem (`Link.examine`, `Link.assess`).
-`text` shows the findings to people.
+`doctor` runs the checks: `network` finds the router and a running gateway, `running` evaluates its
+health report, `host` examines this computer, `ntp` queries a time server; the plan checks the
+airtime, and the link examines the modem (`Link.examine`, `Link.assess`). `text` shows the findings
+to people.
 """

@@ -1,4 +1,4 @@
-"""Goes through all checks of one node, on the computer that it runs on."""
+"""Runs all checks of one node, on its own computer."""
 
 import asyncio
 from pathlib import Path
@@ -28,25 +28,25 @@ from zacoustic.link.contract import Finding, Link
 from zacoustic.text.safetext import without_secrets
 
 DEFAULT_PATIENCE_S: Final = 10.0
-"""How long a device may take to come, s."""
+"""Time for a device to answer, s."""
 _PLANNED_HOURS: Final = 0.5
 _OTHER_RATE: Final = 2.0
-"""A link that is so many times faster or slower than the profile is another modem."""
+"""A link that differs from the profile's rate by this factor is another modem."""
 
 
 class DoctorReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What the doctor found."""
+    """The result of `zacoustic doctor`."""
 
     file: str
-    """Whose."""
+    """The configuration."""
     address: int
-    """Of the node."""
+    """Address of the node."""
     findings: tuple[Finding, ...]
-    """What is wrong."""
+    """The faults."""
     examined: tuple[str, ...]
-    """What was looked at."""
+    """What was examined."""
     left_out: tuple[str, ...]
-    """What was not, and why."""
+    """What was not examined, and why."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,13 +59,13 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     connect: tuple[str, ...] = ()
     """Endpoints of the router; none: the file's."""
     ntp: str | None = None
-    """Time server that is asked, `HOST` or `HOST:PORT`."""
+    """Time server, `HOST` or `HOST:PORT`."""
     recordings: tuple[str, ...] = ()
-    """Rates, for the plan."""
+    """Recordings with rates, for the plan."""
     channel: AssumedChannel = AssumedChannel()
-    """For the plan."""
+    """Channel of the plan."""
     patience_s: float = DEFAULT_PATIENCE_S
-    """How long a device may take to come, s."""
+    """Time for a device to answer, s."""
 
 
 async def diagnose(
@@ -76,10 +76,10 @@ async def diagnose(
     Args:
         file: Its configuration.
         options: The other arguments.
-        synchronised: Tells whether something keeps the clock right.
+        synchronised: Tells whether something synchronises the clock.
 
     Raises:
-        ConfigError: The file or a wish is wrong.
+        ConfigError: The file or an option is wrong.
     """
     config = read_config(file, address=options.address, locator=options.locator)
     rounds = _Rounds(config, options, synchronised)
@@ -111,7 +111,7 @@ class _Rounds:
         self._synchronised = synchronised
 
     async def go(self) -> None:
-        """Look at everything."""
+        """Run all checks."""
         config = self._config
         running, found = await look(config, self._options.connect)
         self.findings += found
@@ -135,7 +135,7 @@ class _Rounds:
         await self._airtime(link)
 
     def _seal(self, link: Link | None, running: Running) -> None:
-        """Look at key file, life records and what a running gateway says of them."""
+        """Check key file, life records and the seal of a running gateway."""
         config, fingerprint = self._config, None
         if config.security is not None:
             check = check_keys(config, is_running=bool(running.health))
@@ -149,12 +149,12 @@ class _Rounds:
             self.findings += check_running(config, running.health, fingerprint)
 
     def _link(self, running: str) -> Link | None:
-        """Return the link; a running gateway's may have come from its command line."""
+        """Return the link; that of a running gateway may come from its command line."""
         locators = [each.locator for each in self._config.links]
         if not running and not locators:
             self.left_out.append("the modem: the file names no link, and there is no --link")
             return None
-        # A running gateway publishes its locator without the passwords in it.
+        # A running gateway publishes its locator without passwords.
         known = (each for each in locators if without_secrets(each) == running)
         locator = next(known, running or locators[0])
         try:
@@ -180,7 +180,7 @@ class _Rounds:
         self.examined.append("clock")
 
     async def _airtime(self, link: Link | None) -> None:
-        """Ask the plan, if any rates are known."""
+        """Check the airtime with the plan, if any rates are known."""
         config, options = self._config, self._options
         profile = profile_named(options.channel.profile)
         capabilities = getattr(link, "capabilities", None)

@@ -1,4 +1,4 @@
-"""This computer: room for the journal, and the clock that slots and quiet hours go by."""
+"""This computer: room for the journal, and the clock for slots and quiet hours."""
 
 import contextlib
 import os
@@ -14,16 +14,16 @@ from zacoustic.link.contract import Finding
 from zacoustic.run.hostclock import ask_kernel
 
 JOURNAL_BYTES: Final = 64 * 1024 * 1024
-"""What a journal takes at most."""
+"""Largest size of a journal."""
 _TRIED_BYTES: Final = 1024 * 1024
-"""What is written to see whether it can be."""
+"""Bytes of a test write."""
 
 Synchronised = Callable[[], bool | None]
-"""Tells whether something keeps the clock of this computer right; None: not known."""
+"""Tells whether something synchronises the clock of this computer; None: unknown."""
 
 
 def check_journal(config: Config) -> Iterator[Finding]:
-    """See whether the journal can be written, and has room."""
+    """Check that the journal can be written, and has room."""
     if config.journal is None:
         return
     folder = next(
@@ -55,12 +55,12 @@ def check_journal(config: Config) -> Iterator[Finding]:
 def check_clock(
     config: Config, offset: Offset | None, synchronised: Synchronised
 ) -> Iterator[Finding]:
-    """See whether the clock is good enough for the slots of TDMA, and for quiet hours.
+    """Check that the clock is accurate enough for the slots of TDMA, and for quiet hours.
 
     Args:
-        config: Of the node.
-        offset: Its measured error; None: no time server was asked.
-        synchronised: Tells whether something keeps it right.
+        config: Configuration of the node.
+        offset: Its measured error; None: no time server was queried.
+        synchronised: Tells whether something synchronises it.
     """
     access = config.rules.access
     slots = access if isinstance(access, ClockedSpec) and access.clock is None else None
@@ -92,13 +92,13 @@ def check_clock(
 
 
 def kernel_synchronised() -> bool | None:
-    """Return the kernel's report on its clock; None where it has none."""
+    """Return the kernel's report on its clock; None: it has none."""
     state = ask_kernel()
     return None if state is None else state.error_ns is not None
 
 
 def _try_to_write(folder: Path) -> None:
-    """Write as much as a first journal has, and take it away again.
+    """Write as much as a new journal has, and delete it.
 
     Raises:
         OSError: It cannot be written.

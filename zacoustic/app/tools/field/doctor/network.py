@@ -1,4 +1,4 @@
-"""The local network: is the router there, and does a gateway of this node run already?"""
+"""The local network: is the router reachable, and does a gateway of this node run already?"""
 
 import asyncio
 import re
@@ -17,19 +17,19 @@ from zacoustic.zenoh.session.session import ZenohSession, endpoints_of, mode_of
 
 _TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):([0-9]{1,5})")
 _ANSWERS_S: Final = 3.0
-"""How long documents of a gateway may take, s."""
+"""Time for the documents of a gateway, s."""
 _CONNECT_S: Final = 3.0
 
 
 class Running(msgspec.Struct, kw_only=True):
-    """What was found on the local network."""
+    """The result of the search."""
 
     is_joined: bool = False
     """A router was reached."""
     health: dict[str, Any] = {}
-    """Documents of the gateway of this node, by name; empty: none runs."""
+    """Documents of this node's gateway, by name; empty: none runs."""
     digests: tuple[str, ...] = ()
-    """Tables of the gateways of this address."""
+    """Digests of the tables of gateways with this address."""
 
     @property
     def locator(self) -> str:
@@ -43,8 +43,8 @@ async def look(config: Config, connect: Sequence[str]) -> tuple[Running, list[Fi
     """Join the local network, if there is one, and read the health report of this node's gateway.
 
     Args:
-        config: Of the node.
-        connect: Endpoints of the router, in place of the file's.
+        config: Configuration of the node.
+        connect: Endpoints of the router; override the file.
     """
     file = config.zenoh_config
     if file is None and not connect:
@@ -72,12 +72,12 @@ def _endpoints(config: Config) -> tuple[str, ...]:
     file = config.zenoh_config
     if file is None:
         return ()
-    # A router is joined where it listens, as a node does.
+    # Connect to the endpoints at which a router listens, like a node.
     return endpoints_of(session_config(config, None), "connect") or endpoints_of(file, "connect")
 
 
 async def _listens(endpoint: str) -> bool:
-    """Tell whether a program listens at an endpoint; anything but TCP is left to Zenoh."""
+    """Tell whether a program listens at an endpoint; True for anything but TCP."""
     found = _TCP.match(endpoint)
     if found is None:
         return True
@@ -91,7 +91,7 @@ async def _listens(endpoint: str) -> bool:
 
 
 def _read(session: zenoh.Session, address: int) -> Running:
-    """Ask for the documents and the tokens of the gateways of one address; in the worker."""
+    """Query documents and tokens of the gateways with one address; in the worker."""
     own, health = f"{PREFIX}/{address}", {}
     for reply in session.get(f"{own}/**", timeout=_ANSWERS_S):
         if reply.ok is not None:

@@ -1,4 +1,4 @@
-"""How wrong the clock of this computer is, asked of a time server (SNTP, RFC 4330)."""
+"""The error of this computer's clock, by a time server (SNTP, RFC 4330)."""
 
 import asyncio
 import struct
@@ -21,25 +21,25 @@ _PATIENCE_S: Final = 1.0
 
 
 class Offset(msgspec.Struct, frozen=True, kw_only=True):
-    """How wrong the clock is."""
+    """The error of the clock."""
 
     server: str
-    """Who was asked."""
+    """The time server."""
     offset_s: float
-    """What our clock shows too much, s."""
+    """Our clock less the server's, s."""
     error_s: float
-    """By how much that may be wrong, s: half of the way there and back."""
+    """Uncertainty of that, s: half of the round-trip time."""
 
 
 async def ask_time(server: str, clock: Callable[[], float] = time.time) -> Offset | None:
-    """Ask a server; None when it does not answer.
+    """Query a server; None: it does not answer.
 
     Args:
         server: `HOST` or `HOST:PORT`.
-        clock: The clock that is examined, s since 1970.
+        clock: The examined clock, s since 1970.
 
     Raises:
-        ConfigError: The server is none.
+        ConfigError: The server is not valid.
     """
     host, colon, port = server.rpartition(":")
     number = whole_number(port) if colon else _PORT

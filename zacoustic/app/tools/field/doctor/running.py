@@ -1,4 +1,4 @@
-"""Judges the health report of a running gateway."""
+"""Findings from the health report of a running gateway."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
@@ -9,11 +9,11 @@ from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 from zacoustic.link.contract import Finding
 
 _LEAST_OWN: Final = 2
-"""So many frames of the own address are no accident of damage."""
+"""Least number of frames from the own address that damage does not explain."""
 
 
 def judge(config: Config, running: Running) -> Iterator[Finding]:
-    """Judge the documents of the gateway of this node."""
+    """Find faults in the documents of this node's gateway."""
     health = running.health
     link = _part(health, "link")
     if link.get("state") not in (None, "up"):

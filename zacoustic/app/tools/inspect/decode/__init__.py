@@ -1,5 +1,5 @@
-"""`zacoustic decode`: frames in words.
+"""`zacoustic decode`: explains frames in words.
 
-`decoder` takes frames apart, `overheard` follows the dense blocks among them, `desert` knows those
-of rmw_desert, `decoded` is one item of a frame.
+`decoder` takes frames apart, `overheard` follows their dense blocks, `opening` opens sealed ones,
+`desert` reads those of rmw_desert, `decoded` is one item of a frame.
 """

@@ -19,19 +19,19 @@ class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     text: str
     """One line for people."""
     stream_id: int = 0
-    """The stream, 0 where there is none."""
+    """The stream; 0: none."""
     name: str = ""
     """The key of a sample or the name of a service or action; empty without a configuration."""
     value: object = None
-    """The value, bytes in hexadecimal; None when there is none or it does not decode."""
+    """The value, bytes in hexadecimal; None: there is none, or it cannot be decoded."""
     fault: str = ""
-    """Why it is not decoded; empty when it is."""
+    """Why it cannot be decoded; empty: it is."""
 
 
 def decoded(
     kind: str, head: str, stream_id: int, name: str, codec: PayloadCodec, payload: bytes
 ) -> DecodedItem:
-    """Explain a payload, with what is known of it; never raises."""
+    """Explain a payload with its context; never raises."""
     try:
         value = printable(codec.decode(payload))
     except PayloadError as error:
@@ -44,7 +44,7 @@ def decoded(
 
 
 def printable(value: object) -> object:
-    """Return a value as JSON can carry it: bytes in hexadecimal."""
+    """Return a value in a form that JSON can carry: bytes in hexadecimal."""
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, dict):

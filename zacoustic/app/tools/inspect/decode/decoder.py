@@ -1,9 +1,8 @@
 """Frames in words, with or without the table of their sender.
 
-Where a record ends is known only to who has its stream's type, so without a table the first record
-that LEN does not delimit reaches to the end of the frame. Dense strings refer to earlier ones of
-their source: a `FrameDecoder` remembers those that it has seen. Nothing here raises, whatever the
-bytes.
+Only the type of a stream tells where its record ends, so without a table the first record that LEN
+does not delimit extends to the end of the frame. Dense blocks refer to earlier ones of their
+source: a `FrameDecoder` remembers those that it has seen. Nothing here raises, whatever the bytes.
 """
 
 import json
@@ -84,18 +83,18 @@ _CALL_TEXTS = {
 def decode_frame(
     records: bytes, table: StreamTable | None = None, *, source: int = 0
 ) -> list[DecodedItem]:
-    """Put a frame into words; never raises.
+    """Explain a frame in words; never raises.
 
     Args:
-        records: The frame without what a link or an envelope put around it.
+        records: The frame without the envelope of link or core.
         table: The streams; None: values stay in hexadecimal.
-        source: Address of the sender, where it is known: fills in `{node}`.
+        source: Address of the sender, if known: fills in `{node}`.
     """
     return FrameDecoder(table).decode(records, source=source)
 
 
 class FrameDecoder:
-    """Puts frames into words, one after the other.
+    """Explains frames in words, one after the other.
 
     Args:
         table: The streams; None: values stay in hexadecimal.
@@ -113,11 +112,11 @@ class FrameDecoder:
     def decode(
         self, records: bytes, *, source: int = 0, unicast: bool = False
     ) -> list[DecodedItem]:
-        """Put a frame into words; never raises.
+        """Explain a frame in words; never raises.
 
         Args:
-            records: The frame without what a link or an envelope put around it.
-            source: Address of the sender, where it is known.
+            records: The frame without the envelope of link or core.
+            source: Address of the sender, if known.
             unicast: The frame is known to be for one node.
         """
         if self._desert is not None:
@@ -142,7 +141,7 @@ class _Reader:
         self._source = source
 
     def measure(self, stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes) -> int | None:
-        """Find the end of a record, as the engine does."""
+        """Find the end of a record, like the engine."""
         if self._table is None:
             return None
         stream = self._table.get(stream_id)

@@ -1,4 +1,4 @@
-"""Packets of rmw_desert in words: packets, pieces of a byte stream, or messages alone."""
+"""Explains rmw_desert: packets, pieces of a byte stream, or single messages."""
 
 import json
 import struct
@@ -24,7 +24,7 @@ _BEACONS: Final = RmwDesertCodec(BEACON)
 
 
 class DesertWords:
-    """Puts packets into words, one piece of a byte stream after the other.
+    """Explains packets, one piece of a byte stream after the other.
 
     Args:
         table: The streams; None: the items of each message are listed.
@@ -37,7 +37,7 @@ class DesertWords:
     def explain(self, data: bytes, source: int) -> list[DecodedItem]:
         """Explain the bytes of one sender; never raises."""
         decoder = self._decoders.setdefault(source, PacketDecoder())
-        # A message alone begins with its kind, 0, 2 or 3, a packet with a marker.
+        # A single message begins with its kind, 0, 2 or 3, a packet with a marker.
         if not decoder.is_waiting and data[:1] != bytes((_START,)):
             return [self._message(data)]
         discarded_before = decoder.discarded_bytes
@@ -73,7 +73,7 @@ class DesertWords:
 
 
 def _discovery(message: Message) -> DecodedItem | None:
-    """Put discovery on the ids that it usually has into words; None: it is none."""
+    """Explain discovery on its usual ids; None: the message is none."""
     if message.kind is not Kind.SAMPLE:
         return None
     if message.stream_id == _REQUEST_ID and not message.fields:

@@ -1,9 +1,9 @@
-"""Sealed frames opened with the key of their fleet, in whatever order they are read.
+"""Opens sealed frames with the key of their fleet, in any order.
 
-What a receiver knows and a frame does not say (its source, its destination, the link, the counter
-behind a short head) is tried out: at most some thousand combinations, each of some microseconds.
-For a short head a long one of the same source has to come before. Without a key a frame is only
-described by its head.
+A receiver knows values that the frame lacks (source, destination, link, the counter behind a short
+head). The opener tries them out: at most some thousand combinations, each of some microseconds. A
+short head needs an earlier long one of the same source. Without a key only the head of a frame is
+described.
 """
 
 import itertools
@@ -34,26 +34,26 @@ _NOT_OPENED = (
 
 
 class Opening(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of a sealed frame."""
+    """The result of opening a frame."""
 
     item: DecodedItem
-    """What is known of its seal."""
+    """Description of its seal."""
     source: int
-    """Who has sent it; 0: not known."""
+    """The sender; 0: unknown."""
     destination: int
-    """Whom it is for."""
+    """The destination."""
     records: bytes | None = None
-    """What was in it; None: it does not open."""
+    """Its contents; None: it does not open."""
 
 
 class FrameOpener:
     """Opens sealed frames, one after the other.
 
     Args:
-        cipher: Has the keys; None: no frame is opened.
-        nodes: Addresses of the fleet, for frames that do not say whose they are.
+        cipher: The keys; None: no frame is opened.
+        nodes: Addresses of the fleet, for frames without a source.
         ports: Numbers of its links.
-        digest: Of its table.
+        digest: Digest of its table.
     """
 
     def __init__(
@@ -75,9 +75,9 @@ class FrameOpener:
         """Open a frame; never raises.
 
         Args:
-            frame: Without what a link or an envelope put around it.
-            source: Who has sent it; 0: not known.
-            destination: Whom it is for; None: not known.
+            frame: The frame without the envelope of link or core.
+            source: The sender; 0: unknown.
+            destination: The destination; None: unknown.
         """
         unknown = BROADCAST if destination is None else destination
         sealed = parse_sealed(frame)
@@ -135,15 +135,15 @@ def said_in(
     *,
     unicast: bool,
 ) -> list[DecodedItem]:
-    """Put a frame into words, and its seal before them, if it has one; never raises.
+    """Explain a frame, and before that its seal, if it has one; never raises.
 
     Args:
-        decoder: Reads what is in it.
-        opener: Opens it; None: it is not sealed.
-        frame: Without its envelope.
-        source: Who has sent it; 0: not known.
-        destination: Whom it is for; None: not known.
-        unicast: It is known to be for one node.
+        decoder: Explains the contents.
+        opener: Opens the frame; None: it is not sealed.
+        frame: The frame without its envelope.
+        source: The sender; 0: unknown.
+        destination: The destination; None: unknown.
+        unicast: The frame is known to be for one node.
     """
     if opener is None:
         return decoder.decode(frame, source=source, unicast=unicast)

@@ -1,7 +1,7 @@
-"""Dense strings as they were sent, one after the other: what they refer to is known if it was seen.
+"""Overheard dense blocks in the order of transmission; a reference is known if it was overheard.
 
-Whoever sees all frames of a source, in their order, holds what its listeners hold. A block that
-stands for itself needs none of that.
+All frames of a source, in order, tell what its listeners know. An independent block needs none of
+that.
 """
 
 from typing import Any
@@ -24,16 +24,16 @@ class Overheard:
         self._epochs: dict[int, int] = {}
 
     def introduced(self, source: int, epoch: int) -> None:
-        """Take note of a HELLO or TAG: in a new epoch nothing is referred to that was before."""
+        """Note a HELLO or TAG: blocks of a new epoch do not refer to earlier ones."""
         if self._epochs.setdefault(source, epoch) != epoch:
             self._epochs[source] = epoch
             self._listeners.pop(source, None)
 
     def read(self, source: int, block: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
-        """Read a block; gives stream ids and values.
+        """Read a block; return stream ids and values.
 
         Raises:
-            PayloadError: It cannot be read; with the reason.
+            PayloadError: It cannot be read; tells why.
         """
         listener = self._listeners.get(source)
         if listener is None:

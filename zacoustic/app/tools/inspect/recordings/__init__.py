@@ -1,11 +1,11 @@
-"""What is done with recordings: looked at, checked, played back, tried in another way, reported.
+"""Uses of recordings: inspection, check, replay, what-if, report.
 
 ==============  ====================================================================================
-`facts`         what happened, as records; `gathering` out of files; `reactions`: who was asked
+`facts`         events as records; `gathering` reads them; `reactions`: answers of programs
 `replaying`     engines made again: do they send the same bytes? `otherwise`: with another
                 configuration; `playing`: onto a Zenoh network; `epochs` and `frames` in words
-`report`        `figures` that all amounts to, as text, plots and page
-`whatif`        the load of a trial once more, on `measuredchannel`; `changes`: in another way
+`report`        `figures` of a recording, as text, plots and page
+`whatif`        the load of a trial again, on `measuredchannel`; `changes`: with changes
 `zenohrecord`   a recording of a network, and of gateways that run elsewhere
 ==============  ====================================================================================
 """

@@ -1,9 +1,9 @@
-"""`zacoustic record`: a Zenoh network into a file, from any machine on it.
+"""`zacoustic record`: records a Zenoh network into a file, from any machine on it.
 
-Local samples are kept as they were, and also as values that other tools read: typed topics of the
+Local samples are recorded unchanged, and also as values for other tools: typed topics of the
 configuration as JSON, topics of ROS as CDR with their definitions, health documents as JSON. A
-gateway on that network puts its frames as soon as they have a subscriber, so no gateway has to be
-restarted to be recorded.
+gateway on that network puts its frames as soon as they have a subscriber, so recording it needs no
+restart.
 """
 
 import asyncio
@@ -53,27 +53,27 @@ _logger = logging.getLogger(__name__)
 
 
 class RecordedKeys(msgspec.Struct, kw_only=True):
-    """What a recording has got."""
+    """The result of a recording."""
 
     file: str
     """Its name."""
     messages: dict[str, int]
-    """How many samples, by key."""
+    """Number of samples, by key."""
     dropped: int = 0
-    """Messages that the disk was too slow for."""
+    """Number of messages dropped because the disk was too slow."""
     failure: str = ""
-    """What has ended the recording early; empty: nothing."""
+    """Why the recording ended early; empty: it did not."""
     gaps: int = 0
-    """How often the router was gone for a while."""
+    """Number of interruptions of the connection to the router."""
 
 
 class NetworkRecorder:
-    """Records what a session hears.
+    """Records the samples that a session receives.
 
     Args:
-        file: Takes it.
+        file: Takes the messages.
         config: The topics; None: only the keys of `record_network`.
-        heard: Told the key of each sample that was recorded, on a thread of Zenoh's; or None.
+        heard: Takes the key of each recorded sample, on a thread of Zenoh's; or None.
     """
 
     def __init__(
@@ -89,9 +89,9 @@ class NetworkRecorder:
         self._channels: dict[str, Channel] = {}
         self._samples = samples_channel()
         self.counts: dict[str, int] = {}
-        """How many samples, by key."""
+        """Number of samples, by key."""
         self.gaps = 0
-        """How often the router was gone."""
+        """Number of interruptions of the connection to the router."""
         self._is_up = True
         self._has_ended = False
         if config is not None:
@@ -138,7 +138,7 @@ class NetworkRecorder:
         self._tell(key)
 
     def note_connection(self, is_up: bool) -> None:
-        """Say when the router is gone, and when it is back; on a thread of Zenoh's."""
+        """Note the loss or return of the router; on a thread of Zenoh's."""
         with self._guard:
             if self._has_ended or is_up == self._is_up:
                 return
@@ -147,7 +147,7 @@ class NetworkRecorder:
         _logger.warning("%s", WORDS[is_up])
 
     def end(self) -> None:
-        """The session is about to close: that is no gap."""
+        """Note that the session is about to close, which is no gap."""
         with self._guard:
             self._has_ended = True
 
@@ -156,7 +156,7 @@ class NetworkRecorder:
             self._heard(key)
 
     def _show(self, stream: Stream | None, key: str, record: SampleRecord, now_ns: int) -> None:
-        """Write a sample so that others can read it."""
+        """Write a sample in a form for other tools."""
         topic = f"/{key}"
         ros = None
         if stream is not None and self._config is not None and self._config.ros is not None:
@@ -168,7 +168,7 @@ class NetworkRecorder:
             try:
                 value, _ = from_local(record.payload, record.encoding, stream.type, stream.encoding)
             except PayloadInvalidError:
-                return  # it is among the samples, as it came
+                return  # the unchanged sample is recorded
             channel = self._channel(topic, partial(value_channel, topic, stream))
             self._file.put(channel, now_ns, encode_value(stream, value, record.encoding))
         elif record.encoding.startswith(("application/json", "text/json")) and _is_object(
@@ -212,17 +212,17 @@ async def record_network(
     """Record until stopped.
 
     Args:
-        path: The file; one that is there is not touched.
-        config: Topics, and where the router is; or None.
-        connect: Endpoints of the router, instead of those.
-        keys: Key expressions beside the topics of the config.
+        path: The file; an existing one is not touched.
+        config: Names topics and router; or None.
+        connect: Endpoints of the router; override the config.
+        keys: Key expressions besides the topics of the config.
         stop: Set to end it.
-        ready: Told the file and the key expressions when everything is subscribed to.
-        heard: Told the key of each sample that was recorded, on a thread of Zenoh's; or None.
+        ready: Takes the file and the key expressions when all are subscribed to.
+        heard: Takes the key of each recorded sample, on a thread of Zenoh's; or None.
 
     Raises:
         ConfigError: The file cannot be made.
-        SessionError: No router is reached.
+        SessionError: No router can be reached.
     """
     file = await asyncio.to_thread(RecordingFile, path)
     try:
@@ -258,7 +258,7 @@ def _declare(
     zenoh_session.session.declare_subscriber(
         zenoh.KeyExpr(f"{PREFIX}/**"), zenoh_session.callback(recorder.take_document)
     )
-    # What was put before is known as well: what the link can do, above all.
+    # Fetch earlier documents as well, above all the capabilities of the link.
     for reply in zenoh_session.session.get(f"{PREFIX}/*/*", timeout=_ASK_S):
         if reply.ok is not None and str(reply.ok.encoding).startswith(f"application/{JSON}"):
             recorder.take_document(reply.ok)

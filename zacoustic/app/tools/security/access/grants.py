@@ -1,12 +1,12 @@
-"""What programs, operators and gateways of one local network may do, on which key.
+"""The permissions of programs, operators and gateways of one local network, by key.
 
-A topic is published by programs where its node is on this network, and by gateways where it is
-not; whoever serves is a program or a gateway in the same way. So a program cannot speak for a
-remote node, and what it publishes crosses the channel only where the table says so.
+Programs publish a topic if its node is on this network, otherwise gateways do; servers follow the
+same rule. So a program cannot impersonate a remote node, and its samples cross the channel only if
+the table says so.
 
-Under ``@acoustic`` gateways publish and answer; programs read documents; operators ask for
-everything, which is how remote nodes are commanded (`silence`, `stream/ID`), asked (`ping`), and
-transfers cancelled.
+Under ``@acoustic`` gateways publish and answer; programs read documents; operators may query
+everything, which includes commands to remote nodes (`silence`, `stream/ID`), pings (`ping`), and
+the cancellation of transfers.
 """
 
 import itertools
@@ -31,57 +31,57 @@ _DOCUMENTS: Final = (
     "node", "link", "link/*", "ledger", "peers", "peer/*/*", "modem", "modem/*", "streams",
     "objects", "channel", "journal", "dropped", "events", "clock",
 )  # fmt: skip
-"""Documents of the health report, by the end of their keys: to ask for them changes nothing."""
+"""Documents of the health report, by the end of their keys: a query of them changes nothing."""
 _MOST_KEYS: Final = 256
 """A topic with more keys of one node is named by an expression, which covers more."""
 _CACHE: Final = "@adv/**"
-"""Below a key: the cache of its publisher, and the token by which subscribers see that."""
+"""Below a key: the cache of its publisher, and the token by which subscribers find it."""
 
 
 class Role(Enum):
-    """Who."""
+    """A group of clients."""
 
     PROGRAM = "programs"
     """Programs of the network."""
     OPERATOR = "operators"
-    """Those who command remote nodes."""
+    """Clients that command remote nodes."""
     GATEWAY = "gateways"
     """Gateways that are clients of the router."""
 
 
 class Act(Enum):
-    """What is done on a key."""
+    """An action on a key."""
 
     PUBLISH = "publish"
-    """Samples and deletes."""
+    """Put samples and deletes."""
     SUBSCRIBE = "subscribe"
-    """To samples and deletes."""
+    """Receive samples and deletes."""
     ASK = "ask"
-    """A `get`."""
+    """Send a `get`."""
     ANSWER = "answer"
-    """A queryable, and its replies."""
+    """Declare a queryable, and reply."""
     APPEAR = "appear"
-    """A liveliness token."""
+    """Declare a liveliness token."""
     WATCH = "watch"
-    """The tokens of others."""
+    """Watch the tokens of others."""
 
 
 class Grant(msgspec.Struct, frozen=True, order=True):
-    """Something that is allowed."""
+    """A permission."""
 
     role: Role
-    """To whom."""
+    """The group."""
     act: Act
-    """What."""
+    """The action."""
     key: str
-    """On which keys: an expression of Zenoh."""
+    """The keys: an expression of Zenoh."""
 
 
 def grants_of(config: Config, beside: tuple[int, ...] = ()) -> tuple[Grant, ...]:
-    """Return all that a network's stream table allows.
+    """Return all permissions from a network's stream table.
 
     Args:
-        config: Of the node there.
+        config: Configuration of the node there.
         beside: Addresses of other nodes on the same network.
     """
     found = _Finding(config, frozenset((config.address, *beside)))
@@ -93,7 +93,7 @@ def grants_of(config: Config, beside: tuple[int, ...] = ()) -> tuple[Grant, ...]
 
 
 def exclusive_of(config: Config, grants: tuple[Grant, ...]) -> tuple[Grant, ...]:
-    """Return what gateways alone may do, however much else is opened to programs."""
+    """Return the permissions reserved for gateways, whatever else is opened to programs."""
     acts = (Act.PUBLISH, Act.ANSWER, Act.APPEAR)
     of_programs = {(grant.act, grant.key) for grant in grants if grant.role is Role.PROGRAM}
     own = [
@@ -109,7 +109,7 @@ def exclusive_of(config: Config, grants: tuple[Grant, ...]) -> tuple[Grant, ...]
 
 
 class _Finding:
-    """Finds the grants of streams."""
+    """Finds the permissions of streams."""
 
     def __init__(self, config: Config, own: frozenset[int]) -> None:
         self._config = config
@@ -117,7 +117,7 @@ class _Finding:
         self._ros = {} if config.ros is None else config.ros.streams
 
     def of(self, stream: Stream) -> Iterator[Grant]:
-        """Return what a stream allows."""
+        """Return the permissions of a stream."""
         match stream.spec:
             case TopicSpec():
                 yield from self._of_topic(stream)
@@ -148,7 +148,7 @@ class _Finding:
         yield Grant(Role.PROGRAM, Act.ASK, everything)
 
     def _nodes(self, stream: Stream, are_here: bool) -> list[int | None]:
-        """Return the nodes, on this network or beyond, that may publish a topic."""
+        """Return the nodes, on this network or remote, that may publish a topic."""
         if not stream.keys.is_named_by_node:
             assert isinstance(stream.spec, TopicSpec)
             if stream.spec.publishers is None:
@@ -160,7 +160,7 @@ class _Finding:
         ]
 
     def _keys(self, stream: Stream, *, are_here: bool) -> list[str]:
-        """Return the keys on which nodes, of this network or beyond, publish a topic."""
+        """Return the keys on which nodes, of this network or remote, publish a topic."""
         keys = stream.keys
         nodes = self._nodes(stream, are_here)
         sizes = [len(wildcard.values) for wildcard in keys.wildcards]
@@ -208,7 +208,7 @@ def _of_service(key: str, is_here: bool) -> Iterator[Grant]:
 
 
 def _of_news(key: str, is_here: bool) -> Iterator[Grant]:
-    """Feedback and status of an action."""
+    """Yield the permissions for feedback and status of an action."""
     role = Role.PROGRAM if is_here else Role.GATEWAY
     yield from _publishes(role, key, is_cached=True)
     yield from _subscribes(Role.PROGRAM, key, is_cached=True)
@@ -217,7 +217,7 @@ def _of_news(key: str, is_here: bool) -> Iterator[Grant]:
 
 
 def _of_network(config: Config) -> Iterator[Grant]:
-    """What no stream is: health, commands, and who is there."""
+    """Yield the permissions besides streams: health, commands, liveliness."""
     everything = f"{PREFIX}/**"
     for act in Act:
         yield Grant(Role.GATEWAY, act, everything)

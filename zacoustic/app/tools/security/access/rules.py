@@ -1,10 +1,10 @@
-"""Grants as Zenoh's `access_control`, and the settings by which a router knows who is who.
+"""Permissions as Zenoh's `access_control`, and the settings by which a router identifies clients.
 
 A rule of Zenoh allows or denies messages of some kinds, to the router (ingress) or from it
-(egress), whose key it covers; a denial goes before a permission. All that no rule allows is
-denied. What gateways alone may do is denied to programs expressly: key expressions of streams may
+(egress), whose key it covers; a denial precedes a permission. Everything else is denied. Actions
+reserved for gateways are expressly denied to programs, because key expressions of streams may
 overlap. A denial of ``auv1/nav`` does not cover a put on ``auv1/*``, which a subscriber of the
-first gets too; so nothing wider can be opened to programs.
+first receives too; so nothing wider can be opened to programs.
 """
 
 import json
@@ -32,7 +32,7 @@ _INGRESS: Final = {
     Act.APPEAR: ("liveliness_token",),
     Act.WATCH: ("declare_liveliness_subscriber", "liveliness_query"),
 }
-"""What a client sends for it."""
+"""Messages that a client sends for an action."""
 _EGRESS: Final = {
     Act.PUBLISH: ("declare_subscriber",),
     Act.SUBSCRIBE: ("put", "delete"),
@@ -41,7 +41,7 @@ _EGRESS: Final = {
     Act.APPEAR: ("declare_liveliness_subscriber", "liveliness_query"),
     Act.WATCH: ("liveliness_token",),
 }
-"""What the router sends to that client for it."""
+"""Messages that the router sends to that client for it."""
 _OPENED: Final = (Act.PUBLISH, Act.SUBSCRIBE, Act.ASK, Act.ANSWER)
 _TLS: Final = {
     "root_ca_certificate": "ca.pem",
@@ -52,14 +52,14 @@ _TLS: Final = {
 
 
 class KnownBy(Enum):
-    """By what a router tells its clients apart."""
+    """How a router identifies its clients."""
 
     CERTIFICATES = "certificates"
     """The common names of their certificates: TLS."""
     USERS = "users"
     """User name and password."""
     INTERFACES = "interfaces"
-    """The network interface of the router that they come by."""
+    """The network interface of the router that they use."""
 
 
 _SUBJECT: Final = {
@@ -70,14 +70,14 @@ _SUBJECT: Final = {
 
 
 class Names(msgspec.Struct, frozen=True, kw_only=True):
-    """Who is who."""
+    """The names of the groups."""
 
     by: KnownBy = KnownBy.CERTIFICATES
-    """What the names are."""
+    """Kind of the names."""
     programs: tuple[str, ...] = ()
-    """Programs; none: whoever comes in."""
+    """Programs; none: all clients."""
     operators: tuple[str, ...] = ()
-    """Operators; none: whoever is a program."""
+    """Operators; none: all programs."""
     gateways: tuple[str, ...] = ()
     """Gateways that are clients of the router."""
 
@@ -88,14 +88,14 @@ def access_settings(
     """Return settings for the file of a router.
 
     Args:
-        config: Of the node on its network.
-        names: Who is who.
+        config: Configuration of the node on its network.
+        names: The names of the groups.
         beside: Addresses of other nodes on the same network.
-        opened: Key expressions that are the programs' own.
+        opened: Additional key expressions for programs.
 
     Raises:
-        ConfigError: Gateways are named and programs are not; the gateway is no router, and has no
-            name; or an opened expression covers a key of a remote node.
+        ConfigError: Gateways are named and programs are not; the gateway is not a router, and has
+            no name; or an opened expression covers a key of a remote node.
     """
     _check(config, names)
     grants = grants_of(config, beside)
@@ -128,7 +128,7 @@ def access_settings(
 
 
 def as_text(settings: dict[str, Any]) -> str:
-    """Return the settings as JSON5, to be put among those of the router."""
+    """Return the settings as JSON5, to be merged into those of the router."""
     body = json.dumps(settings, indent=2, ensure_ascii=False)
     return "// For the file of the router, beside `mode` and `plugins`.\n" + body
 
@@ -188,7 +188,7 @@ def _add_rules(
 
 
 def _subjects_of(role: Role, names: Names) -> list[str]:
-    """Return who has the grants of a role: an operator may do what a program may."""
+    """Return the clients with the permissions of a role: operators have those of programs."""
     match role:
         case Role.PROGRAM:
             return [role.value, *([Role.OPERATOR.value] if names.operators else [])]
@@ -212,7 +212,7 @@ def _subjects(names: Names) -> list[dict[str, Any]]:
 
 
 def _identities(names: Names) -> dict[str, Any]:
-    """Return the settings by which the router learns names; files and passwords are to be made."""
+    """Return the settings by which the router learns names; the user makes files and passwords."""
     match names.by:
         case KnownBy.CERTIFICATES:
             return {"transport": {"link": {"tls": _TLS}}}

@@ -1,1 +1,1 @@
-"""What happened in a recording, as records."""
+"""Events of a recording, as records."""

@@ -1,4 +1,4 @@
-"""What happened, as records: what was published, what arrived, what was asked, every frame."""
+"""Events as records: published and received samples, requests, and every frame."""
 
 import bisect
 from typing import Any
@@ -14,66 +14,66 @@ from zacoustic.run.recording.life import Life
 
 
 class Published(msgspec.Struct, kw_only=True):
-    """A sample that a node has published."""
+    """A sample published by a node."""
 
     at_ns: int
     """UTC, ns."""
     node: int
-    """Who."""
+    """The publisher."""
     stream_id: int
-    """Which topic."""
+    """Its topic."""
     instance: Instance
-    """Which of its keys."""
+    """Its key in the topic."""
     payload: bytes
     """Its value, in the codec of the stream."""
     value: Any
-    """The same as the application gave it, in plain parts."""
+    """Its value from the application, in plain parts."""
     delete: bool = False
     """The key was deleted."""
     encoding: str | None = None
-    """Where it is not the stream's."""
+    """Its encoding, if not that of the stream."""
     arrived: dict[int, int] = {}
-    """Where it has arrived, by node, and when, UTC, ns."""
+    """Time of its arrival by node, UTC, ns."""
 
 
 class Arrived(msgspec.Struct, kw_only=True):
-    """A sample that has arrived."""
+    """A received sample."""
 
     at_ns: int
     """UTC, ns."""
     node: int
-    """Where."""
+    """The receiver."""
     source: int
-    """Who has published it."""
+    """The publisher."""
     stream_id: int
-    """Which topic."""
+    """Its topic."""
     instance: Instance = ()
-    """Which of its keys."""
+    """Its key in the topic."""
     payload: bytes = b""
     """Its value, in the codec of the stream."""
     value: Any = None
-    """The same in plain parts."""
+    """The value in plain parts."""
     age_s: float | None = None
-    """How old it was when its frame was composed, s."""
+    """Its age when its frame was composed, s."""
 
 
 class Asked(msgspec.Struct, kw_only=True):
-    """A call, or a goal."""
+    """A call or a goal."""
 
     at_ns: int
     """UTC, ns."""
     node: int
-    """Who asks."""
+    """The client."""
     stream_id: int
-    """Which service or action."""
+    """Its service or action."""
     value: Any
-    """What is asked, in plain parts."""
+    """Request or goal, in plain parts."""
     timeout_s: float | None = None
-    """For how long, where it is not the stream's, s."""
+    """Time-out, if not that of the stream, s."""
     answer: Any = None
-    """What came back, in plain parts."""
+    """Answer, in plain parts."""
     ended_at_ns: int | None = None
-    """Answered, or the goal ended, UTC, ns."""
+    """Time of the answer or of the goal's end, UTC, ns."""
     failure: str = ""
     """Why there is no answer; empty: there is one, or none yet."""
 
@@ -84,7 +84,7 @@ class Command(msgspec.Struct, frozen=True):
     at_ns: int
     """UTC, ns."""
     node: int
-    """Whose application."""
+    """Node of the application."""
     name: str
     """The call of the engine."""
     arguments: dict[str, Any]
@@ -92,18 +92,18 @@ class Command(msgspec.Struct, frozen=True):
 
 
 class Handled(msgspec.Struct, frozen=True, kw_only=True):
-    """A remote command as the node had it that was commanded, or frames that it refused."""
+    """A remote command at the commanded node, or refused frames."""
 
     at_ns: int
     """UTC, ns."""
     node: int
-    """Who was commanded."""
+    """The commanded node."""
     by: int
     """Address that the command, or the frames, came from."""
     what: str
-    """Kind of the command; ``command`` where it was refused, ``seal`` for frames."""
+    """Kind of the command; ``command`` if it was refused, ``seal`` for frames."""
     stream_id: int | None = None
-    """The topic that it was about, or None."""
+    """Its topic, or None."""
     outcome: str
     """``executed``, ``refused``, or why frames did not open."""
     text: str = ""
@@ -111,40 +111,40 @@ class Handled(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Facts:
-    """Everything that was found; made by `gather`."""
+    """All events; made by `gather`."""
 
     def __init__(self) -> None:
         self.files: list[str] = []
         self.damage: dict[str, str] = {}
         """Why files end early."""
         self.gaps: set[int] = set()
-        """Nodes with gaps."""
+        """Nodes whose recordings have gaps."""
         self.tables: dict[int, StreamTable] = {}
         """Streams of each node whose engine is recorded."""
         self.streams: dict[int, Stream] = {}
-        """All streams that are known, by id."""
+        """All known streams by id."""
         self.capabilities: dict[int, LinkCapabilities] = {}
         self.epochs: dict[int, int] = {}
-        """How many boot epochs of each node were recorded."""
+        """Number of recorded boot epochs of each node."""
         self.published: list[Published] = []
         self.arrived: list[Arrived] = []
         self.asked: list[Asked] = []
         self.commands: list[Command] = []
-        """What else the applications have asked of their engines."""
+        """Other commands of the applications."""
         self.handled: list[Handled] = []
         """Remote commands that nodes have executed or refused."""
         self.reactions = Reactions()
-        """What they did when they were asked."""
+        """The programs' reactions to requests."""
         self.births: list[tuple[int, Life]] = []
         """The boot epochs, each with its beginning, UTC, ns."""
         self.refused: dict[int, int] = {}
-        """Commands that the engine has not taken, by stream."""
+        """Commands refused by the engine, by stream."""
         self.outcomes: dict[int, dict[str, int]] = {}
-        """How reliable samples ended, by stream."""
+        """Outcomes of reliable samples, by stream."""
         self.frames: list[tuple[int, FrameRecord]] = []
-        """With their instants, UTC, ns; where they end, for those that arrived."""
+        """Frames with their instants, UTC, ns; received ones with their end."""
         self.reports: list[tuple[int, ReportRecord]] = []
-        """With the instants of their ends, UTC, ns."""
+        """Reports with the end of their transmission, UTC, ns."""
         self.measured: list[tuple[int, int, PeerMeasured]] = []
         """Measurements of modems besides frames: UTC, ns, the modem's node, the values."""
         self.spans_ns: dict[int, tuple[int, int]] = {}
@@ -152,9 +152,9 @@ class Facts:
         self.ledgers: dict[tuple[int, int], LedgerRecord] = {}
         """The last of each boot epoch, by node and epoch."""
         self.sent_bytes: dict[int, int] = {}
-        """Of the frames of each node."""
+        """Bytes of each node's frames."""
         self.covered_bytes: dict[int, int] = {}
-        """Of the frames before its last ledger."""
+        """Bytes of each node's frames before its last ledger."""
         self.began_ns = 0
         self.ended_ns = 0
 
@@ -169,15 +169,15 @@ class Facts:
         return sorted({*self.tables, *(frame.node for _, frame in self.frames)})
 
     def is_recorded(self, node: int, utc_ns: int) -> bool:
-        """Tell whether something of a node was recorded before and after an instant."""
+        """Tell whether a node was recorded before and after an instant."""
         first_ns, last_ns = self.spans_ns.get(node, (0, 0))
         return first_ns <= utc_ns <= last_ns
 
 
 def match(facts: Facts) -> None:
-    """Find the publication of each arrived sample, if its publisher is recorded.
+    """Find the publication of each received sample, if its publisher is recorded.
 
-    It belongs to the newest publication of the same value that this node has not got yet; that is
+    It is the newest publication of the same value that this node has not received yet, which is
     exact as long as values differ.
     """
     waiting: dict[tuple[int, int, Instance, bytes], list[Published]] = {}

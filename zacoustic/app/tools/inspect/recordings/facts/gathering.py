@@ -1,7 +1,7 @@
-"""What happened, out of one or more recordings: the facts that figures are made of.
+"""Reads the events of one or more recordings, from which figures are computed.
 
-Of an engine all of it is known: what was asked for, what arrived, every frame. Of a recorded
-network the frames of its gateways are known, and what came off the channel there.
+A recorded engine gives everything: requests, received samples, every frame. A recorded network
+gives the frames of its gateways, and the samples that they received.
 """
 
 import re
@@ -51,7 +51,7 @@ def gather(paths: Iterable[str | Path]) -> Facts:
     """Read recordings.
 
     Raises:
-        ConfigError: A file is none, or nothing of a gateway or an engine is in them.
+        ConfigError: A file is no recording, or contains neither a gateway nor an engine.
     """
     facts = Facts()
     for path in paths:
@@ -89,7 +89,7 @@ _COMMANDS: Final = (
 
 
 _HEAD_BYTES: Final = 40
-"""The kind of an event is in so many bytes of its record."""
+"""The kind of an event is within this many bytes of its record."""
 
 
 class _CommandEvent(msgspec.Struct):
@@ -116,7 +116,7 @@ class _Gatherer:
         self._ranges: dict[tuple[int, int], int] = {}
         """When the newest range of each pair was measured, UTC, ns."""
         self._table: StreamTable | None = None
-        """Of a recording without boot epochs."""
+        """The table of a recording without boot epochs."""
 
     def take(self, message: ReadMessage) -> None:
         facts = self._facts
@@ -176,7 +176,7 @@ class _Gatherer:
                 pass
 
     def _take_handled(self, message: ReadMessage, node: int) -> None:
-        """Take what is of interest here; most events are samples."""
+        """Take the relevant events; most events are samples."""
         if b"CommandHandled" in message.data[:_HEAD_BYTES]:
             told = msgspec.json.decode(message.data, type=_CommandEvent)
             handled = Handled(
@@ -209,13 +209,13 @@ class _Gatherer:
         metrics = LinkMetrics(range_m=found.range_m, propagation_s=found.propagation_s)
         measured = PeerMeasured(address=peer, measured_at=0, metrics=metrics)
         at_ns = round((found.measured_at_unix_s or message.utc_ns / 1e9) * 1e9)
-        # The document is put again for late subscribers.
+        # The document is repeated for late subscribers.
         if self._ranges.get((node, peer)) != at_ns:
             self._ranges[node, peer] = at_ns
             self._facts.measured.append((at_ns, node, measured))
 
     def _named(self, frame: FrameRecord) -> Iterator[FrameRecord]:
-        """Give frames with their senders, also where the link does not report them."""
+        """Yield frames with their senders, even if the link does not report them."""
         capabilities = self._facts.capabilities.get(frame.node)
         if frame.direction != RECEIVED or frame.source or capabilities is None:
             yield frame
@@ -321,7 +321,7 @@ class _Gatherer:
         try:
             table.declare(call.arguments["spec"])
         except ZacousticError:
-            return  # as it was refused then
+            return  # it was refused then as well
         self._know(table)
 
     def _publish(self, node: int, stream: Stream, arguments: dict[str, Any], at_ns: int) -> None:

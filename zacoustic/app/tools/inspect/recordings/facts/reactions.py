@@ -1,7 +1,7 @@
-"""What recorded programs did when they were asked: their answers to requests and to goals.
+"""Reactions of recorded programs to requests and goals.
 
-In another run the same questions come at other times, or come again, or never. So an answer is kept
-by its question: the value that was asked for, with the delays of the steps that followed.
+In another run the same requests come at other times, again, or never. So a reaction is stored by
+its request: the value, with the delays of the steps that followed.
 """
 
 from typing import Any, Final
@@ -18,18 +18,18 @@ _GOALS: Final = (
 
 
 class Step(msgspec.Struct, frozen=True):
-    """One thing that a program did."""
+    """One action of a program."""
 
     after_ns: int
-    """Since it was asked, ns."""
+    """Time since the request, ns."""
     name: str
     """The call of the engine."""
     arguments: dict[str, Any]
-    """Its arguments, but for what names the question, and the instant."""
+    """Its arguments, without those that name the request, and the instant."""
 
 
 class Reactions:
-    """What programs did, by what they were asked."""
+    """Reactions of programs by request."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[int, int, bytes], list[list[Step]]] = {}
@@ -38,13 +38,13 @@ class Reactions:
     def note_question(
         self, node: int, key: object, stream_id: int, value: object, at_ns: int
     ) -> None:
-        """Take note of a request or a goal that has come."""
+        """Note a received request or goal."""
         steps: list[Step] = []
         self._found.setdefault(_key(node, stream_id, value), []).append(steps)
         self._asked[node, _name(key)] = at_ns, steps
 
     def note_call(self, node: int, call: Recorded, at_ns: int) -> None:
-        """Take note of a step, if the call is one."""
+        """Note a step, if the call is one."""
         word = "call" if call.name in _REPLIES else "goal"
         if call.name not in (*_REPLIES, *_GOALS) or word not in call.arguments:
             return
@@ -59,18 +59,18 @@ class Reactions:
     def note_answer(
         self, node: int, stream_id: int, value: object, took_ns: int, answer: object
     ) -> None:
-        """Take note of what came back, where the program that has answered is not recorded."""
+        """Note an answer from a program that is not recorded."""
         step = Step(took_ns, "reply", {"value": answer})
         self._found.setdefault(_key(node, stream_id, value), []).append([step])
 
     def copy(self) -> "Reactions":
-        """Return a copy to take steps from."""
+        """Return a copy from which steps can be taken."""
         copied = Reactions()
         copied._found = {key: list(steps) for key, steps in self._found.items()}
         return copied
 
     def of(self, node: int, stream_id: int, value: object) -> list[Step] | None:
-        """Return the reaction to this question; the last one repeats for ever. None: unknown."""
+        """Return the reaction to a request; the last one repeats for ever. None: unknown."""
         known = self._found.get(_key(node, stream_id, value))
         if not known:
             return None
@@ -82,7 +82,7 @@ def _key(node: int, stream_id: int, value: object) -> tuple[int, int, bytes]:
 
 
 def _name(key: Any) -> str:  # noqa: ANN401 (a key, or the parts of one)
-    """Name a question, from its parts in an event or from the record of a call."""
+    """Return the name of a request, from its parts in an event or from the record of a call."""
     if isinstance(key, msgspec.Struct):
         return str([getattr(key, name) for name in key.__struct_fields__])
     return str(list(key.values()) if isinstance(key, dict) else key)

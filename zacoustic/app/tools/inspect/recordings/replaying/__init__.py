@@ -1,1 +1,1 @@
-"""Recorded engines made again: checked, run otherwise, told in words, put onto a network."""
+"""Recorded engines made again: checked, run with changes, explained, played onto a network."""

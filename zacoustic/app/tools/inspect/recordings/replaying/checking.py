@@ -1,9 +1,9 @@
 """`zacoustic replay --check`: engines made again send the same bytes; else the first difference.
 
-Every call of a recording is made again, of the same engine in the same state, and what comes of it
-is compared: frames, events, writes to the journal, timers, answers to commands. Beside that the
-books are checked: what the ledger of the engine says is the sum of the frames that it gave to its
-link, and what the recording has of the ledger is what the engine has now.
+Every recorded call is repeated on the same engine in the same state, and the results are compared:
+frames, events, writes to the journal, timers, answers to commands. In addition the ledgers are
+checked: the engine's ledger must equal the sum of the frames given to its link, and the recorded
+ledger must equal the engine's.
 """
 
 from collections import Counter
@@ -42,36 +42,36 @@ class LifeVerdict(msgspec.Struct, kw_only=True):
     epoch: int
     """Of the node's boot epoch."""
     calls: int = 0
-    """Made again, and the same."""
+    """Number of repeated calls with the same result."""
     frames: int = 0
-    """Composed again, byte for byte."""
+    """Number of frames composed again, byte for byte."""
     frame_bytes: int = 0
-    """Their sizes."""
+    """Their bytes."""
     ledger_bytes: int = 0
-    """What the ledger sums to."""
+    """Sum of the ledger."""
     events: dict[str, int] = {}
-    """Told to the application again, by kind."""
+    """Number of repeated events, by kind."""
     deliveries: int = 0
-    """Samples, requests, answers and what goals bring, among the events."""
+    """Samples, requests, answers and goal messages among the events."""
     duration_s: float = 0.0
     """From the first call to the last, s of the engine's clock."""
     difference: str = ""
-    """The first thing that is not the same; empty: nothing."""
+    """The first difference; empty: none."""
 
 
 class Verdict(msgspec.Struct, kw_only=True):
-    """What came of a recording."""
+    """The result of a recording."""
 
     file: str
     """Its name."""
     epochs: list[LifeVerdict]
-    """In the order in which they began."""
+    """The boot epochs in order of their beginning."""
     damage: str = ""
     """Why the file ends early; empty: it does not."""
 
     @property
     def is_same(self) -> bool:
-        """Everything was the same, and there was something."""
+        """Whether everything was the same, and there was something."""
         return bool(self.epochs) and not any(life.difference for life in self.epochs)
 
 
@@ -89,7 +89,7 @@ class LifeCheck:
 
     Args:
         life: The parameters of its engine.
-        cipher: Has the keys of the fleet, or None.
+        cipher: The keys of the fleet, or None.
 
     Raises:
         ConfigError: The engine cannot be made.
@@ -102,7 +102,7 @@ class LifeCheck:
         self._first_at: int | None = None
 
     def take(self, call: Recorded) -> None:
-        """Make a call again, unless something was different before."""
+        """Repeat a call, unless there was a difference before."""
         verdict = self.verdict
         if verdict.difference:
             return
@@ -138,7 +138,7 @@ class LifeCheck:
             self.verdict.difference = f"the ledger was {rows}, is {found}"[:_LONGEST]
 
     def finish(self) -> LifeVerdict:
-        """Check the books; return what came of it."""
+        """Check the ledger and return the result."""
         verdict = self.verdict
         verdict.events = dict(sorted(self._events.items()))
         verdict.ledger_bytes = sum(entry.transmitted_bytes for entry in self._engine.stats.ledger())
@@ -155,10 +155,10 @@ def check_recording(path: str | Path, cipher_of: CipherOf | None = None) -> Verd
 
     Args:
         path: The file.
-        cipher_of: Gives the keys of nodes whose frames were sealed.
+        cipher_of: Returns the keys of nodes whose frames were sealed.
 
     Raises:
-        ConfigError: The file is none of ours, or has no boot epoch in it.
+        ConfigError: The file is not ours, or contains no boot epoch.
     """
     source = RecordingReader(path, tells=False)
     verdict = check_messages(source, str(path), cipher_of)
@@ -172,7 +172,7 @@ def check_messages(
     """Replay all boot epochs in the messages of a recording; see `check_recording`.
 
     Raises:
-        ConfigError: There is none, or it was recorded by another program.
+        ConfigError: There is no boot epoch, or another program recorded it.
     """
     reader = LifeReader()
     running: dict[int, LifeCheck] = {}

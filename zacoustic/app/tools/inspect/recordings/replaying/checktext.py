@@ -1,4 +1,4 @@
-"""Text for people of what a check has found, or a replay through another configuration."""
+"""The results of a check, or of a replay with another configuration, as text for people."""
 
 from collections.abc import Sequence
 

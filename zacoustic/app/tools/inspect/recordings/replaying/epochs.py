@@ -22,16 +22,16 @@ class NewLife(msgspec.Struct, frozen=True):
     """A node has begun a boot epoch."""
 
     life: Life
-    """What its engine was made of."""
+    """The parameters of its engine."""
 
 
 class Calls(msgspec.Struct, frozen=True):
     """Calls of a node's present boot epoch."""
 
     node: int
-    """Which."""
+    """Address of the node."""
     calls: tuple[Recorded, ...]
-    """In their order."""
+    """The calls in order."""
 
 
 Part = NewLife | Calls
@@ -45,11 +45,11 @@ class _Written(msgspec.Struct):
 
 
 class LifeReader:
-    """Takes the messages of a recording and finds boot epochs and calls in them."""
+    """Finds boot epochs and calls in the messages of a recording."""
 
     def __init__(self) -> None:
         self.epochs = 0
-        """How many have begun."""
+        """Number of epochs begun."""
         self._readers: dict[int, CallReader] = {}
         self._decoder = msgspec.msgpack.Decoder(_Written)
 
@@ -57,7 +57,7 @@ class LifeReader:
         """Return the boot epoch or the calls of a message; None: it has none.
 
         Raises:
-            ConfigError: It was recorded by a program that this one does not understand.
+            ConfigError: An unknown version of the program recorded it.
         """
         if not message.topic.endswith("/engine") or message.encoding != "msgpack":
             return None
@@ -87,10 +87,10 @@ def read_parts(path: str | Path, *, tells: bool = True) -> Iterator[Part]:
 
     Args:
         path: The file.
-        tells: Log that it ends early.
+        tells: Log an early end.
 
     Raises:
-        ConfigError: The file is none of ours, or has no life in it.
+        ConfigError: The file is not ours, or contains no boot epoch.
     """
     reader = LifeReader()
     for message in RecordingReader(path, tells=tells):
@@ -101,17 +101,17 @@ def read_parts(path: str | Path, *, tells: bool = True) -> Iterator[Part]:
 
 
 def must_have_epochs(reader: LifeReader, name: str) -> None:
-    """Complain about a recording without any boot epoch.
+    """Check that a recording has a boot epoch.
 
     Raises:
-        ConfigError: There was none.
+        ConfigError: There is none.
     """
     if not reader.epochs:
         raise no_engine(name)
 
 
 def no_engine(name: str) -> ConfigError:
-    """Return the complaint about a recording that should have an engine and has none."""
+    """Return the error for a recording without an engine."""
     return ConfigError(f"{name}: no engine was recorded in it", hint=_RECORD_HINT)
 
 
@@ -119,26 +119,26 @@ def nodes_of(path: str | Path) -> list[int]:
     """Return the addresses of the nodes whose engines are in a recording.
 
     Raises:
-        ConfigError: The file is none of ours, or has no life in it.
+        ConfigError: The file is not ours, or contains no boot epoch.
     """
-    # The caller reads the file once more, for the contents of these boot epochs.
+    # The caller reads the file again, for the contents of these boot epochs.
     parts = read_parts(path, tells=False)
     return sorted({part.life.address for part in parts if isinstance(part, NewLife)})
 
 
 class Done(msgspec.Struct, frozen=True):
-    """A call that was made again."""
+    """A repeated call."""
 
     result: Any
-    """What came of it; None where it raised."""
+    """Its result; None if it raised."""
     outcome: bytes
-    """The same, as recordings have it."""
+    """Its outcome, in the form of recordings."""
     fault: Exception | None = None
     """An exception that an engine must not raise."""
 
 
 def make_call(engine: Engine, call: Recorded) -> Done:
-    """Call an engine as it was called before."""
+    """Repeat a recorded call on an engine."""
     arguments = call.arguments
     if call.name == "declare":
         arguments = dict(arguments)

@@ -1,4 +1,4 @@
-"""The frames of a recording in words: opened as the link had them, and decoded by the table."""
+"""The frames of a recording in words: opened, and decoded by the table."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,23 +31,23 @@ class DecodedFrame(msgspec.Struct, frozen=True, kw_only=True):
     utc_ns: int | None = None
     """When, ns since 1970; None in a log, which has no times."""
     node: int
-    """Whose link; 0 in a log."""
+    """Node of the link; 0 in a log."""
     direction: str
     """`sent` or `received`."""
     source: int
-    """Who has sent it; 0: not known."""
+    """The sender; 0: unknown."""
     destination: int
-    """Whom it is for; 255: everybody."""
+    """The destination; 255: broadcast."""
     frame: str
-    """As the link had it, in hexadecimal."""
+    """The frame at the link, in hexadecimal."""
     items: tuple[DecodedItem, ...]
     """Its contents in words."""
     fault: str = ""
-    """Why it has no contents; empty: it has."""
+    """Why its contents are unknown; empty: they are known."""
 
 
 class _LinkDocument(msgspec.Struct):
-    """What is needed of the health document `link`."""
+    """The required part of the health document `link`."""
 
     capabilities: LinkCapabilities | None = None
 
@@ -63,8 +63,8 @@ class FrameReader:
 
     Args:
         table: The streams, instead of those of the recording.
-        wire: What is spoken, instead of what the table says.
-        opener: Opens sealed frames; None: nobody has the key.
+        wire: Wire profile, instead of the table's.
+        opener: Opens sealed frames; None: the key is unknown.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class FrameReader:
         self._envelopes: dict[tuple[int, str, int], Envelope] = {}
 
     def read(self, message: ReadMessage) -> Iterator[DecodedFrame]:
-        """Decode the frame that a message has, if it has one."""
+        """Yield the decoded frame of a message, if it has one."""
         place, _, name = message.topic.rpartition("/")
         node = _node_of(place)
         if message.topic == TABLE_TOPIC and message.encoding == "msgpack":
@@ -175,7 +175,7 @@ class FrameReader:
                 yield opened.source, opened.destination, opened.records, ""
 
     def _is_sealed(self, node: int) -> bool:
-        """Tell whether frames of a node are: as its lives say, else where there is a key."""
+        """Tell whether a node's frames are sealed: by its boot epochs, else by the given key."""
         return self._sealed.get(node, self._opener is not None)
 
 
@@ -191,11 +191,11 @@ def decode_recording(
     Args:
         path: The file.
         table: The streams, instead of those of the recording.
-        wire: What is spoken, instead of what the table says.
-        opener: Opens sealed frames; None: nobody has the key.
+        wire: Wire profile, instead of the table's.
+        opener: Opens sealed frames; None: the key is unknown.
 
     Raises:
-        ConfigError: It is none.
+        ConfigError: The file is not a recording.
     """
     frames = FrameReader(table, wire=wire, opener=opener)
     for message in RecordingReader(path):
@@ -216,7 +216,7 @@ def decode_log(
         path: The file.
         link: Name of the link to such a modem.
         table: The streams.
-        wire: What is spoken, instead of what the table says.
+        wire: Wire profile, instead of the table's.
         opener: Opens sealed frames; None: they are not sealed.
 
     Raises:

@@ -1,15 +1,15 @@
-"""`zacoustic replay --through FILE`: yesterday's inputs into engines of today's configuration.
+"""`zacoustic replay --through FILE`: recorded inputs into engines of another configuration.
 
-An engine of the configuration gets the recorded calls: received frames as they were, byte for byte,
-at their instants, and the requests of the application. Nobody hears its frames, since the others
-are a recording; where it sends the same as before, it is answered as before. So with the
-configuration of the recording every frame is the same, and the effect of a change of priorities,
-codecs or rates on frames and deliveries is visible one by one.
+An engine of the new configuration gets the recorded calls: received frames byte for byte, at their
+instants, and the requests of the application. No node receives its frames, since the others are a
+recording; if it sends the same as before, it gets the recorded answers. So with the configuration
+of the recording every frame is the same, and the effect of changed priorities, codecs or rates on
+frames and deliveries is visible one by one.
 
-Timers of the new engine run between the calls. A new transmission is reported as sent when its
-airtime is over, a new journal write is committed at once. Peers with another table than today's are
+Timers of the new engine run between the calls. A new transmission is reported as sent after its
+airtime, a new journal write is committed at once. Peers whose table differs from the new one are
 assumed to introduce themselves in every frame and to send the rows of their table, as they would,
-so the streams that agree still cross and those that differ are refused by name.
+so streams that agree still cross and those that differ are refused by name.
 """
 
 import heapq
@@ -41,38 +41,38 @@ _SPINS = 10_000
 
 
 class Otherwise(msgspec.Struct, kw_only=True):
-    """One boot epoch, then and now."""
+    """One boot epoch, as recorded and with the new configuration."""
 
     node: int
     """Address."""
     epoch: int
     """Of the node's boot epoch."""
     same_table: bool
-    """The table has the digest that it had."""
+    """Whether the table has the recorded digest."""
     differing: list[str] = []
-    """Streams that are defined in another way now, or not at all."""
+    """Streams that are defined otherwise now, or not at all."""
     frames_then: int = 0
     """Frames sent, as recorded."""
     frames_now: int = 0
-    """By the engine of today."""
+    """Frames sent by the new engine."""
     same_frames: int = 0
     """Of those, the same bytes at the same poll."""
     bytes_then: int = 0
-    """Their sizes."""
+    """Bytes of the recorded frames."""
     bytes_now: int = 0
-    """The same of today."""
+    """Bytes of the new engine's frames."""
     samples_then: dict[str, int] = {}
-    """Samples that arrived, by stream."""
+    """Received samples by stream, as recorded."""
     samples_now: dict[str, int] = {}
-    """The same of today."""
+    """Samples received by the new engine, by stream."""
     refused: dict[str, int] = {}
-    """Commands that are refused today and were not, by error."""
+    """Commands that only the new engine refuses, by error."""
     first_difference: str = ""
     """The first frame that differs; empty: none."""
 
 
 class _Through:
-    """One boot epoch through an engine of another configuration."""
+    """One boot epoch with an engine of another configuration."""
 
     def __init__(self, life: Life, config: Config | None) -> None:
         self._life = life
@@ -95,23 +95,23 @@ class _Through:
         self._counts_now: Counter[str] = Counter()
         self._refused: Counter[str] = Counter()
         self._transmissions: dict[int, int] = {}
-        """Id of today by the one that was recorded."""
+        """Ids of the new engine's transmissions by the recorded ones."""
         self._writes: dict[int, int] = {}
         self._ends: list[tuple[int, int, int]] = []
-        """End, id and beginning of transmissions that there were not."""
+        """End, id and beginning of transmissions that were not recorded."""
         self._airtimes: LinkCapabilities | None = None
         self._envelope: Envelope | None = None
         self._epochs: dict[int, int] = {}
         """Epochs of nodes that have sent HELLO with the recording's table."""
         self._now = 0
-        # When a timer is set may be drawn at random at the moment when somebody asks. So the
-        # engine is asked where the recorded one was, and after what it does of its own.
+        # An engine may draw the instant of a timer at random when it is polled. So it is polled
+        # where the recorded one was, and after its own additional actions.
         self._due_at: int | None = None
         self._due_then: int | None = None
-        """What the timer was set to; what is due then, the recording itself brings, if late."""
+        """The recorded timer; the recording itself brings what is due then, even if late."""
 
     def take(self, call: Recorded) -> None:
-        """Make a call, after everything that today's engine would have done by then."""
+        """Make a call, after everything that the new engine would have done before it."""
         now = call.now
         if now is not None:
             self._advance(now)
@@ -139,7 +139,7 @@ class _Through:
                 self._input(call, now)
 
     def finish(self) -> Otherwise:
-        """Return what came of it."""
+        """Return the result."""
         found = self.found
         found.samples_then = dict(sorted(self._counts_then.items()))
         found.samples_now = dict(sorted(self._counts_now.items()))
@@ -216,10 +216,10 @@ class _Through:
         if own is not None:
             self._engine.handle_journal_committed(own, call.arguments["now"])
 
-    # What there was not
+    # Not recorded
 
     def _advance(self, now: int) -> None:
-        """Let timers and transmissions of today end that are due before an instant."""
+        """Handle timers and transmissions of the new engine that end before an instant."""
         for _ in range(_SPINS):
             due_at = self._due_at
             end_at = self._ends[0][0] if self._ends else None
@@ -264,10 +264,10 @@ class _Through:
             self.found.first_difference = f"at {now / 1e9:.3f} s: was {then}, is {today}"
 
     def _introduced(self, frame: ReceivedFrame) -> Iterator[ReceivedFrame]:
-        """Give a frame as its sender would have sent it to a node with another table.
+        """Yield a frame as its sender would have sent it to a node with another table.
 
-        It would have gone on to say who it is in every frame, and told the rows of its table. The
-        engine has not asked for them, so they stand in each frame that they are to hold for.
+        It would have introduced itself in every frame, and sent the rows of its table. The engine
+        has not asked for them, so they are put into each frame that needs them.
         """
         capabilities = self._airtimes
         if capabilities is None or self._envelope is None or not capabilities.framed:
@@ -291,9 +291,9 @@ class _Through:
                 yield msgspec.structs.replace(frame, frame_bytes=wrapped)
 
     def _unconfirming(self, opened: Opened) -> tuple[Hello | Tag | None, bytes]:
-        """Return what a frame begins with if its sender does not share our table, and the rest.
+        """Return the beginning of a frame whose sender has another table, and the rest.
 
-        Then it confirms nothing, and says HELLO where it has said that by TAG and CONFIRM.
+        Such a sender confirms nothing, and sends HELLO where it has sent TAG and CONFIRM.
         """
         first: Hello | Tag | None = None
         controls, offset = b"", 0
@@ -312,14 +312,14 @@ class _Through:
 
 
 def replay_through(path: str | Path, config_of: Mapping[int, Config]) -> list[Otherwise]:
-    """Make the calls of a recording of engines of other configurations.
+    """Repeat the calls of a recording on engines of other configurations.
 
     Args:
         path: The file.
-        config_of: The configuration of each node, by address; the recorded one where there is none.
+        config_of: The configuration of each node, by address; without one, the recorded one.
 
     Raises:
-        ConfigError: The file is none of ours, or has no life in it.
+        ConfigError: The file is not ours, or contains no boot epoch.
     """
     running: dict[int, _Through] = {}
     found: list[_Through] = []

@@ -1,4 +1,4 @@
-"""`zacoustic replay`: the samples of a recording onto a Zenoh network, in their time."""
+"""`zacoustic replay`: puts the samples of a recording onto a Zenoh network, in their time."""
 
 import asyncio
 import contextlib
@@ -18,14 +18,14 @@ from zacoustic.zenoh.session.session import ZenohSession
 
 
 class Played(msgspec.Struct, kw_only=True):
-    """What was put."""
+    """The result of a replay."""
 
     samples: dict[str, int]
-    """How many samples, by key."""
+    """Number of samples, by key."""
     left_out: dict[str, int] = {}
-    """How many could not be put, by key."""
+    """Number of samples that could not be put, by key."""
     duration_s: float = 0.0
-    """Of the recording, from the first sample to the last, s."""
+    """From the first sample of the recording to the last, s."""
 
 
 async def play(
@@ -43,17 +43,17 @@ async def play(
 
     Args:
         path: The file.
-        config: Where the router is, and the keys of topics of ROS; or None.
-        connect: Endpoints of the router, instead of that.
-        rate: How many times as fast as it was, above 0; None: without waiting.
-        keys: Key expressions: only what they cover; none: everything.
-        node: Whose samples, in a recording of several engines.
+        config: Names the router, and the keys of topics of ROS; or None.
+        connect: Endpoints of the router; override the config.
+        rate: Speed relative to the recording, above 0; None: without waiting.
+        keys: Key expressions to select samples; none: all.
+        node: Node of the samples, in a recording of several engines.
         stop: Set to end it early.
-        now_s: Clock, s; the loop's unless given.
+        now_s: Clock, s; default: the loop's.
 
     Raises:
         ConfigError: The file, a key or the node is wrong.
-        SessionError: No router is reached.
+        SessionError: No router can be reached.
     """
     wanted = [_expression(key) for key in keys]
     reader = PutReader(node=node, config=config)

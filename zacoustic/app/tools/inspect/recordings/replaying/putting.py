@@ -1,8 +1,8 @@
 """The samples of a recording, for a Zenoh network.
 
-A recording of a network has them as they were. One of an engine has values: they are encoded in the
-encoding of their stream; samples from the channel get the mark of a gateway again, so that no
-gateway there transmits them.
+A recording of a network has the samples unchanged. A recording of an engine has values: they are
+encoded in the encoding of their stream. Samples from the channel get the mark of a gateway again,
+so that no gateway there transmits them.
 """
 
 import binascii
@@ -33,7 +33,7 @@ class Put(msgspec.Struct, frozen=True, kw_only=True):
     """A sample to put, or a key to delete."""
 
     utc_ns: int
-    """When it was recorded, ns since 1970."""
+    """Time of its recording, ns since 1970."""
     key: str
     """Its key."""
     payload: bytes = b""
@@ -47,7 +47,7 @@ class Put(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class _Arrived(msgspec.Struct):
-    """What is needed of the event of a sample."""
+    """The required part of a sample's event."""
 
     event: str
     key: str = ""
@@ -61,8 +61,8 @@ class PutReader:
     """Finds the samples.
 
     Args:
-        node: Whose samples; None: of the only node there is.
-        config: Tells the keys of topics of ROS; None: those are left out of recordings of engines.
+        node: Node of the samples; None: the only one.
+        config: Names the keys of topics of ROS; None: recordings of engines lack those samples.
     """
 
     def __init__(self, *, node: int | None = None, config: Config | None = None) -> None:
@@ -118,7 +118,7 @@ class PutReader:
         return self._node == node
 
     def _note(self, message: ReadMessage) -> Iterator[Put]:
-        """Keep the facts about a sample beside its value."""
+        """Store the facts about a sample, which accompany its value."""
         arrived = msgspec.json.decode(message.data, type=_Arrived)
         if arrived.event == "SampleReceived":
             self._arrived = arrived
@@ -176,7 +176,7 @@ class PutReader:
 
 
 def _value_of(stream: Stream, data: bytes) -> tuple[object, str]:
-    """Read a value as a recording has it; with its encoding, where that is beside it.
+    """Read a recorded value, with its encoding if that is recorded.
 
     Raises:
         PayloadInvalidError: It cannot be read.

@@ -1,1 +1,1 @@
-"""What a recording amounts to: figures, plots, text, page."""
+"""The report of a recording: figures, plots, text, page."""

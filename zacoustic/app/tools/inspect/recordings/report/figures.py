@@ -1,8 +1,8 @@
 """Figures of a recording: delivery, latency, airtime and link quality.
 
-What is promised of them: the bytes of a node are those of its frames, and its ledger sums to them,
-exactly, or `ledger_is_exact` is false. A latency is from the command to the arrival, between the
-clocks of two nodes where they are not the same.
+Guarantees: the bytes of a node are those of its frames, and its ledger equals them exactly, or
+`ledger_is_exact` is false. A latency is from the command to the arrival, by the clocks of the two
+nodes if they differ.
 """
 
 from typing import Final
@@ -19,11 +19,11 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.run.recording.channels import SENT
 
 _NAMED: Final = 5
-"""So many streams are named; the worst first."""
+"""Number of streams to name, the worst first."""
 
 
 class StreamFigures(msgspec.Struct, kw_only=True):
-    """Of one stream."""
+    """Figures of one stream."""
 
     stream_id: int
     """Its id."""
@@ -34,60 +34,59 @@ class StreamFigures(msgspec.Struct, kw_only=True):
     published: int = 0
     """Samples published, calls made or goals sent by recorded nodes."""
     expected: int = 0
-    """Samples that would have arrived at recorded nodes if nothing were lost; calls and goals.
-    Without those that were left out on purpose."""
+    """Samples that would have arrived at recorded nodes without losses; calls and goals. Without
+    those left out on purpose."""
     thinned: int = 0
-    """Samples that made room for newer ones, as `min_interval_s` wants it: no loss."""
+    """Samples replaced by newer ones because of `min_interval_s`: not lost."""
     delivered: int = 0
-    """Samples of recorded nodes that have arrived at recorded nodes; calls and goals answered."""
+    """Samples of recorded nodes that arrived at recorded nodes; answered calls and goals."""
     arrived: int = 0
-    """Samples that have arrived at recorded nodes, from anywhere."""
+    """Samples that arrived at recorded nodes, from any node."""
     failed: int = 0
     """Calls and goals that ended without an answer."""
     refused: int = 0
-    """What the engine has not taken."""
+    """Commands that the engine refused."""
     latency_s: Spread | None = None
     """From publication to arrival, from call or goal to its end, s."""
     age_s: Spread | None = None
-    """How old samples were when their frames were composed, s, where they are stamped."""
+    """Age of samples when their frames were composed, s, if they are stamped."""
     outcomes: dict[str, int] = {}
-    """Outcomes of reliable samples, as their publishers got them."""
+    """Outcomes of reliable samples, as reported to their publishers."""
     transmitted_bytes: int = 0
-    """Given to the links for it, with headers and repetitions."""
+    """Bytes given to the links, with headers and repetitions."""
     airtime_s: float = 0.0
-    """Its share of the airtime by its bytes, s."""
+    """Its share of the airtime, by bytes, s."""
 
 
 class NodeFigures(msgspec.Struct, kw_only=True):
-    """Of one node's link."""
+    """Figures of one node's links."""
 
     node: int
     """Its address."""
     epochs: int
-    """How many were recorded."""
+    """Number of recorded boot epochs."""
     frames: int = 0
-    """Sent."""
+    """Frames sent."""
     frame_bytes: int = 0
-    """Their sizes."""
+    """Their bytes."""
     ledger_bytes: int | None = None
-    """Sum of the ledgers of all boot epochs; None: none is in the recording."""
+    """Sum of the ledgers of all boot epochs; None: the recording has none."""
     covered_bytes: int | None = None
-    """Of the frames that came before the last ledger: less than all of them in a recording that
-    ends early."""
+    """Bytes of the frames before the last ledger: less than all in a recording that ends early."""
     ledger_is_exact: bool | None = None
-    """The two are the same."""
+    """Whether the two are equal."""
     airtime_s: float = 0.0
-    """How long they sound, s."""
+    """Airtime of the frames, s."""
     utilisation: float = 0.0
     """Share of the time, 0…1."""
     outcomes: dict[str, int] = {}
-    """What became of the transmissions."""
+    """Number of transmissions by outcome."""
     by_cause: dict[str, int] = {}
     """Bytes of the ledger by cause."""
 
 
 class Figures(msgspec.Struct, kw_only=True):
-    """What a recording amounts to."""
+    """All figures of a recording."""
 
     files: list[str]
     """The recordings."""
@@ -98,21 +97,21 @@ class Figures(msgspec.Struct, kw_only=True):
     utilisation: float
     """Airtime of all recorded nodes together, as a share of the time."""
     streams: list[StreamFigures]
-    """By id."""
+    """The streams by id."""
     nodes: list[NodeFigures]
-    """By address."""
+    """The nodes by address."""
     links: list[LinkFigures]
-    """By speaker and hearer."""
+    """The links by sender and receiver."""
     handled: list[Handled] = []
-    """Remote commands that were executed or refused, and frames that did not open."""
+    """Executed or refused remote commands, and frames that did not open."""
     notes: list[str]
-    """Notes for the reader, a line each."""
+    """Remarks for the reader, one line each."""
     verdict: list[str] = []
-    """What it comes to, a line each."""
+    """Conclusions, one line each."""
 
 
 def figures_of(facts: Facts) -> Figures:
-    """Make the figures."""
+    """Compute the figures."""
     match(facts)
     nodes = [_node(facts, node) for node in facts.nodes]
     figures = Figures(
@@ -182,7 +181,7 @@ def _streams(facts: Facts) -> list[StreamFigures]:
 
 
 def _hearers(facts: Facts, published: Published) -> list[int]:
-    """Return the recorded nodes at which a sample is to arrive."""
+    """Return the recorded nodes at which a sample should arrive."""
     stream = facts.streams[published.stream_id]
     return [node for node in facts.tables if node != published.node and stream.may_subscribe(node)]
 
@@ -240,7 +239,7 @@ def _notes(facts: Facts, nodes: list[NodeFigures]) -> list[str]:
 
 
 def _verdict(figures: Figures) -> list[str]:
-    """Return it: what is known not to have arrived, then what was left out on purpose."""
+    """Return the conclusions: known losses first, then samples left out on purpose."""
     expected = sum(each.expected for each in figures.streams)
     delivered = sum(each.delivered for each in figures.streams)
     if not expected:

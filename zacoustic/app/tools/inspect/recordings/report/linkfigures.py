@@ -1,7 +1,7 @@
-"""How well one node hears another: frames that arrive, and what the modems have measured.
+"""Quality of reception between two nodes: arriving frames, and the modems' measurements.
 
-A frame counts as lost only while whoever should hear it was recorded: a vehicle that is switched
-off before the boat is, and a recording that ends early, lose nothing.
+A frame counts as lost only while its receiver was recorded: a vehicle that is switched off before
+the boat, and a recording that ends early, lose nothing.
 """
 
 from collections.abc import Iterator
@@ -28,16 +28,16 @@ Pair = tuple[int, int]
 
 
 class LinkFigures(msgspec.Struct, kw_only=True):
-    """From one node to another one."""
+    """Figures from one node to another."""
 
     source: int
     """The sender."""
     node: int
-    """Who hears."""
+    """The receiver."""
     heard: int = 0
     """Frames that arrived."""
     sent: int | None = None
-    """Frames for it, or for everybody, while it was recorded; None: the speaker is not recorded."""
+    """Frames for it or broadcast, while it was recorded; None: the sender is not recorded."""
     loss: float | None = None
     """Share of them that did not arrive, for any reason, 0…1."""
     snr_db: Spread | None = None
@@ -55,7 +55,7 @@ class LinkFigures(msgspec.Struct, kw_only=True):
 
 
 def links_of(facts: Facts) -> list[LinkFigures]:
-    """Make the figures, by speaker and hearer."""
+    """Compute the figures, by sender and receiver."""
     heard: dict[Pair, int] = {}
     sent: dict[Pair, int] = {}
     recorded = facts.nodes
@@ -88,10 +88,10 @@ def links_of(facts: Facts) -> list[LinkFigures]:
 
 
 def numbers_of(facts: Facts, name: str) -> Iterator[tuple[int, Pair, float]]:
-    """Give the measurements of one kind: UTC, ns; measured and measuring node; the number.
+    """Yield the measurements of one kind: UTC, ns; measured and measuring node; the number.
 
     Args:
-        facts: What happened.
+        facts: The events.
         name: One of `METRICS`.
     """
     for utc_ns, frame in facts.frames:

@@ -1,4 +1,4 @@
-"""A report as one page: tables and plots in one HTML file that needs nothing from elsewhere."""
+"""A report as one page: tables and plots in one self-contained HTML file."""
 
 from collections.abc import Sequence
 
@@ -13,8 +13,8 @@ def as_page(figures: Figures, plots: Sequence[Plot], *, title: str) -> str:
 
     Args:
         figures: Its contents.
-        plots: What it shows.
-        title: What it is of.
+        plots: Its plots.
+        title: Its title.
     """
     return as_document(
         title,

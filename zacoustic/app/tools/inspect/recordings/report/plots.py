@@ -1,4 +1,4 @@
-"""The plots of a report, as SVG that stands inside a page. Needs the extra `report`."""
+"""The plots of a report, as SVG inside a page. Needs the extra `report`."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _BINS: Final = 60
 _MOST_POINTS: Final = 2000
-"""Points of one plot: more make a page slow and are not visible."""
+"""Most points of one plot: more make a page slow and are invisible."""
 _MOST_ROWS: Final = 16
 
 Point = tuple[float, float]

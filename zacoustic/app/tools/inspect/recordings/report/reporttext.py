@@ -19,11 +19,11 @@ _QUALITIES: Final = {
     "range_m": ("range", ", m", 1),
     "range_rate_m_s": ("range rate", ", m/s", 2),
 }
-"""Of what modems measure: a word for it, its unit, and how many digits it deserves."""
+"""Name, unit and number of digits of each measured quantity."""
 
 
 def head_of(figures: Figures) -> str:
-    """Return what and how long was recorded, one line."""
+    """Return one line on the recording and its length."""
     began = datetime.fromtimestamp(figures.began_utc_ns // NS_PER_S, UTC)
     nodes = ", ".join(str(node.node) for node in figures.nodes) or "none"
     return (

@@ -1,13 +1,13 @@
-"""How numbers are spread: the few figures that a table of a report has of many."""
+"""The distribution of numbers in a few figures, for a table."""
 
 import msgspec
 
 
 class Spread(msgspec.Struct, frozen=True, kw_only=True):
-    """How numbers are spread."""
+    """The distribution of numbers."""
 
     count: int
-    """How many."""
+    """Number of values."""
     mean: float
     """Their mean."""
     p50: float
@@ -15,13 +15,13 @@ class Spread(msgspec.Struct, frozen=True, kw_only=True):
     p95: float
     """95th percentile."""
     least: float
-    """The least."""
+    """The smallest."""
     greatest: float
-    """The greatest."""
+    """The largest."""
 
 
 def spread_of(numbers: list[float]) -> Spread | None:
-    """Return how numbers are spread; None without any."""
+    """Return the distribution of numbers; None: there are none."""
     if not numbers:
         return None
     ordered = sorted(numbers)

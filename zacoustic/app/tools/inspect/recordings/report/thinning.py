@@ -1,8 +1,8 @@
-"""Which samples were left out on purpose: `min_interval_s` lets one go, and the newest next.
+"""Samples that `min_interval_s` leaves out on purpose.
 
-A topic with a least interval sends at most one sample of a key in it; of those that come meanwhile
-the newest `depth` wait, older ones make room. Nobody has lost them, and no link was bad. Which they
-are follows from when they were published, and from what has arrived: it was not left out.
+A topic with a least interval sends at most one sample of a key in it. Of those published meanwhile
+the newest `depth` wait, and older ones are replaced. They are not lost, and the link was not bad.
+Which they are follows from the times of publication and from the arrivals.
 """
 
 import bisect
@@ -20,10 +20,10 @@ _SLACK: Final = 0.02
 
 
 def left_out(facts: Facts) -> list[Published]:
-    """Return the samples that made room.
+    """Return the replaced samples.
 
     Args:
-        facts: Matched already, so the arrivals are known.
+        facts: The events, already matched, so that arrivals are known.
     """
     keys: dict[tuple[int, int, object], list[Published]] = {}
     for published in facts.published:
@@ -42,7 +42,7 @@ def left_out(facts: Facts) -> list[Published]:
 
 
 def _of_key(samples: Iterable[Published], interval_ns: int, depth: int) -> Iterator[Published]:
-    """Give the ones of one key that were left out."""
+    """Yield the replaced samples of one key."""
     waiting: deque[Published] = deque()
     next_ns = 0
     ordered = sorted(samples, key=lambda each: each.at_ns)
@@ -52,7 +52,7 @@ def _of_key(samples: Iterable[Published], interval_ns: int, depth: int) -> Itera
             first = waiting.popleft()
             if first.arrived or not _is_overtaken(first, sent_ns + interval_ns, arrived):
                 next_ns = sent_ns + interval_ns
-            else:  # the channel was busy when its turn came, and a newer one took its place
+            else:  # the channel was busy when it was due, and a newer one replaced it
                 yield first
         waiting.append(sample)
         if len(waiting) > depth:
@@ -62,7 +62,7 @@ def _of_key(samples: Iterable[Published], interval_ns: int, depth: int) -> Itera
 
 
 def _is_overtaken(sample: Published, until_ns: int, arrived: Sequence[Published]) -> bool:
-    """Tell whether a newer one arrived so soon that this one cannot have been sent before it."""
+    """Tell whether a newer sample arrived so soon that this one cannot have been sent before."""
     place = bisect.bisect_right(arrived, sample.at_ns, key=lambda each: each.at_ns)
     soon = itertools.takewhile(lambda each: each.at_ns < until_ns, arrived[place:])
     return any(min(each.arrived.values()) < until_ns for each in soon)

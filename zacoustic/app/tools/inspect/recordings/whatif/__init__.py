@@ -1,1 +1,1 @@
-"""The load of a trial once more, on a measured or another channel."""
+"""The load of a trial again, on a measured or another channel."""

@@ -1,4 +1,4 @@
-"""What `zacoustic replay --what-if` can change: losses, configuration, access, codec, channel."""
+"""The possible changes of `zacoustic replay --what-if`: losses, config, access, codec, channel."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -26,34 +26,34 @@ ACCESS: Final = {
     "carrier_sense": CarrierSenseSpec(),
     "delegated": DelegatedSpec(),
 }
-"""Medium accesses that need no settings; others come with a configuration."""
+"""Medium accesses without settings; others come with a configuration."""
 CODECS: Final = ("cbor", "packed", "dense")
 
 
 class Wanted(msgspec.Struct, frozen=True, kw_only=True):
-    """The changes; without any: as it was."""
+    """The changes; by default none."""
 
     add_loss: float = 0.0
-    """To be added to the share of frames that is lost, in every direction."""
+    """Added share of lost frames, in every direction."""
     loss: float | None = None
-    """The share, in place of the recorded one."""
+    """Share of lost frames, in place of the recorded one."""
     config: str | None = None
     """Configuration of all nodes."""
     access: str | None = None
     """Medium access, one of `ACCESS`."""
     codec: str | None = None
-    """Codec of all typed topics that may have it, one of `CODECS`."""
+    """Codec of all typed topics that allow it, one of `CODECS`."""
     scenario: str | None = None
     """The channel, in place of the measured one, in all runs."""
     seed: int = 1
-    """Of the losses."""
+    """Seed of the losses."""
 
 
 def what_if(paths: Sequence[str], wanted: Wanted) -> WhatIf:
-    """Run the load of recordings as it was, and another way.
+    """Run the load of recordings without and with changes.
 
     Raises:
-        ConfigError: A file is wrong, or nothing can be made of it.
+        ConfigError: A file is wrong, or unsuitable.
     """
     facts = gather(paths)
     if not facts.tables:
@@ -99,7 +99,7 @@ def _with_codec(table: StreamTable, codec: str | None) -> StreamTable:
 
 
 def _spec_with(spec: StreamSpec, codec: str) -> StreamSpec:
-    """Return a spec with another codec, or as it is where that is not allowed."""
+    """Return a spec with another codec; unchanged if that is not allowed."""
     if not isinstance(spec, TopicSpec) or spec.type_name is None:
         return spec
     changed = msgspec.structs.replace(spec, codec=codec)

@@ -1,8 +1,7 @@
-"""The channel of a recording, as far as its frames show: positions of the nodes, and losses.
+"""The channel of a recording, as its frames show it: positions of the nodes, and losses.
 
-Delays are measured by modems, or known as what the link reckons with. What is lost is counted
-between nodes that are both recorded, without the frames that something overlapped: collisions and
-half-duplex come by themselves when the same is simulated, and would count twice.
+Delays are measured by modems, or assumed by the link. Losses are counted between recorded nodes,
+without overlapped frames: collisions and half-duplex are simulated, and would count twice.
 """
 
 import math
@@ -23,7 +22,7 @@ from zacoustic.testing.virtual import Modem
 _SOUND_M_S: Final = 1500.0
 _DEPTH_M: Final = 10.0
 _MOST_LOSS: Final = 0.99
-# Clocks of two computers, and the time between the sound and its report.
+# Difference of two computers' clocks, and time from a sound to its report.
 _CLOCKS_NS: Final = 5_000_000_000
 _USUAL_S: Final = 1.0
 
@@ -31,14 +30,14 @@ Pair = tuple[int, int]
 
 
 class MeasuredChannel(msgspec.Struct, frozen=True, kw_only=True):
-    """What was measured."""
+    """The result of the measurement."""
 
     scenario: Scenario
     """Nodes, delays and losses."""
     modem: Modem
-    """What the modems do by themselves."""
+    """Behaviour of the modems."""
     losses: dict[str, float]
-    """Share of the frames that were lost alone, by `SOURCE to NODE`."""
+    """Share of frames lost without an overlap, by `SOURCE to NODE`."""
     notes: list[str]
     """Assumptions, a line each."""
 
@@ -80,7 +79,7 @@ def with_loss(scenario: Scenario, *, add: float = 0.0, instead: float | None = N
 
     Args:
         scenario: The channel.
-        add: What to add to the share of frames that is lost, in every direction.
+        add: Added share of lost frames, in every direction.
         instead: The share, in place of the measured one.
     """
 
@@ -96,7 +95,7 @@ def with_loss(scenario: Scenario, *, add: float = 0.0, instead: float | None = N
 
 
 def _delays(facts: Facts, nodes: list[int], notes: list[str]) -> dict[Pair, float]:
-    """Return the propagation delay of each pair, both ways the same, s."""
+    """Return the propagation delay of each pair, equal in both directions, s."""
     measured: dict[Pair, list[float]] = {}
     for _, (one, other), delay_s in numbers_of(facts, "propagation_s"):
         measured.setdefault((min(one, other), max(one, other)), []).append(delay_s)
@@ -114,7 +113,7 @@ def _delays(facts: Facts, nodes: list[int], notes: list[str]) -> dict[Pair, floa
 
 
 def _places(nodes: list[int], delays: dict[Pair, float]) -> list[tuple[float, float, float]]:
-    """Return where nodes can be that are so far apart: exact for three, near for more."""
+    """Return positions with these distances: exact for three nodes, approximate for more."""
     places: list[tuple[float, float, float]] = []
     for index, node in enumerate(nodes):
         distances = [delays[node, other] * _SOUND_M_S for other in nodes[:index]]
@@ -158,7 +157,7 @@ Sound = tuple[int, int, FrameRecord]
 
 
 def _arrivals(sounds: list[Sound], node: int, delays: dict[Pair, float]) -> list[Sound]:
-    """Return when each frame sounds at a node, its own ones too, by their beginnings."""
+    """Return the beginning of each frame at a node, including its own, in order."""
     found = []
     for begun, ended, frame in sounds:
         later = round(delays.get((frame.node, node), 0.0) * 1e9)
@@ -169,7 +168,7 @@ def _arrivals(sounds: list[Sound], node: int, delays: dict[Pair, float]) -> list
 def _count(
     arrivals: list[Sound], source: int, node: int, heard: dict[tuple[int, int, bytes], list[int]]
 ) -> tuple[int, int]:
-    """Count the frames that nothing overlapped, and the lost ones among them."""
+    """Count the frames without an overlap, and the lost ones among them."""
     sent = lost = 0
     ended_before = 0
     for index, (begun, ended, frame) in enumerate(arrivals):
@@ -186,7 +185,7 @@ def _count(
 
 
 def _take(times: list[int], expected: int) -> bool:
-    """Take the arrival that belongs to a frame, if there is one."""
+    """Take the arrival of a frame, if there is one."""
     near = [each for each in times if abs(each - expected) < _CLOCKS_NS]
     if not near:
         return False
@@ -195,7 +194,7 @@ def _take(times: list[int], expected: int) -> bool:
 
 
 def _profile(capabilities: LinkCapabilities | None, notes: list[str]) -> ModemProfile:
-    """Return the profile whose frames last about as long."""
+    """Return the profile with the most similar airtimes."""
     if capabilities is None:
         notes.append("what the modem can do is not in the recording: an S2C 18/34 is assumed")
         return PROFILES["evologics_s2c_18_34"]

@@ -1,12 +1,12 @@
-"""`zacoustic replay --what-if`: the load of a trial once more, and with something changed.
+"""`zacoustic replay --what-if`: the load of a trial again, without and with changes.
 
-Engines of all nodes are given what their applications gave them in the recording, at the same
-times: samples, calls, goals, subscriptions; who was asked answers as it did, after as long. What
-crosses between them is simulated, with the delays and losses that the recording tells
-(`measuredchannel`). It runs twice: with nothing changed, which tells how far the simulation is from
-the trial, and with the change. All three are reported by the same figures.
+Engines of all nodes get the inputs that their applications gave them in the recording, at the same
+times: samples, calls, goals, subscriptions; servers answer as recorded, after the same time. The
+channel between them is simulated, with the delays and losses of the recording (`measuredchannel`).
+It runs twice: without a change, which shows the difference between simulation and trial, and with
+the change. The same figures report all three.
 
-Of a node that is not recorded what arrived from it stands for what it published.
+For a node that is not recorded, samples received from it stand for its published ones.
 """
 
 from collections.abc import Mapping
@@ -45,33 +45,33 @@ _TRAVEL_S = 1.0
 
 
 class Change(msgspec.Struct, frozen=True, kw_only=True):
-    """What is another way."""
+    """The parameters of a run."""
 
     scenario: Scenario
     """The channel."""
     modem: Modem
-    """What the modems do by themselves."""
+    """Behaviour of the modems."""
     tables: Mapping[int, StreamTable]
     """Streams of each node."""
     rules: Mapping[int, TransmitRules]
-    """When each may transmit."""
+    """Rules of transmission of each node."""
 
 
 class WhatIf(msgspec.Struct, kw_only=True):
-    """Three times the same load."""
+    """The same load three times."""
 
     recorded: Figures
-    """As it was."""
+    """As recorded."""
     again: Figures
-    """Simulated as it was: how far the simulation is from the trial."""
+    """Simulated without a change: shows the difference between simulation and trial."""
     changed: Figures
     """Simulated with the change."""
     losses: dict[str, float]
-    """Share of the frames that were lost alone, as measured, by `SOURCE to NODE`."""
+    """Measured share of frames lost without an overlap, by `SOURCE to NODE`."""
     not_taken: int = 0
-    """Samples, calls and commands that the changed engines did not take."""
+    """Samples, calls and commands that the changed engines refused."""
     notes: list[str] = []
-    """Notes for the reader, a line each."""
+    """Remarks for the reader, one line each."""
 
 
 class Trial:
@@ -79,7 +79,7 @@ class Trial:
 
     Args:
         facts: The recording.
-        change: What is another way.
+        change: The parameters.
     """
 
     def __init__(self, facts: Facts, change: Change) -> None:
@@ -103,9 +103,9 @@ class Trial:
         self._load()
 
     def run(self) -> Figures:
-        """Run as long as the recording lasted; return the figures.
+        """Run for the length of the recording; return the figures.
 
-        No longer: what had not arrived then had not in the trial either, and heartbeats go on.
+        Not longer: samples missing then were missing in the trial as well, and heartbeats go on.
         """
         self.network.run(until_s=self._facts.duration_s)
         self._recorder.finish()
@@ -135,7 +135,7 @@ class Trial:
             first.add(life.address)
 
     def _learn(self, was: Asked) -> None:
-        """Let a server that is not recorded answer what came back from it."""
+        """Let a server that is not recorded give the recorded answer."""
         spec = self._facts.streams[was.stream_id].spec
         is_answered = was.ended_at_ns is not None and not was.failure
         if is_answered and isinstance(spec, ServiceSpec) and spec.server not in self._facts.tables:
@@ -185,14 +185,14 @@ class Trial:
             self.not_taken += 1
 
     def _stream(self, node: int, stream_id: int) -> Stream | None:
-        """Return the stream with the name of a recorded one; its id may differ now."""
+        """Return the stream with the name of a recorded one; its id may differ."""
         name = self._names.get(stream_id)
         table = self.network.engine(node).table if self.network.is_running(node) else None
         if table is None or name is None:
             return None
         return next((each for each in table if each.name == name), None)
 
-    # Who is asked
+    # Servers
 
     def _deliver(self, address: int, event: Event) -> None:
         if isinstance(event, RequestReceived):
@@ -225,13 +225,13 @@ def _is_service(stream: Stream) -> bool:
 
 
 class _Kept:
-    """Keeps messages in memory."""
+    """Stores messages in memory."""
 
     def __init__(self, messages: list[ReadMessage]) -> None:
         self._messages = messages
 
     def put(self, channel: Channel, utc_ns: int, data: bytes) -> bool:
-        """Keep a message."""
+        """Store a message."""
         self._messages.append(
             ReadMessage(channel.topic, utc_ns, channel.encoding, channel.metadata, data)
         )
@@ -243,7 +243,7 @@ def configured(
 ) -> tuple[dict[int, StreamTable], dict[int, TransmitRules]]:
     """Return tables and rules of all nodes: those of the configurations, or as recorded.
 
-    A node that is not recorded has the table of one that is.
+    A node that is not recorded gets the table of one that is.
     """
     epochs = {life.address: life for _, life in facts.births}
     if not epochs:
@@ -262,7 +262,7 @@ def configured(
 
 
 def compare(facts: Facts, was: Change, change: Change, losses: Mapping[str, float]) -> WhatIf:
-    """Run the load as it was and as it would be."""
+    """Run the load without and with the change."""
     recorded = figures_of(facts)
     again = Trial(facts, was).run()
     trial = Trial(facts, change)

@@ -1,4 +1,4 @@
-"""Text for people of what would have been."""
+"""The result of a what-if run, as text for people."""
 
 from zacoustic.app.tools.columns import align
 from zacoustic.app.tools.inspect.recordings.report.figures import Figures, StreamFigures
