@@ -28,6 +28,7 @@ from zacoustic.core.streams.commands import (
 )
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.calls import CallKey
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
@@ -94,6 +95,8 @@ class CommandScenario(JudgedScenario):
         self.given: dict[tuple[int, int, int], Given] = {}
         """By giver, its life and the call id."""
         self.executed: list[Executed] = []
+        self.tried: list[tuple[int, int, int, int]] = []
+        """``(giver, epoch, serial, instant)`` of those that were executed for a while, unproved."""
         self.crashes: list[int] = []
         self._serials: dict[tuple[int, int], int] = {}
         self._hush: Hush | None = None
@@ -196,11 +199,17 @@ class CommandScenario(JudgedScenario):
         """Look at what the vehicle does with orders."""
         ledger, silence = engine.commands._deduplication, engine.silence
         enter, begin, resume = ledger.enter, silence.begin, silence.resume
+        unproved = engine.commands._unproved
+        enter_unproved = unproved.enter
 
         def entered(giver: int, subject: int, epoch: int, serial: int, then: Any) -> None:
             until = None if self._hush is None else self._hush.ends_at
             self._executes(Executed(giver, subject, epoch, serial, self.network.now, until))
             enter(giver, subject, epoch, serial, then)
+
+        def tried(call: CallKey, subject: int, serial: int, undo: Any, now: int) -> None:
+            self.tried.append((call.client, call.epoch, serial, self.network.now))
+            enter_unproved(call, subject, serial, undo, now)
 
         def begun(now: int, **options: Any) -> None:
             was_silent, before = silence.is_silent(now), self._hush
@@ -221,6 +230,7 @@ class CommandScenario(JudgedScenario):
 
         for owner, name, spy in (
             (ledger, "enter", entered),
+            (unproved, "enter", tried),
             (silence, "begin", begun),
             (silence, "resume", resumed),
         ):
@@ -357,6 +367,9 @@ class CommandScenario(JudgedScenario):
             (each.giver, each.epoch, each.serial) == (given.giver, given.epoch, given.serial)
             and each.at <= before
             for each in self.executed
+        ) or any(
+            (giver, epoch, serial) == (given.giver, given.epoch, given.serial) and at <= before
+            for giver, epoch, serial, at in self.tried
         )
 
     def _weather(self, seed: int, modem: Modem) -> Scenario:

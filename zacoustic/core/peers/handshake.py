@@ -424,6 +424,12 @@ class Handshake:
             # It has not heard our own CONFIRM; let that ride, since the peer may have no data.
             self._owe_confirm(peer)
 
+    def ask_for_proof(self, address: int, now: int) -> None:
+        """Introduce this node again: the CONFIRM shows which boot epoch of a peer is present."""
+        peer = self._peers[address]
+        peer.take(Change.DOUBT)
+        self._introduce_soon(peer, now)
+
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
         """Note that a peer wants our HELLO or a table row; True if it asked this node."""
         if ask.address != self._address:

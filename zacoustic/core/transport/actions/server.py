@@ -177,6 +177,7 @@ class GoalServer:
                     self._answer_again(goal, now)
                     return "repeated_goal"
                 if self._lives.is_over(source, present, now):
+                    self._handshake.ask_for_proof(source, now)
                     return "former_life"
                 return self._receive_goal(key, stream, message.payload, now)
             case Operation.CLAIM:

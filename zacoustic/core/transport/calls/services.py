@@ -194,6 +194,7 @@ class Services:
         if stream.is_built_in and not introduced:
             return "unconfirmed"  # it may be from an earlier boot epoch of its sender
         if self._lives.is_over(source, key.epoch, now):
+            self._handshake.ask_for_proof(source, now)
             return "former_life"
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 

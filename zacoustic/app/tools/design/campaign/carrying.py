@@ -127,6 +127,8 @@ class _Carrying:
     def _finish(self, future: "Future[bytes]", runs: list[int]) -> None:
         try:
             result = future.result()
+        except OSError as error:  # of the connection: a batch returns the failures of its runs
+            raise _gone() from error
         except Exception as error:  # of the scheduler: workers have died of this batch repeatedly
             names = self._named(runs[0]) + (f" and {len(runs) - 1} more" if runs[1:] else "")
             raise CampaignError(
