@@ -125,9 +125,11 @@ class _Carrying:
             self._pending[future] = runs
 
     def _finish(self, future: "Future[bytes]", runs: list[int]) -> None:
+        from distributed import CancelledError
+
         try:
             result = future.result()
-        except OSError as error:  # of the connection: a batch returns the failures of its runs
+        except (CancelledError, OSError) as error:  # a batch returns the failures of its runs
             raise _gone() from error
         except Exception as error:  # of the scheduler: workers have died of this batch repeatedly
             names = self._named(runs[0]) + (f" and {len(runs) - 1} more" if runs[1:] else "")
