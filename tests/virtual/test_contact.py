@@ -58,7 +58,7 @@ def test_nodes_that_start_together_do_not_collide_for_ever(count: Callable[[int]
         assert of(PeerLost, medium) == [], f"seed {seed}"
 
 
-# Ten heartbeats in a row are lost with a probability of 1e-7 at 20 %: once in 30 full sizes of this.
+# Ten heartbeats in a row are lost with a probability of 1e-7 at 20 %: in one full size of thirty.
 @pytest.mark.parametrize("loss", [0.0, 0.2])
 def test_node_that_is_gone_is_lost_in_time_and_found_when_it_is_back(
     count: Callable[[int], int], loss: float
