@@ -20,6 +20,7 @@ from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import EVERY_NODE, Stream
 from zacoustic.core.transport.calls.answering import Answering, call_qos, confirm_qos
@@ -195,7 +196,10 @@ class Services:
             return "unconfirmed"  # it may be from an earlier boot epoch of its sender
         if self._lives.is_over(source, key.epoch, now):
             self._handshake.ask_for_proof(source, now)
-            return "former_life"
+            # A silent node cannot ask, and must hear that its silence ends: commands hold as
+            # unproved.
+            if not (stream.is_built_in and stream.stream_id == COMMANDS_STREAM_ID):
+                return "former_life"
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 
     def peer_forgotten(self, address: int, now: int) -> None:

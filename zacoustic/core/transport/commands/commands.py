@@ -89,6 +89,7 @@ class Commands:
         self._executes = executes
         self._services = services
         self._handshake = node.handshake
+        self._lives = node.lives
         self._alarms = node.alarms if node.seal is not None else None
         self._silence = silence
         self._deduplication = DeduplicationTable(node.stored, node.journal)
@@ -195,7 +196,8 @@ class Commands:
             if command.for_s is not None:
                 command = _for_the_rest(command, age_s)
             if command.changes:
-                proved = self._handshake.is_present(request.value["heard"])
+                is_former = self._lives.is_over(call.client, call.epoch, now)
+                proved = not is_former and self._handshake.is_present(request.value["heard"])
                 self._execute_once(call, serial, command, now, proved=proved)
             else:
                 self._answer(call, command, now)

@@ -5,6 +5,10 @@ node that it has heard (`heard`): this excludes frames for an earlier boot epoch
 only guess. A command without it is executed all the same, since the node that needs silence may
 just have started. But its effect is undone after a while, and it overtakes other commands no longer
 than that. Its sender gives the command again with the epoch that it hears in the answer.
+
+A command from a boot epoch that seems to be over is unproved, too. It may be a recorded one; but a
+late copy can also make the present epoch of its sender count as over, and a node in silence may not
+ask for a proof.
 """
 
 from collections.abc import Callable
