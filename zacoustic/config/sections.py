@@ -13,6 +13,7 @@ from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S
 from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.schedule.access.spec import ScheduledSlot
+from zacoustic.core.schedule.replybudget import REPLY_SHARE
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.encoding import TYPED_ENCODINGS
 from zacoustic.core.values.types import SCALAR_TYPES, FieldSpec
@@ -115,7 +116,8 @@ ALLOWED: Final = {
     "length": "a number, 1..65535",
     "max_length": "a number, 1..65535",
     "default": "a value of the field's type",
-    "security": "{ key, members, mode, seal, strong, pad, overlap_s, lives, emergency }",
+    "security": "{ key, members, mode, seal, strong, pad, overlap_s, reply_share, lives, "
+    "emergency }",
     "key": "a text, the key file that `zacoustic key new` has made",
     "members": "a text, the list that `zacoustic key new --identity` has made",
     "mode": ", ".join(mode.value for mode in Mode),
@@ -123,6 +125,7 @@ ALLOWED: Final = {
     "seal": "transmit, receive",
     "pad": f"a list of lengths of frames, {LEAST_PAD_BYTES}..{LARGEST_PAD_BYTES}, ascending",
     "overlap_s": f"seconds, 0..{LONGEST_OVERLAP_S:.0f}",
+    "reply_share": "a share, above 0, at most 1",
     "lives": "a text, the folder of the life records",
     "emergency": "{ unsealed }",
     "unsealed": "a list of names of topics",
@@ -386,6 +389,8 @@ class SecurityEntry(Entry, frozen=True, kw_only=True):
     """The only lengths of frames, bytes; default: no padding."""
     overlap_s: float = DEFAULT_OVERLAP_S
     """How long after its start a node opens frames of the former generation of the key, s."""
+    reply_share: float = REPLY_SHARE
+    """Share of the time that each other node can make this one transmit; see docs/security.md."""
     lives: str = "lives"
     """Folder of the life records, relative to this file; never copy or restore it."""
     emergency: EmergencyEntry | None = None

@@ -48,6 +48,8 @@ def read_security(
     _check_lengths(place.at("pad"), entry.pad or ())
     if not (math.isfinite(entry.overlap_s) and 0 <= entry.overlap_s <= LONGEST_OVERLAP_S):
         place.at("overlap_s").refuse(allowed=ALLOWED["overlap_s"])
+    if not 0 < entry.reply_share <= 1:
+        place.at("reply_share").refuse(allowed=ALLOWED["reply_share"])
     unsealed = () if entry.emergency is None else entry.emergency.unsealed
     return SecuritySpec(
         source=f"{place.source}: {SECTION_PATH}{place.path}",
@@ -60,6 +62,7 @@ def read_security(
         strong=frozenset(map(Strong, entry.strong)),
         pad=entry.pad or (),
         overlap_s=entry.overlap_s,
+        reply_share=entry.reply_share,
         only_opens=Seals(entry.seal) is Seals.NONE,
         unsealed=_read_topics(place.at("emergency").at("unsealed"), unsealed, table),
     )
@@ -73,6 +76,7 @@ def seal_rules(security: SecuritySpec | None) -> SealRules:
         strong=frozenset(each.value for each in security.strong),
         pad_bytes=security.pad,
         unsealed=security.unsealed,
+        reply_share=security.reply_share,
     )
 
 

@@ -6,6 +6,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.schedule.replybudget import REPLY_SHARE
 from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
 
 LEAST_PAD_BYTES: Final = LONG_HEAD_BYTES + STRONG_TAG_BYTES + 1
@@ -63,6 +64,8 @@ class SecuritySpec(msgspec.Struct, frozen=True, kw_only=True):
     """Lengths to pad frames to, bytes, ascending: each is padded to the next; empty: no padding."""
     overlap_s: float = DEFAULT_OVERLAP_S
     """How long after its start a node opens frames of the former generation, s."""
+    reply_share: float = REPLY_SHARE
+    """Share of the time that each other node can make this one transmit, above 0, at most 1."""
     only_opens: bool = False
     """The node opens frames and transmits none."""
     unsealed: frozenset[int] = frozenset()

@@ -33,6 +33,8 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it shows no end and needs the frame for itself."""
     ignores_hold: bool = False
     """Whether it may go while an answer about an object is awaited."""
+    is_reply: bool = False
+    """Whether it goes because of its destination, which pays for it (`ReplyBudget`)."""
     lane: tuple[int, ...] = ()
     """First parts of the lane keys of payloads beside it."""
 

@@ -80,6 +80,7 @@ class LinkStack:
             self.protocols,
             silence,
             AirtimeCaps(own.max_airtime),
+            context.node.replies,
             context.stats,
             self._make_port,
             context.emit,

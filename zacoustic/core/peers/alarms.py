@@ -8,7 +8,8 @@ step for some frames. A rate-limited event reports what somebody has to look int
 - an authentic node transmits with an earlier life: it has old records;
 - another computer may have this node's key and address;
 - an authentic node transmits what it may not (it is no publisher, no server, or nobody executes its
-  commands): the event then names the stream.
+  commands): the event then names the stream;
+- an authentic node makes this node transmit more than its reply budget.
 """
 
 from collections.abc import Callable
@@ -86,6 +87,16 @@ class SealAlarms:
         self._count(address, Refusal.FORBIDDEN, stream_id)
         self._tell(address, Refusal.FORBIDDEN, stream_id, now)
 
+    def costly(self, address: int, now: int) -> None:
+        """Count something of a node beyond its reply budget, and report it likewise.
+
+        Args:
+            address: The node.
+            now: The instant.
+        """
+        self._count(address, Refusal.COSTLY, None)
+        self._tell(address, Refusal.COSTLY, None, now)
+
     def _count(self, address: int, refusal: Refusal, stream_id: int | None) -> int:
         key = (address, refusal, stream_id)
         self._frames[key] = self._frames.get(key, 0) + 1
@@ -101,7 +112,9 @@ class SealAlarms:
                     address=address,
                     refusal=refusal,
                     frames=frames,
-                    is_too_many=stream_id is None and frames >= FORGERIES,
+                    is_too_many=stream_id is None
+                    and refusal is not Refusal.COSTLY
+                    and frames >= FORGERIES,
                     stream_id=stream_id,
                 )
             )

@@ -239,7 +239,7 @@ class Handshake:
         if speak is None or speak[0] > now:
             return None
         destination = BROADCAST if self._peers[speak[1]].speaks_to_all else speak[1]
-        return Offer(destination=destination, owed_first=True, rides=True)
+        return Offer(destination=destination, owed_first=True, rides=True, is_reply=True)
 
     def _speak_next(self, link: str) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next frame with owed statements only, or None."""

@@ -69,6 +69,8 @@ class Refusal(Enum):
     """Authentic and of this node's address, but another computer sent it."""
     FORBIDDEN = "forbidden"
     """Authentic, but its source may not send such a record or command."""
+    COSTLY = "costly"
+    """Authentic, but its source makes this node transmit more than its reply budget."""
 
 
 class Inside(msgspec.Struct, frozen=True, kw_only=True):

@@ -24,11 +24,12 @@ class AirtimeAccount:
 
     Args:
         share: Share of the time, above 0, at most 1.
+        saved_ns: The share of this time can be saved up, ns.
     """
 
-    def __init__(self, share: float) -> None:
+    def __init__(self, share: float, *, saved_ns: int = _SAVED_NS) -> None:
         self._share = share
-        self._limit_ns = share * _SAVED_NS
+        self._limit_ns = share * saved_ns
         self._balance_ns = self._limit_ns
         self._reckoned_at = 0
 

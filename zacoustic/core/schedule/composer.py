@@ -59,6 +59,8 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     """Whether to ask the modem for an acknowledgement."""
     parts: tuple[Part, ...] = ()
     """Receive the begin and the end of its transmission."""
+    caused_by: int | None = None
+    """Address of the node because of which it goes; None: it goes for this node's own sake."""
 
     @property
     def streams(self) -> tuple[int, ...]:
@@ -307,6 +309,7 @@ class Composer:
         parts: Sequence[Part] = (),
         is_pressing: bool = False,
         needs_no_table: bool = False,
+        is_reply: bool = False,
     ) -> Composed:
         """Close a frame, add its envelope, and collect the parts that follow its transmission.
 
@@ -321,6 +324,7 @@ class Composer:
             parts: Further parts that follow its transmission.
             is_pressing: It carries a payload that may be repeated before any answer can come.
             needs_no_table: It has a HELLO, or no record of any stream.
+            is_reply: It goes because of its destination.
         """
         closed = self._seal.close(
             content,
@@ -347,6 +351,7 @@ class Composer:
             object_stream=object_stream,
             acknowledge=exchange is not None,
             parts=tuple(part for part in told if part is not None),
+            caused_by=destination if is_reply and destination != BROADCAST else None,
         )
 
     def _fill(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
@@ -396,6 +401,7 @@ class Composer:
             parts=draft.parts,
             is_pressing=first is not None and first[0].qos.priority in MOST_COPIES,
             needs_no_table=bool(draft.introduction) or not items,
+            is_reply=offer.is_reply,
         )
 
     def _answer(self, draft: "_Draft", now: int) -> None:

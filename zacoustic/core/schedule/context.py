@@ -32,6 +32,7 @@ from zacoustic.core.schedule.hearing import hear_medium
 from zacoustic.core.schedule.linkseal import LinkSeal, SealRules, Unsealed
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.queue import TransmitQueue
+from zacoustic.core.schedule.replybudget import ReplyBudget
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.seal import Cipher
 
@@ -92,6 +93,10 @@ class NodeContext:
         """Report refused frames."""
         self.sealing = sealing
         """The sealing settings of the config."""
+        share = sealing.reply_share if cipher is not None else None
+        self.replies = ReplyBudget(share, self.alarms.costly)
+        """How much the other nodes can make this node transmit."""
+        self.peers.forgotten.connect(self.replies.peer_forgotten)
         self.handshake = Handshake(
             address,
             epoch,

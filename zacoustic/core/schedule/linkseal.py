@@ -18,6 +18,7 @@ from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.sealing import Seal
 from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.replybudget import REPLY_SHARE
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.wire.frame import PADDING
@@ -44,6 +45,8 @@ class SealRules(msgspec.Struct, frozen=True, kw_only=True):
     """Lengths to which frames are padded, ascending, bytes; empty: no padding."""
     unsealed: frozenset[int] = frozenset()
     """Topics, by stream id, whose samples are also accepted from unsealed frames."""
+    reply_share: float = REPLY_SHARE
+    """Share of the time that each other node can make this one transmit, above 0, at most 1."""
 
     def check_room(self, room_bytes: int) -> None:
         """Check that sealed frames, and the lengths to which they are padded, fit a link.

@@ -60,6 +60,7 @@ class Waiting:
         tick: Number of the sample in its dense stream.
         cause: Why its bytes are sent; None: header and payload.
         code: First byte of the record where it is a control and not the stream's id.
+        is_reply: Whether its destination has caused it.
         queued_at: Instant of publication, ns.
         expires_at: Instant after which it is worthless, ns, or None.
     """
@@ -77,6 +78,7 @@ class Waiting:
         "for_one_node",
         "head",
         "is_copy",
+        "is_reply",
         "part",
         "payload",
         "prefix",
@@ -105,6 +107,7 @@ class Waiting:
         cause: Cause | None = None,
         expires_at: int | None = None,
         code: int | None = None,
+        is_reply: bool = False,
     ) -> None:
         self.stream_id = stream_id
         self.code = stream_id if code is None else code
@@ -121,6 +124,7 @@ class Waiting:
         self.dense_value = dense_value
         self.tick = tick
         self.cause = cause
+        self.is_reply = is_reply
         self.sync = b""
         """A prefix that may change while the record waits."""
         self.copies = 0
@@ -446,7 +450,12 @@ class TransmitQueue:
         for lane, item in self.candidates(now):
             if lane.due_at <= now:
                 is_urgent = lane.qos.priority is Priority.REAL_TIME
-                return Offer(destination=item.destination, rank=lane.rank, ignores_hold=is_urgent)
+                return Offer(
+                    destination=item.destination,
+                    rank=lane.rank,
+                    is_reply=item.is_reply,
+                    ignores_hold=is_urgent,
+                )
         return None
 
     def drop_expired(self, now: int) -> int | None:

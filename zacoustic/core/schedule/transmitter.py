@@ -23,6 +23,7 @@ from zacoustic.core.schedule.airtime import AirtimeCaps
 from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
+from zacoustic.core.schedule.replybudget import ReplyBudget
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.wire.envelope import Envelope
 
@@ -91,6 +92,7 @@ class Transmitter:
         source: What the engine has to send there.
         silence: The transmit silence, and what is known of UTC.
         airtime: The airtime caps.
+        replies: The reply budget of the node.
         stats: The link's counters.
         make_port: Makes the link's port from its capabilities and envelope.
         emit: Takes `NothingHeard`.
@@ -102,6 +104,7 @@ class Transmitter:
         source: FrameSource,
         silence: Silence,
         airtime: AirtimeCaps,
+        replies: ReplyBudget,
         stats: LinkStats,
         make_port: Callable[[LinkCapabilities, Envelope], LinkPort],
         emit: Callable[[NothingHeard], None],
@@ -114,6 +117,7 @@ class Transmitter:
         """The last reported state of the link."""
         self.airtime = airtime
         """The airtime caps of streams and node."""
+        self._replies = replies
         self._source = source
         self._silence = silence
         self._stats = stats
@@ -208,6 +212,8 @@ class Transmitter:
         held = self.airtime.spend(composed.stream_bytes, airtime_ns, now)
         for stream_id, until in held.items():
             self._source.hold(stream_id, until)
+        if composed.caused_by is not None:
+            self._replies.spend(composed.caused_by, airtime_ns, now)
         return transmission, composed.streams
 
     def finish(self, report: TransmitReport, now: int) -> bool:

@@ -189,7 +189,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
     name: str = ""
     """Its name in `nodes`."""
     refusal: str
-    """``forged``, ``unsealed``, ``former_life``, ``clone`` or ``forbidden``."""
+    """``forged``, ``unsealed``, ``former_life``, ``clone``, ``forbidden`` or ``costly``."""
     frames: int
     """Number of such frames since the start."""
     is_too_many: bool
@@ -210,6 +210,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
             "former_life": "it transmits with an earlier life: old records, or a recording of it",
             "clone": "another computer has this key and address; nothing is transmitted any more",
             "forbidden": f"{FORBIDDEN}: {self.stream}",
+            "costly": "it has spent security.reply_share: commands apart, it gets no answers",
         }[self.refusal]
         rotate = "; rotate the key" if self.is_too_many else ""
         node = f"{self.address} {self.name}".rstrip()

@@ -94,6 +94,7 @@ class Protocols(Profile):
             context.reception,
             context.stats,
             context.seal,
+            context.node.replies,
             context.node.alarms.forbidden,
         )
         made_of = Ingredients(

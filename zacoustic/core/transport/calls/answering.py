@@ -275,6 +275,7 @@ class Answering:
             delimits_itself=True,
             for_one_node=True,
             cause=Cause.ACK,
+            is_reply=True,
             queued_at=now,
         )
         qos = confirm_qos(self._linger_s)
@@ -315,6 +316,7 @@ class Answering:
             stamped=is_response and stream.qos.stamp is Stamp.AGE,
             delimits_itself=is_response and stream.response_codec.delimits_itself,
             for_one_node=True,
+            is_reply=True,
             queued_at=now,
         )
         key = (call.stream_id, ANSWER_LANE, call.client)

@@ -277,6 +277,7 @@ class Services:
             delimits_itself=True,
             for_one_node=True,
             cause=Cause.ACK,
+            is_reply=True,
             queued_at=now,
         )
         qos = confirm_qos(self._linger_s)

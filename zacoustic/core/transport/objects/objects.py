@@ -286,6 +286,7 @@ class Objects:
                 rank=0,
                 owed_first=True,
                 is_answer=True,
+                is_reply=True,
                 ignores_hold=True,
             )
         sending = self._sending(now)

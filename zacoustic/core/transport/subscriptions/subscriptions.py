@@ -216,6 +216,7 @@ class Subscriptions:
             delimits_itself=True,
             for_one_node=True,
             cause=Cause.SUBSCRIBE,
+            is_reply=True,
             queued_at=now,
         )
         # Sent at once, it would meet again and again what is repeated together with the message.

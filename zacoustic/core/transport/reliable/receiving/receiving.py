@@ -407,6 +407,7 @@ class ReliableReceiving:
             payload=ack.encode(max(1, largest_bytes - head_bytes)),
             delimits_itself=True,
             cause=Cause.ACK,
+            is_reply=True,
             queued_at=due_at,
         )
         item.owed_at = owed_at
