@@ -1,6 +1,6 @@
 """The publisher's side: reliable samples, until they are acknowledged or worth nothing."""
 
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from functools import partial
 from typing import Final
 
@@ -452,23 +452,46 @@ class ReliableSending:
         detail: str = "",
         *,
         missing: tuple[int, ...] | None = None,
-    ) -> bool:
-        """Remove a sample and emit its end; return whether receivers wait for its number."""
+        waiting: Sequence[int] = (),
+    ) -> None:
+        """Remove a sample and emit its end.
+
+        Args:
+            lane: Its lane.
+            sample: The sample.
+            outcome: How it has ended.
+            now: The instant.
+            detail: More about it, one line.
+            missing: The receivers that do not have it; None: as far as known.
+            waiting: The receivers that learn by SYNC that its number will not come.
+        """
         if sample.stage is Stage.QUEUED:
             self._queue.discard(lane.key, sample.waiting)
         leaves_gap = lane.remove(sample)
-        lane.closing += lane.is_closing(sample, outcome)
         if sample.stage is Stage.OBJECT:
             self.slots.left(sample, outcome, now)
         sample.stage = Stage.ENDED
         ended = lane.ended(sample, outcome, now, detail, missing)
         if lane.is_journalled:  # a later boot epoch must not find the sample and report another end
-            self._keeping.forget(lane, sample, lambda at: self._forgotten(lane, sample, ended, at))
-        else:
-            self._emit(ended)
-        return leaves_gap
-
-    def _forgotten(self, lane: SendLane, sample: Outgoing, ended: DeliveryEnded, now: int) -> None:
+            if outcome is not DeliveryOutcome.DELIVERED:
+                lane.leave(sample)
+            then = partial(self._forgotten, lane, sample, ended, waiting)
+            self._keeping.forget(lane, sample, then)
+            return
         self._emit(ended)
-        lane.closing -= lane.is_closing(sample, ended.outcome)
+        for address in waiting if leaves_gap else ():
+            self._out_of_sync(lane, address)
+
+    def _forgotten(
+        self,
+        lane: SendLane,
+        sample: Outgoing,
+        ended: DeliveryEnded,
+        waiting: Sequence[int],
+        now: int,
+    ) -> None:
+        self._emit(ended)
+        lane.leaving = [each for each in lane.leaving if each is not sample]
+        for address in waiting:
+            self._out_of_sync(lane, address)
         self._advance(lane, now)

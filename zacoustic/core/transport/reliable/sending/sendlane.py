@@ -156,9 +156,9 @@ class SendLane:
         self.spans = spans
         self.born = 0
         """Samples with smaller numbers were published before the restart."""
-        self.closing = 0
-        """How many samples from before the restart are given up, but not yet deleted in the
-        journal."""
+        self.leaving: list[Outgoing] = []
+        """Samples that are given up but not yet deleted in the journal, by number. Receivers must
+        not pass over them: a later boot epoch that finds one would take that for its delivery."""
         self.is_former = False
         """Whether nothing is published since the restart; the first sample begins a new lineage."""
         self.next_number = next_number
@@ -199,12 +199,17 @@ class SendLane:
     @property
     def floor(self) -> int:
         """The oldest number that may still come."""
-        return self.samples[0].number if self.samples else self.next_number
+        first = self.samples[0].number if self.samples else self.next_number
+        return min(first, self.leaving[0].number) if self.leaving else first
 
     def floor_of(self, address: int) -> int:
         """Return the oldest number that may still come for one receiver."""
         lacking = (each.number for each in self.samples if address not in each.acknowledged)
-        return next(lacking, self.next_number)
+        first = next(lacking, self.next_number)
+        if not self.leaving:
+            return first
+        leaving = (each.number for each in self.leaving if address not in each.acknowledged)
+        return min(first, next(leaving, first))
 
     def add(
         self, stream: Stream, kept: JournalledSample, *, queued_at: int, expires_at: int | None
@@ -315,18 +320,13 @@ class SendLane:
             detail=detail,
         )
 
-    def is_closing(self, sample: Outgoing, outcome: DeliveryOutcome) -> bool:
-        """Return whether the end of a sample must be journalled before a later lineage begins.
-
-        Otherwise a later boot epoch that finds the sample would take an ACK in the later lineage
-        for its delivery.
-        """
-        is_given_up = outcome is not DeliveryOutcome.DELIVERED
-        return self.is_journalled and sample.number < self.born and is_given_up
+    def leave(self, sample: Outgoing) -> None:
+        """Note a given up sample until its end is journalled."""
+        self.leaving = sorted([*self.leaving, sample], key=lambda each: each.number)
 
     def _waits(self, address: int, first: int) -> bool:
         """Return whether a receiver lacks something of a lineage before this number's."""
-        return bool(first) and (self.closing > 0 or self.floor_of(address) < first)
+        return bool(first) and self.floor_of(address) < first
 
     def _some_wait(self, sample: Outgoing) -> bool:
         first = self.spans.first_of(sample.number)

@@ -60,7 +60,7 @@ class LargeSlots:
     Args:
         lanes: The lanes.
         keeping: Their counts in the journal.
-        end: Ends a sample, emits its event, and returns whether receivers wait for its number.
+        end: Ends a sample, emits its event, and marks the receivers that wait for its number.
         lose: Marks a receiver of a lane that needs SYNC.
         go_on: Sends what waited behind a sample.
         pause_ns: Returns how long the receivers of a sample get to acknowledge it, ns.
@@ -71,7 +71,7 @@ class LargeSlots:
         lanes: SendLanes,
         keeping: Keeping,
         *,
-        end: Callable[..., bool],
+        end: Callable[..., None],
         lose: Callable[[SendLane, int], None],
         go_on: Callable[[SendLane, int], None],
         pause_ns: Callable[[SendLane, Outgoing], int],
@@ -147,9 +147,7 @@ class LargeSlots:
     def is_turn(self, delivery_id: int, address: int) -> bool:
         """Return whether a receiver has everything before a large sample that it will ever get."""
         lane, sample = self._large[delivery_id]
-        return all(
-            address in each.acknowledged for each in lane.samples if each.number < sample.number
-        )
+        return lane.floor_of(address) >= sample.number
 
     def passed(self, delivery_id: int, address: int, now: int) -> None:
         """Note that a receiver has delivered a large sample, and so everything before it."""
@@ -238,10 +236,7 @@ class LargeSlots:
     ) -> None:
         """End a sample; receivers that wait for it learn so by the SYNC of a later one."""
         waiting = lane.missing(sample) if missing is None else list(missing)
-        leaves_gap = self._end(lane, sample, outcome, now, detail, missing=tuple(waiting))
-        if leaves_gap:
-            for address in waiting:
-                self._lose(lane, address)
+        self._end(lane, sample, outcome, now, detail, missing=tuple(waiting), waiting=waiting)
 
     # The journal
 
