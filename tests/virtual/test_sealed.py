@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
+import msgspec
 import pytest
 
 from tests.virtual.fleet import line
@@ -34,6 +35,9 @@ from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 NAV, LOG, ARM, DENSE = 10, 11, 20, 30
 HOUR_S: Final = 3600.0
+CALM_S: Final = 2 * HOUR_S
+"""Where frames have 32 bytes, a seal makes objects of short samples, and without carrier sense five
+nodes need 4,900 s for them (seed 93)."""
 QUIET: Final = {"channel": "none"}
 _DEPTH: Final = TypeSpec(
     name="Depth",
@@ -79,7 +83,8 @@ def seal_bytes(network: VirtualNetwork) -> tuple[int, int]:
 
 def test_all_holds_in_any_random_scenario(count: Callable[[int], int]) -> None:
     for seed in range(count(300)):
-        violations = run_scenario(draw_scenario(seed), build=SealedFleet()).violations
+        drawn = msgspec.structs.replace(draw_scenario(seed), calm_s=CALM_S)
+        violations = run_scenario(drawn, build=SealedFleet()).violations
         assert not violations, f"{seed}: {len(violations)} complaints, {violations[0]}"
 
 
