@@ -13,6 +13,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import PATIENCE_NS, Priority, Qos
 from zacoustic.core.values.dense import DenseSample
+from zacoustic.core.wire.objects import ListenHint
 
 _BEFORE_ALL: Final = -(1 << 62)
 NO_STREAM: Final = 0
@@ -30,8 +31,8 @@ class Item:
     """
 
     __slots__ = (
-        "alone", "begins", "dense", "destination", "ends", "expires_at", "for_one_node", "heard",
-        "is_control", "lost", "open_ended", "queued_at", "rides", "size_bytes", "stream_id",
+        "alone", "begins", "call", "dense", "destination", "ends", "expires_at", "for_one_node",
+        "heard", "is_control", "lost", "open_ended", "queued_at", "rides", "size_bytes", "stream_id",
         "voice", "wait_ns",
     )  # fmt: skip
 
@@ -56,6 +57,8 @@ class Item:
         """It is never in a broadcast frame."""
         self.alone = False
         """It fills its frame, as a fragment does."""
+        self.call: ListenHint | None = None
+        """When the sender of a fragment will listen."""
         self.dense: DenseSample | None = None
         self.begins: Callable[[int], None] | None = None
         """Called when its frame begins."""

@@ -15,7 +15,7 @@ from zacoustic.core.schedule.access.listening import Listening
 from zacoustic.core.transport.objects.code.code import BLOCK_FRAGMENTS, Layout
 from zacoustic.core.transport.objects.sending.planning import LossEstimate, Need, repairs_to_send
 from zacoustic.core.transport.objects.timing import Timing
-from zacoustic.core.wire.objects import FEEDBACK_BYTES, FRAGMENT_HEADER_BYTES
+from zacoustic.core.wire.objects import FEEDBACK_BYTES, FRAGMENT_HEADER_BYTES, ListenHint
 
 MANIFEST_BYTES: Final = 17
 """Without instance bytes and encoding, for an object of 128 bytes to 16 kB."""
@@ -23,6 +23,8 @@ _FIRST_COPY: Final = 0.1
 _SECOND_COPY: Final = 0.35
 _ANSWER_COPIES: Final = 3
 _SHORTEST_ROUND: Final = 2
+_CALLS: Final = {0: ListenHint.ANSWER, 1: ListenHint.ANSWER_NEXT}
+"""What the last fragments of a round announce, by how many follow."""
 _ANSWER_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
 
 
@@ -136,6 +138,7 @@ class Transfer:
             self._layout.fragment_bytes + FRAGMENT_HEADER_BYTES, lane.walk.now,
         )  # fmt: skip
         item.alone, item.voice = True, lane.offer.voice
+        item.call = _CALLS.get(left, ListenHint.NONE)
 
         def heard(node: int, at: int) -> None:
             if node in self._got:

@@ -409,13 +409,18 @@ class Walk(Driver[Said]):
         self.serve(arrival.node)
 
     def _control(self, speaker: Speaker, arrival: Arrival, said: Said) -> None:
-        """Hand over the medium-access controls of a frame."""
+        """Hand over the medium-access controls of a frame, and when its sender listens."""
+        calls = [item.call for item in said.items if item.call is not None]
+        if not calls and not said.controls:
+            return
+        frame = ReceivedFrame(
+            frame_bytes=bytes(said.size_bytes), received_at=self.now, source=arrival.source,
+            destination=said.destination,
+            metrics=LinkMetrics(propagation_s=arrival.propagation_s),
+        )  # fmt: skip
+        for call in calls:
+            speaker.port.handle_call(arrival.source, call, frame, self.now)
         for control in _controls(said.controls):
-            frame = ReceivedFrame(
-                frame_bytes=bytes(said.size_bytes), received_at=self.now, source=arrival.source,
-                destination=said.destination,
-                metrics=LinkMetrics(propagation_s=arrival.propagation_s),
-            )  # fmt: skip
             if isinstance(control, Turn) and control.node not in (
                 NOBODY, ANYBODY, speaker.address,
             ):  # fmt: skip
