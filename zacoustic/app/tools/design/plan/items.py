@@ -32,8 +32,8 @@ class Item:
 
     __slots__ = (
         "alone", "begins", "call", "dense", "destination", "ends", "expires_at", "for_one_node",
-        "heard", "is_control", "lost", "open_ended", "queued_at", "rides", "size_bytes", "stream_id",
-        "voice", "wait_ns",
+        "heard", "is_control", "lost", "open_ended", "queued_at", "rides", "size_bytes",
+        "stream_id", "voice", "wait_ns",
     )  # fmt: skip
 
     def __init__(self, stream_id: int, destination: int, size_bytes: int, queued_at: int) -> None:
