@@ -104,6 +104,7 @@ VERBS: Final[dict[str, tuple[str, ...]]] = {
     "key revoke": ("key", "revoke", "fleet.members", "2"),
     "key rejoin": ("key", "rejoin", "2", "--config", "fleet.json5", "--never"),
     "key check": ("key", "check", "fleet.json5"),
+    "key send": ("key", "send", "--node", "2", "--source", "3", *NOBODY),
 }
 """How each verb is called, so that it ends soon."""
 SITUATIONS: Final = {

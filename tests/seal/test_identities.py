@@ -12,7 +12,7 @@ from zacoustic.seal.ccm import MemberCipher
 from zacoustic.seal.identities import (
     Identity,
     Members,
-    broadcast_key,
+    broadcast_secret,
     new_identity,
     read_identity,
     read_members,
@@ -63,7 +63,7 @@ def test_all_have_the_key_of_a_sources_broadcasts(
     identities: dict[int, Identity], members: Members
 ) -> None:
     for source in ADDRESSES:
-        keys = {broadcast_key(each, members, source) for each in identities.values()}
+        keys = {broadcast_secret(each, members, source) for each in identities.values()}
         assert len(keys) == 1
         assert None not in keys
 
@@ -103,7 +103,7 @@ def test_a_revoked_node_opens_nothing_of_the_next_generation_and_nothing_of_it_i
         assert new[1].open(1, way, NONCE, body, b"head") is None
     # Whatever it puts on the list itself: it has no secret of another one's broadcasts.
     forged = left.joined(identities[2]).wrapped_by(identities[2])
-    assert broadcast_key(identities[2], forged, 1) is None
+    assert broadcast_secret(identities[2], forged, 1) is None
 
 
 def test_a_rotation_opens_frames_of_the_generation_before(
@@ -125,9 +125,9 @@ def test_whose_identity_is_not_there_is_not_heard_by_all_until_it_wraps(
     identities: dict[int, Identity], members: Members
 ) -> None:
     later = members.rotated([identities[1]])
-    assert broadcast_key(identities[3], later, 1) is not None
-    assert broadcast_key(identities[3], later, 2) is None
-    assert broadcast_key(identities[3], later.wrapped_by(identities[2]), 2) is not None
+    assert broadcast_secret(identities[3], later, 1) is not None
+    assert broadcast_secret(identities[3], later, 2) is None
+    assert broadcast_secret(identities[3], later.wrapped_by(identities[2]), 2) is not None
 
 
 def test_a_key_that_gives_the_same_to_everybody_is_refused(

@@ -65,7 +65,8 @@ def slotted_aloha(delay: float, guard: float, load: float, frames: int, *, seed:
 
 def carrier_sense(delay: float, load: float, frames: int, *, seed: int = 7) -> Point:
     """Measure carrier sense: who hears somebody gives up; `delay` between all nodes, airtimes."""
-    return _measure(load, frames, CarrierSenseSpec(), delay=delay, lifespan_s=1e-3, seed=seed)
+    spec = CarrierSenseSpec(back_off=False)
+    return _measure(load, frames, spec, delay=delay, lifespan_s=1e-3, seed=seed)
 
 
 def pure_aloha_theory(load: float) -> float:

@@ -30,6 +30,7 @@ from zacoustic.core.engine.events import (
     GoalAnswered,
     GoalFailed,
     GoalReceived,
+    KeyDelivered,
     RequestReceived,
     ResponseReceived,
     ResultReceived,
@@ -68,8 +69,8 @@ class AuditEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     by: int
     """Address of the node that requested it; 0: this node's own network or program."""
     what: str
-    """``call``, ``goal``, ``cancel``, ``seal``, or the kind of a command: ``silence``, ``resume``,
-    ``tune``, ``reset``, ``ask``; ``command`` if it was refused unread."""
+    """``call``, ``goal``, ``cancel``, ``seal``, ``key``, or the kind of a command: ``silence``,
+    ``resume``, ``tune``, ``reset``, ``ask``; ``command`` if it was refused unread."""
     outcome: str
     """``asked``, ``received``, ``answered``, ``executed``, ``accepted``, ``succeeded``, …,
     ``refused``, ``failed``."""
@@ -202,6 +203,10 @@ class AuditLog:
                     about=self._name(event.stream_id),
                     text=event.refusal,
                 )
+            case KeyDelivered():
+                outcome = "refused" if event.refusal else "executed"
+                text = event.refusal or f"for broadcasts of node {event.source}"
+                yield self._entry(event.delivered_by, "key", outcome, text=text)
             case RequestReceived():
                 key = event.call
                 yield self._entry(key.client, "call", "received", about=self._name(key.stream_id))

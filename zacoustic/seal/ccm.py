@@ -8,16 +8,22 @@ from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.wire.seal import STRONG_TAG_BYTES, TAG_BYTES, Way
+from zacoustic.errors import LocalError
+from zacoustic.seal.deliveredkeys import DeliveredKey, DeliveredKeys
 from zacoustic.seal.identities import (
     Identity,
     Members,
     broadcast_key,
+    broadcast_secret,
     nobodys_key,
     unicast_key,
+    unwrap_from,
+    wrap_for,
 )
 from zacoustic.seal.keys import FleetKey, KeyFileError
 from zacoustic.seal.spec import Mode
 
+_ONE_KEY = "the fleet has one key for all nodes; allowed: with identities (`members`)"
 _KEYS = 4096
 """Size of the key cache: two keys for each pair of nodes in a fleet."""
 
@@ -48,6 +54,14 @@ class CcmCipher(ABC):
     @abstractmethod
     def _key(self, source: int, destination: int, *, former: bool) -> bytes | None:
         """Return the key for frames from one node to another, or to all; None: there is none."""
+
+    def wrap_key(self, source: int, node: int) -> bytes:
+        """Return the secret of a source's broadcasts, wrapped for one node; see `Cipher`."""
+        raise LocalError(_ONE_KEY)
+
+    def take_key(self, source: int, sender: int, wrapped: bytes) -> None:
+        """Store a secret that another node has wrapped for this one; see `Cipher`."""
+        raise LocalError(_ONE_KEY)
 
     def end_overlap(self) -> None:
         """Stop opening frames of the former generation."""
@@ -105,12 +119,20 @@ class MemberCipher(CcmCipher):
         identity: The identity of this node.
         members: The list. If it contains a former one, frames of that generation open as well.
         mode: See `CcmCipher`.
+        delivered: The keys that other nodes have delivered; None: none yet, and none is stored.
 
     Raises:
         KeyFileError: This node is not in the list.
     """
 
-    def __init__(self, identity: Identity, members: Members, *, mode: Mode = Mode.ENCRYPT) -> None:
+    def __init__(
+        self,
+        identity: Identity,
+        members: Members,
+        *,
+        mode: Mode = Mode.ENCRYPT,
+        delivered: DeliveredKeys | None = None,
+    ) -> None:
         super().__init__(members.generation, mode)
         if members.public.get(identity.address) != identity.public:
             raise KeyFileError(
@@ -120,6 +142,29 @@ class MemberCipher(CcmCipher):
             )
         self._identity = identity
         self._members = members
+        self._delivered = delivered or DeliveredKeys(members.network, members.generation)
+
+    def wrap_key(self, source: int, node: int) -> bytes:
+        """Return the secret of a source's broadcasts, wrapped for one node; see `Cipher`."""
+        secret = self._secret(self._members, source)
+        if secret is None:
+            raise LocalError(f"this node does not open broadcasts of node {source} itself")
+        try:
+            return wrap_for(self._identity, self._members, source, node, secret)
+        except KeyFileError as error:
+            raise LocalError(str(error)) from error
+
+    def take_key(self, source: int, sender: int, wrapped: bytes) -> None:
+        """Store a secret that another node has wrapped for this one; see `Cipher`."""
+        if broadcast_secret(self._identity, self._members, source) is not None:
+            raise LocalError(f"the list has a key for broadcasts of node {source}")
+        try:
+            if unwrap_from(self._identity, self._members, source, sender, wrapped) is None:
+                raise LocalError(f"the key was not wrapped by node {sender} for this node")
+            self._delivered.keep(source, DeliveredKey(sender=sender, wrapped=wrapped))
+        except KeyFileError as error:
+            raise LocalError(str(error)) from error
+        self._cipher.cache_clear()
 
     def _key(self, source: int, destination: int, *, former: bool) -> bytes | None:
         members = self._members.former if former else self._members
@@ -127,13 +172,22 @@ class MemberCipher(CcmCipher):
             return None
         try:
             if destination == BROADCAST:
-                return broadcast_key(self._identity, members, source)
+                secret = self._secret(members, source)
+                return None if secret is None else broadcast_key(members, source, secret)
             if self._identity.address not in (source, destination):
                 return None
             return unicast_key(self._identity, members, source, destination)
         except KeyFileError:  # the destination is not in the list: nobody may open its frames
             is_own = source == self._identity.address
             return nobodys_key(self._identity, members, destination) if is_own else None
+
+    def _secret(self, members: Members, source: int) -> bytes | None:
+        """Return the secret of a source's broadcasts, from the list or delivered, or None."""
+        secret = broadcast_secret(self._identity, members, source)
+        delivered = self._delivered.of.get(source)
+        if secret is not None or delivered is None or members is not self._members:
+            return secret
+        return unwrap_from(self._identity, members, source, delivered.sender, delivered.wrapped)
 
 
 def _covered(associated: bytes, records: bytes) -> bytes:

@@ -14,6 +14,11 @@ carries it to the other nodes, wrapped for each of them (AES key wrap, RFC 3394)
 pair. Each generation has its own keys. To *revoke* a node, make the next generation without it:
 nothing that the node has learnt of the former generation opens a frame of the new one.
 
+A node that the list does not name yet, or whose secret is not wrapped in it, can be heard by a
+submerged one all the same, if a third node sends that secret across the channel, wrapped for it:
+
+    carried     key wrap of the secret under expand(pair, "carry", source, sender, destination)
+
 Any member can still forge a broadcast of any source, because it holds the secret that opens them.
 A frame for one node can be forged only by its two ends.
 """
@@ -210,22 +215,41 @@ def unicast_key(identity: Identity, members: Members, source: int, destination: 
     return expand(_pair_secret(identity, members, source, destination), info, KEY_BYTES)
 
 
-def broadcast_key(identity: Identity, members: Members, source: int) -> bytes | None:
-    """Return the key for a source's broadcasts; None: it is not wrapped for this node."""
+def broadcast_secret(identity: Identity, members: Members, source: int) -> bytes | None:
+    """Return the secret of a source's broadcasts; None: it is not wrapped for this node."""
     if source == identity.address:
-        secret = _broadcast_secret(identity, members.generation)
-    else:
-        wrapped = members.wrapped.get(source, {}).get(identity.address)
-        if wrapped is None or source not in members.public:
-            return None
-        try:
-            secret = aes_key_unwrap(
-                _wrapping_key(identity, members, source, identity.address), wrapped
-            )
-        except (InvalidUnwrap, ValueError):
-            return None
+        return _broadcast_secret(identity, members.generation)
+    wrapped = members.wrapped.get(source, {}).get(identity.address)
+    if wrapped is None or source not in members.public:
+        return None
+    return _unwrapped(_wrapping_key(identity, members, source, identity.address), wrapped)
+
+
+def broadcast_key(members: Members, source: int, secret: bytes) -> bytes:
+    """Return the key for a source's broadcasts, which follows from its secret."""
     info = key_info("broadcast frame", members.network, members.generation) + bytes((source,))
     return expand(secret, info, KEY_BYTES)
+
+
+def wrap_for(identity: Identity, members: Members, source: int, node: int, secret: bytes) -> bytes:
+    """Return the secret of a source's broadcasts, wrapped by this node for another one.
+
+    Raises:
+        KeyFileError: The other node is not in the list.
+    """
+    return aes_key_wrap(_carrying_key(identity, members, source, identity.address, node), secret)
+
+
+def unwrap_from(
+    identity: Identity, members: Members, source: int, sender: int, wrapped: bytes
+) -> bytes | None:
+    """Return the secret that another node has wrapped for this one; None: it did not.
+
+    Raises:
+        KeyFileError: The other node is not in the list.
+    """
+    key = _carrying_key(identity, members, source, sender, identity.address)
+    return _unwrapped(key, wrapped)
 
 
 def nobodys_key(identity: Identity, members: Members, destination: int) -> bytes:
@@ -310,6 +334,20 @@ def _pair_secret(identity: Identity, members: Members, one: int, other: int) -> 
 def _wrapping_key(identity: Identity, members: Members, source: int, member: int) -> bytes:
     info = b"wrap" + bytes((source, member))
     return expand(_pair_secret(identity, members, source, member), info, SECRET_BYTES)
+
+
+def _carrying_key(
+    identity: Identity, members: Members, source: int, sender: int, node: int
+) -> bytes:
+    info = b"carry" + bytes((source, sender, node))
+    return expand(_pair_secret(identity, members, sender, node), info, SECRET_BYTES)
+
+
+def _unwrapped(key: bytes, wrapped: bytes) -> bytes | None:
+    try:
+        return aes_key_unwrap(key, wrapped)
+    except (InvalidUnwrap, ValueError):
+        return None
 
 
 def _broadcast_secret(identity: Identity, generation: int) -> bytes:

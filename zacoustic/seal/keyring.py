@@ -39,6 +39,7 @@ def open_keyring(spec: SecuritySpec, address: int) -> Keyring:
     """
     try:
         from zacoustic.seal.ccm import FleetCipher, MemberCipher
+        from zacoustic.seal.deliveredkeys import DeliveredKeys
         from zacoustic.seal.identities import read_identity, read_members
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
@@ -64,7 +65,10 @@ def open_keyring(spec: SecuritySpec, address: int) -> Keyring:
                 )
             place = "members"
             key = read_members(spec.members)
-            cipher = MemberCipher(identity, key, mode=spec.mode)
+            delivered = DeliveredKeys(
+                key.network, key.generation, spec.lives / f"node-{address}.delivered"
+            )
+            cipher = MemberCipher(identity, key, mode=spec.mode, delivered=delivered)
     except KeyFileError as error:
         raise KeyFileError(f"{spec.source}.{place}: {error.args[0]}", hint=error.hint) from error
     return Keyring(key=key, cipher=cipher, lives=Lives(spec.lives, key, address))

@@ -63,6 +63,7 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.commands.commands import Commands
 from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import MakeTransport, Transport
+from zacoustic.core.transport.keydelivery import KeyDelivery
 from zacoustic.core.transport.status import Status
 from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
@@ -160,6 +161,8 @@ class Engine:
             node, self._first.protocols.services, self.clock, rules.of_links[0].access
         )
         """Questions about the status of other nodes, and that of this one: `ask`, `own`."""
+        self.keys = KeyDelivery(node, self._first.protocols.services, rules.commands_from)
+        """Delivery of the keys for broadcasts to other nodes: `send`."""
         for stack in self._stacks.values():
             stack.protocols.recover()
 

@@ -36,6 +36,7 @@ from zacoustic.core.transport.deliveries import (
     DeliveryStored,
     SampleReceived,
 )
+from zacoustic.core.transport.keydelivery import KeyDelivered
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, DeadlineSide
@@ -68,6 +69,7 @@ __all__ = [
     "GoalStatus",
     "JournalDoubted",
     "JournalStateChanged",
+    "KeyDelivered",
     "LinkState",
     "LinkStateChanged",
     "ModemRead",
@@ -139,6 +141,7 @@ Event = (
     | SilenceChanged
     | StreamOverridden
     | CommandHandled
+    | KeyDelivered
     | ClockStateChanged
     | NothingHeard
     | LinkStateChanged

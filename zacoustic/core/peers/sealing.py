@@ -124,6 +124,7 @@ class Seal:
         self.is_cloned = False
         """Another computer has this node's key and address."""
         self._cipher = cipher
+        self.wrap_key, self.take_key = cipher.wrap_key, cipher.take_key
         self._journal = journal
         self._sending: dict[Way, _Sending] = {}
         self._windows: dict[Way, Window] = {}

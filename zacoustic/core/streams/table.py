@@ -28,6 +28,7 @@ from zacoustic.core.streams.commands import (
     RESPONSE_TYPE,
     command_types,
 )
+from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID, KEYS_TIMEOUT_S
 from zacoustic.core.streams.keys import Instance, KeyPattern
 from zacoustic.core.streams.specs import (
     CODECS,
@@ -234,7 +235,8 @@ class StreamTable:
         self._by_name: dict[str, Stream] = {}
         self._built_in: dict[int, Stream] = {}
         if wire is WireProfile.NATIVE:
-            self._built_in = {COMMANDS_STREAM_ID: _commands(), STATUS_STREAM_ID: _status()}
+            built_in = (_commands(), _status(), _keys())
+            self._built_in = {each.stream_id: each for each in built_in}
         self._digest: bytes | None = None
         for spec in specs:
             self.declare(spec)
@@ -390,6 +392,19 @@ def _status() -> Stream:
         journal=False,
     )
     return Stream(spec, status_types(), {}, is_built_in=True)
+
+
+def _keys() -> Stream:
+    """Return the stream of delivered keys."""
+    spec = ServiceSpec(
+        stream_id=KEYS_STREAM_ID,
+        name="keys",
+        server=EVERY_NODE,
+        timeout_s=KEYS_TIMEOUT_S,
+        qos=Qos(priority=Priority.DATA_HIGH),
+        journal=False,  # the same key may be stored twice
+    )
+    return Stream(spec, TypeTable(), {}, is_built_in=True)
 
 
 def _type_names(spec: StreamSpec) -> dict[str, str | None]:

@@ -186,3 +186,17 @@ class Cipher(Protocol):
             body: Encrypted records, and the tag.
             associated: What the tag covers, too.
         """
+
+    def wrap_key(self, source: int, node: int) -> bytes:
+        """Return the secret of a source's broadcasts, wrapped for one node.
+
+        Raises:
+            LocalError: Nodes have no keys of their own, or this one does not open them.
+        """
+
+    def take_key(self, source: int, sender: int, wrapped: bytes) -> None:
+        """Store the secret of a source's broadcasts that another node has wrapped for this one.
+
+        Raises:
+            LocalError: It is not from that node, not wanted, or cannot be stored.
+        """

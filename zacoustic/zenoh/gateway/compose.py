@@ -13,6 +13,7 @@ from zacoustic.core.base.trace import TraceRecord
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
 from zacoustic.zenoh.gateway.commands.handlers import Handlers
+from zacoustic.zenoh.gateway.commands.keydelivery import KeyHandler
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
 from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
@@ -172,7 +173,8 @@ class Composition:
             wall_clock=self._wall_clock,
         )
         pings = PingHandler(self._runner, self._redundant, clock=self._clock)
-        return Handlers(objects, commands, pings, health)
+        keys = KeyHandler(self._runner, self._redundant)
+        return Handlers(objects, commands, pings, keys, health)
 
     def _status(self, streams: StreamHandlers, routes: Routes, objects: ObjectHandler) -> Status:
         runner, dates = self._runner, self._dates

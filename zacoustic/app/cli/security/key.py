@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from zacoustic.app.cli.support.arguments import add_json
+from zacoustic.app.cli.support.arguments import add_json, add_local_network
 from zacoustic.app.cli.support.printing import print_json, print_note, print_result
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
@@ -12,6 +12,7 @@ from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
 if TYPE_CHECKING:
     from zacoustic.seal.identities import Members
     from zacoustic.seal.keys import FleetKey
+    from zacoustic.zenoh.session.asking.keydelivery import KeyAnswer
 
 _DANGER: Final = """\
 Every frame of a node is sealed under a number that no other frame may have. The number begins with
@@ -32,7 +33,7 @@ class KeyCommand(CommandGroup):
         members = {
             member.name: member
             for member in (
-                NewKey(), ShowKey(), RotateKey(), RevokeKey(), RejoinNode(), CheckKey()
+                NewKey(), ShowKey(), RotateKey(), RevokeKey(), RejoinNode(), CheckKey(), SendKey()
             )
         }  # fmt: skip
         super().__init__(self.name, members, tuple(members))
@@ -307,6 +308,76 @@ class CheckKey(Command):
         check = check_keys(config, wanted)
         print_result(check, as_text, as_json=arguments.json)
         return EXIT_FAILED if check.findings else EXIT_OK
+
+
+class SendKey(Command):
+    """Delivers the key for one node's broadcasts to another node, across the channel."""
+
+    name = "send"
+    summary = "let a submerged node open the broadcasts of one that its list has no key for"
+    prints_late = True
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare both nodes, and where to ask."""
+        parser.add_argument(
+            "--node", type=int, metavar="N", required=True, help="the node that gets the key"
+        )
+        parser.add_argument(
+            "--source", type=int, metavar="N", required=True,
+            help="the node whose broadcasts it is to open",
+        )  # fmt: skip
+        add_local_network(parser)
+        add_json(parser)
+        parser.add_argument(
+            "--timeout", type=float, metavar="S", default=120.0,
+            help="how long to try, s (default: 120)",
+        )  # fmt: skip
+        parser.epilog = (
+            "with identities only. The gateway here sends one frame of 59 bytes, which only that\n"
+            "node can read; it must open these broadcasts itself, and the node must execute its\n"
+            "commands. Copy the list to the node when it is back: then it can also talk with the\n"
+            "source alone\n\n"
+            "example:\n  zacoustic key send --node 3 --source 5 --config shore.json5"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Send it, and print what it took; exit code 3 without an answer in time.
+
+        Raises:
+            ConfigError: An argument is wrong.
+            DeliveryError, ServiceError: There is no such node, no such key, or it is refused.
+        """
+        import asyncio
+
+        from zacoustic.app.tools.field.keydelivery import deliver_key
+        from zacoustic.app.tools.fleetfile import read_fleet
+        from zacoustic.core.streams.keydelivery import KEYS_TIMEOUT_S
+
+        for name in ("node", "source"):
+            if not 1 <= getattr(arguments, name) <= 254:
+                raise ConfigError(f"--{name} {getattr(arguments, name)}; allowed: 1..254")
+        if not 0 < arguments.timeout <= KEYS_TIMEOUT_S:
+            allowed = f"above 0, at most {KEYS_TIMEOUT_S:g}"
+            raise ConfigError(f"--timeout {arguments.timeout:g}; allowed: {allowed}")
+        config = None if arguments.config is None else read_fleet(arguments.config)
+        answer = asyncio.run(
+            deliver_key(
+                config,
+                arguments.connect,
+                node=arguments.node,
+                source=arguments.source,
+                timeout_s=arguments.timeout,
+            )
+        )
+        print_result(answer, _delivered, as_json=arguments.json)
+        return EXIT_OK
+
+
+def _delivered(answer: "KeyAnswer") -> str:
+    return (
+        f"node {answer.address} opens broadcasts of node {answer.source} now: sent by node "
+        f"{answer.by}, a frame of {answer.airtime_s:g} s"
+    )
 
 
 def _print_key(arguments: argparse.Namespace, key: "FleetKey") -> int:

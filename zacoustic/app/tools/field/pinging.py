@@ -16,9 +16,8 @@ from typing import Final
 import msgspec
 import zenoh
 
+from zacoustic.app.tools.field.asking import ask_gateway
 from zacoustic.config import Config
-from zacoustic.core.base.qos import Priority
-from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.errors import (
     CallTimeoutError,
@@ -30,12 +29,8 @@ from zacoustic.errors import (
 from zacoustic.zenoh.node import Node
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.pings import PingAnswer, ping_selector
-from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import tell_loop
 
-# Zenoh's own limit is above the gateway's, whose answer is more precise.
-_BEHIND_S: Final = 2.0
 RANGE_LIMIT_S: Final = 10.0
 """Additional time for an answer with the range, s."""
 
@@ -77,32 +72,10 @@ class GatewayPinger(Pinger):
     async def ping(self, node: int, timeout_s: float, *, status: bool = False) -> PingAnswer:
         """Query the local gateways; the responsible one pings, and may ask for the status."""
         key, parameters = ping_selector(node, timeout_s, status=status)
-        loop = asyncio.get_running_loop()
-        ended = asyncio.Event()
-        question = Question(key, lambda _: tell_loop(loop, ended.set))
-
-        def ask() -> None:
-            question.ask(
-                self._zenoh_session,
-                None,
-                parameters=parameters,
-                priority=Priority.DATA,
-                timeout_s=timeout_s + _BEHIND_S,
-            )
-
-        await self._zenoh_session.worker.run(ask)
-        await ended.wait()
-        if question.good is not None:
-            return msgspec.json.decode(question.good[0], type=PingAnswer)
-        if question.error is None:
-            raise DeliveryError(
-                f"no gateway that knows node {node} is on this local network",
-                hint="is it running, and is --connect its router?",
-            )
-        failure, text = question.error
-        if failure is CallFailure.TIMED_OUT:
-            raise CallTimeoutError(text)
-        raise DeliveryError(text)
+        answer = await ask_gateway(
+            self._zenoh_session, key, parameters, node=node, timeout_s=timeout_s
+        )
+        return msgspec.json.decode(answer, type=PingAnswer)
 
 
 class LinkPinger(Pinger):

@@ -1,10 +1,11 @@
-"""Declares the keys for requests to the gateway: commands, pings, objects, its health."""
+"""Declares the keys for requests to the gateway: commands, pings, keys, objects, its health."""
 
 from functools import partial
 
 import zenoh
 
 from zacoustic.core.engine.events import CallFailed, ResponseReceived
+from zacoustic.zenoh.gateway.commands.keydelivery import KeyHandler
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
 from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
@@ -20,21 +21,28 @@ class Handlers:
         objects: Cancels large samples.
         commands: Takes commands.
         pings: Takes pings.
+        keys: Takes deliveries of keys.
         health: Answers with the current state.
     """
 
     def __init__(
-        self, objects: ObjectHandler, commands: CommandHandler, pings: PingHandler, health: Health
+        self,
+        objects: ObjectHandler,
+        commands: CommandHandler,
+        pings: PingHandler,
+        keys: KeyHandler,
+        health: Health,
     ) -> None:
         self.objects = objects
         self.commands = commands
         self.pings = pings
+        self._keys = keys
         self._health = health
         self._declared: list[zenoh.Queryable[None]] = []
 
     def take_answer(self, event: ResponseReceived | CallFailed) -> bool:
-        """Take the answer to a command or a ping; False: it answers a service call."""
-        return self.commands.answered(event) or self.pings.answered(event)
+        """Take the answer to a command, a ping or a delivery; False: it answers a service call."""
+        return any(each.answered(event) for each in (self.commands, self.pings, self._keys))
 
     def declare(self, zenoh_session: ZenohSession, queries: QueryHandler) -> None:
         """Declare the queryables; in the worker."""
@@ -60,4 +68,5 @@ class Handlers:
             # Not complete: for a local node only that node's gateway answers.
             *((key, self.commands.serve_beyond, False) for key in self.commands.keys_beyond),
             (self.pings.key, self.pings.serve, False),
+            (self._keys.key, self._keys.serve, False),
         )

@@ -11,6 +11,7 @@ from zacoustic.core.engine.events import (
     DeliveryStored,
     EngineRestarted,
     Event,
+    KeyDelivered,
     PeerFound,
     PeerLost,
     PeerSeen,
@@ -32,7 +33,14 @@ from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 Take = Callable[[Any], object]
 """Takes an event of one type."""
 
-_HEARD_ELSEWHERE = (DeliveryStored, PeerMeasured, ModemRead, TransportEvent, CommandHandled)
+_HEARD_ELSEWHERE = (
+    DeliveryStored,
+    PeerMeasured,
+    ModemRead,
+    TransportEvent,
+    CommandHandled,
+    KeyDelivered,
+)
 """Events for programs on a link and the audit log; the health report asks for measurements."""
 
 

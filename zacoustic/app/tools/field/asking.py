@@ -1,0 +1,60 @@
+"""One question to the gateway that is responsible for a node, and its answer."""
+
+import asyncio
+
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
+from zacoustic.zenoh.session.asking.question import Question
+from zacoustic.zenoh.session.session import ZenohSession
+from zacoustic.zenoh.session.wake_up import tell_loop
+
+# Zenoh's own limit is above the gateway's, whose answer is more precise.
+_BEHIND_S = 2.0
+
+
+async def ask_gateway(
+    zenoh_session: ZenohSession, key: str, parameters: str, *, node: int, timeout_s: float
+) -> bytes:
+    """Query the local gateways; return what the responsible one answers.
+
+    Args:
+        zenoh_session: A session on their network.
+        key: The key of the query.
+        parameters: Its parameters.
+        node: The node in it, for errors.
+        timeout_s: How long the gateway tries, s.
+
+    Raises:
+        CallTimeoutError: No answer in time.
+        ServiceError: The node refuses, with a reason.
+        DeliveryError: The node cannot be asked.
+    """
+    loop = asyncio.get_running_loop()
+    ended = asyncio.Event()
+    question = Question(key, lambda _: tell_loop(loop, ended.set))
+
+    def ask() -> None:
+        question.ask(
+            zenoh_session,
+            None,
+            parameters=parameters,
+            priority=Priority.DATA,
+            timeout_s=timeout_s + _BEHIND_S,
+        )
+
+    await zenoh_session.worker.run(ask)
+    await ended.wait()
+    if question.good is not None:
+        return question.good[0]
+    if question.error is None:
+        raise DeliveryError(
+            f"no gateway that knows node {node} is on this local network",
+            hint="is it running, and is --connect its router?",
+        )
+    failure, text = question.error
+    if failure is CallFailure.TIMED_OUT:
+        raise CallTimeoutError(text)
+    if failure is CallFailure.HANDLER:
+        raise ServiceError(f"refused by node {node}: {text}")
+    raise DeliveryError(text)

@@ -1,0 +1,69 @@
+"""The keys for broadcasts that other nodes have delivered across the channel.
+
+They stay wrapped as they came, under a key of the pair of nodes, in a file beside the life records
+that only its owner can read. They belong to one generation: a new list has its own.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from zacoustic.seal.keys import KeyFileError, read_private, write_private
+
+
+class DeliveredKey(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One key."""
+
+    sender: int
+    """The node that wrapped it."""
+    wrapped: bytes
+    """The wrapped secret, 40 bytes."""
+
+
+class _File(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    network: str
+    generation: int
+    of: dict[int, DeliveredKey] = {}
+
+
+class DeliveredKeys:
+    """The delivered keys of one node in one generation.
+
+    Args:
+        network: Name of the network.
+        generation: Generation of the list of members.
+        path: Their file; None: they are forgotten at the end of the process.
+
+    Raises:
+        KeyFileError: The file is damaged, or others may read it.
+    """
+
+    def __init__(self, network: str, generation: int, path: Path | None = None) -> None:
+        self._empty = _File(network=network, generation=generation)
+        self._path = path
+        self._of: dict[int, DeliveredKey] = {}
+        if path is not None and path.exists():
+            found = read_private(path, _File)
+            if (found.network, found.generation) == (network, generation):
+                self._of = dict(found.of)
+
+    @property
+    def of(self) -> Mapping[int, DeliveredKey]:
+        """The key for each source."""
+        return self._of
+
+    def keep(self, source: int, key: DeliveredKey) -> None:
+        """Store a key in place of an earlier one.
+
+        Raises:
+            KeyFileError: The file cannot be written; nothing has changed.
+        """
+        kept = self._of | {source: key}
+        if self._path is not None:
+            try:
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise KeyFileError(f"{self._path.parent}: {error.strerror}") from error
+            write_private(self._path, msgspec.structs.replace(self._empty, of=kept), replace=True)
+        self._of = kept
