@@ -6,7 +6,7 @@ is complete or absent. A crash during a commit loses it, unless it was written w
 """
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 from zacoustic.channel.faults.nodefaults import JournalSpec
@@ -14,9 +14,6 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
 
 _EPOCHS: Final = 1 << 16
-
-Told = Callable[[list[JournalWrite]], None]
-"""Receives the committed writes."""
 
 FULL: Final = "no space left on the device"
 """The error of a node while nothing can be written."""

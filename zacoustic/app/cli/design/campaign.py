@@ -63,18 +63,22 @@ class CampaignCommand(Command):
         workers: int | None = arguments.workers
         if workers is not None and not 1 <= workers <= _MOST_WORKERS:
             raise ConfigError(f"--workers {workers}; allowed: 1 to {_MOST_WORKERS}")
-        from zacoustic.app.tools.design.campaign.conducting import PAGE, Wishes, run_campaign
+        from zacoustic.app.tools.design.campaign.conducting import (
+            PAGE,
+            CampaignOptions,
+            run_campaign,
+        )
 
         path = Path(arguments.file)
         folder = arguments.output or path.parent / f"{path.stem}.results"
-        wishes = Wishes(
+        options = CampaignOptions(
             scheduler=arguments.scheduler,
             workers=workers,
             patience_s=arguments.timeout,
             parquet=arguments.parquet,
         )
         with _Progress() as progress:
-            result, text = run_campaign(path, folder, wishes, progress=progress.show)
+            result, text = run_campaign(path, folder, options, progress=progress.show)
         if arguments.json:
             print_json(result)
         else:

@@ -32,7 +32,7 @@ else:
     _OWN_GROUP = {"start_new_session": True}
     _INTERRUPT = signal.SIGTERM
 
-Told = Callable[[str, dict[str, Any]], None]
+TakeEvent = Callable[[str, dict[str, Any]], None]
 """``(child, object)``: takes each JSON object of a child."""
 
 
@@ -46,16 +46,16 @@ class Child:
     Args:
         name: Its name for people.
         command: Program and arguments.
-        told: Takes its objects.
+        take: Takes its objects.
         reads_input: It ends when its standard input does; otherwise it is interrupted.
     """
 
     def __init__(
-        self, name: str, command: Sequence[str], told: Told, *, reads_input: bool = False
+        self, name: str, command: Sequence[str], take: TakeEvent, *, reads_input: bool = False
     ) -> None:
         self.name = name
         self.command = tuple(command)
-        self._told = told
+        self._take = take
         self._reads_input = reads_input
         self._process: asyncio.subprocess.Process | None = None
         self._readers: list[asyncio.Task[None]] = []
@@ -94,7 +94,7 @@ class Child:
 
         Raises:
             ChildDiedError: It has ended, with any code: no child may end before its stop.
-            Exception: Any error of `told`.
+            Exception: Any error of `take`.
         """
         assert self._process is not None
         code, *_ = await asyncio.gather(self._process.wait(), *self._readers)
@@ -142,9 +142,9 @@ class Child:
     async def _read_output(self, process: asyncio.subprocess.Process) -> None:
         while process.stdout is not None and (line := await process.stdout.readline()):
             with contextlib.suppress(ValueError):
-                told = json.loads(line)
-                if isinstance(told, dict):
-                    self._told(self.name, told)
+                event = json.loads(line)
+                if isinstance(event, dict):
+                    self._take(self.name, event)
 
     async def _read_problems(self, process: asyncio.subprocess.Process) -> None:
         while process.stderr is not None and (line := await process.stderr.readline()):

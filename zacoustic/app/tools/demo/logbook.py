@@ -117,9 +117,9 @@ class Logbook:
         """Return the frames that have not reached their end yet."""
         return [frame for frame in self.frames if frame.outcome is None]
 
-    def take(self, child: str, told: Mapping[str, Any]) -> list[AnyNote]:
+    def take(self, child: str, record: Mapping[str, Any]) -> list[AnyNote]:
         """Take an object of a child; return the notes to print."""
-        event = told.get("event")
+        event = record.get("event")
         if event in ("ready", "listening"):
             self.ready.add(child)
             return [Started(at_s=self.elapsed_s, child=child)]
@@ -127,8 +127,8 @@ class Logbook:
             self.done.add(child)
             return []
         if child in ("vehicle", "console"):
-            return self._hear_client(child, str(event), told)
-        return self._hear_medium(str(event), told)
+            return self._hear_client(child, str(event), record)
+        return self._hear_medium(str(event), record)
 
     def take_ledger(self, address: int, bytes_by_stream: Mapping[int, int]) -> None:
         """Take in the airtime ledger of a gateway: bytes given to its link, by stream."""
@@ -137,13 +137,13 @@ class Logbook:
             if lane.source == address:
                 lane.transmitted_bytes = bytes_by_stream.get(lane.stream_id, 0)
 
-    def _hear_medium(self, event: str, told: Mapping[str, Any]) -> list[AnyNote]:
+    def _hear_medium(self, event: str, record: Mapping[str, Any]) -> list[AnyNote]:
         if event == "waiting":
-            self.waiting[told["source"]] += 1
+            self.waiting[record["source"]] += 1
         if event == "emission":
             frame = Frame(
-                told["source"], told["sequence"], frame_bytes=told["frame_bytes"],
-                airtime_s=told["airtime_s"], sound_s=told.get("sound_s", told["airtime_s"]),
+                record["source"], record["sequence"], frame_bytes=record["frame_bytes"],
+                airtime_s=record["airtime_s"], sound_s=record.get("sound_s", record["airtime_s"]),
                 began_at=self._clock(),
             )  # fmt: skip
             self.waiting[frame.source] = max(0, self.waiting[frame.source] - 1)
@@ -156,35 +156,35 @@ class Logbook:
             ]  # fmt: skip
         if event == "reception":
             for frame in reversed(self.frames):
-                if (frame.source, frame.sequence) == (told["source"], told["sequence"]):
-                    frame.outcome = told["outcome"]
+                if (frame.source, frame.sequence) == (record["source"], record["sequence"]):
+                    frame.outcome = record["outcome"]
                     return [
                         Arrived(
-                            at_s=self.elapsed_s, source=frame.source, target=told["node"],
-                            frame_bytes=frame.frame_bytes, outcome=told["outcome"],
-                            propagation_s=told["propagation_s"],
+                            at_s=self.elapsed_s, source=frame.source, target=record["node"],
+                            frame_bytes=frame.frame_bytes, outcome=record["outcome"],
+                            propagation_s=record["propagation_s"],
                         )
                     ]  # fmt: skip
         return []
 
-    def _hear_client(self, child: str, event: str, told: Mapping[str, Any]) -> list[AnyNote]:
+    def _hear_client(self, child: str, event: str, record: Mapping[str, Any]) -> list[AnyNote]:
         own = VEHICLE if child == "vehicle" else SHORE
         other = SHORE if own == VEHICLE else VEHICLE
-        key, at, value = told["key"], told["at"], told["value"]
+        key, at, value = record["key"], record["at"], record["value"]
         if event == "put":
-            return [self._sent(self.lanes.of_key(key, own), told["count"], at, value)]
+            return [self._sent(self.lanes.of_key(key, own), record["count"], at, value)]
         if event == "received":
-            return [self._crossed(self.lanes.of_key(key, other), told["count"], at, value)]
+            return [self._crossed(self.lanes.of_key(key, other), record["count"], at, value)]
         request, response = self.lanes.of_call(key, "request"), self.lanes.of_call(key, "response")
         if event == "call":
-            return [self._sent(request, told["count"], at, value)]
+            return [self._sent(request, record["count"], at, value)]
         if event == "served":
             # The server does not know the number of the call; it serves calls in order.
             count = request.next_unreceived()
             notes: list[AnyNote] = [self._crossed(request, count, at, value)]
-            return [*notes, self._sent(response, count, at, told["answer"])]
+            return [*notes, self._sent(response, count, at, record["answer"])]
         if event in ("answer", "refusal"):
-            return [self._crossed(response, told["count"], at, value)]
+            return [self._crossed(response, record["count"], at, value)]
         return []
 
     def _sent(self, lane: Lane, count: int, at: float, value: object) -> Sent:

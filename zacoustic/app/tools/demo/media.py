@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 
 from zacoustic.app.tools.demo.networks import NAMES, SHORE, VEHICLE, demo_text, write_scenario
 
-Told: TypeAlias = Mapping[str, Any]
+MediumEvent: TypeAlias = Mapping[str, Any]
 """A line of a process."""
 
 _ANY_PORT: Final = "127.0.0.1:0"
@@ -48,7 +48,7 @@ class Medium(ABC):
         """Return the words after `zacoustic` that serve it; write its files into a folder."""
 
     @abstractmethod
-    def take(self, told: Told) -> Told | None:
+    def take(self, event: MediumEvent) -> MediumEvent | None:
         """Translate a line of the process; None: irrelevant."""
 
 
@@ -66,11 +66,11 @@ class SimMedium(Medium):
         """Return the verb of the medium server."""
         return ("medium", str(write_scenario(folder)), "--listen", _ANY_PORT, "--json")
 
-    def take(self, told: Told) -> Told:
+    def take(self, event: MediumEvent) -> MediumEvent:
         """Return a line unchanged."""
-        if told.get("event") == "listening":
-            self.locators = dict.fromkeys(NAMES, f"sim/{told['address']}")
-        return told
+        if event.get("event") == "listening":
+            self.locators = dict.fromkeys(NAMES, f"sim/{event['address']}")
+        return event
 
 
 class EvologicsMedium(Medium):
@@ -93,16 +93,16 @@ class EvologicsMedium(Medium):
         scenario = str(write_scenario(folder))
         return ("emulate", "evologics", "--scenario", scenario, *self.places, "--json")
 
-    def take(self, told: Told) -> Told | None:
+    def take(self, event: MediumEvent) -> MediumEvent | None:
         """Return a line about a frame unchanged; collect the places one by one."""
-        match told.get("event"):
+        match event.get("event"):
             case "listening":
-                self.locators[told["address"]] = f"evologics/{told['locator']}"
-                return told if self.locators.keys() == NAMES.keys() else None
-            case "emission" if not told["frame_bytes"]:
+                self.locators[event["address"]] = f"evologics/{event['locator']}"
+                return event if self.locators.keys() == NAMES.keys() else None
+            case "emission" if not event["frame_bytes"]:
                 return None
             case _:
-                return told
+                return event
 
 
 class EvologicsSerialMedium(EvologicsMedium):
@@ -134,27 +134,27 @@ class DesertMedium(Medium):
         nodes = str(len(NAMES))
         return ("emulate", "desert", "--modems", nodes, "--listen", _ANY_PORT, "--json")
 
-    def take(self, told: Told) -> Told | None:
+    def take(self, event: MediumEvent) -> MediumEvent | None:
         """Translate a line of the stand-in."""
         from zacoustic.link import registry
 
-        match told.get("event"):
+        match event.get("event"):
             case "listening":
-                places = zip(NAMES, told["addresses"], strict=True)
+                places = zip(NAMES, event["addresses"], strict=True)
                 self.locators = {address: f"desert/{place}" for address, place in places}
                 link = registry.create(self.locators[SHORE], SHORE)
                 self._capabilities = link.capabilities
                 return {"event": "listening"}
             case "read":
-                return {"event": "waiting", "source": _address(told)}
+                return {"event": "waiting", "source": _address(event)}
             case "sent":
-                return self._emission(_address(told), told["size_bytes"])
+                return self._emission(_address(event), event["size_bytes"])
             case "delivered" | "lost" | "discarded":
-                return self._reception(_address(told), told)
+                return self._reception(_address(event), event)
             case _:
                 return None
 
-    def _emission(self, source: int, frame_bytes: int) -> Told:
+    def _emission(self, source: int, frame_bytes: int) -> MediumEvent:
         sequence = self._emissions[source]
         self._emissions[source] += 1
         return {
@@ -163,14 +163,14 @@ class DesertMedium(Medium):
             "sound_s": frame_bytes * 8 / self._capabilities.bit_rate_bps,
         }  # fmt: skip
 
-    def _reception(self, node: int, told: Told) -> Told:
+    def _reception(self, node: int, event: MediumEvent) -> MediumEvent:
         source = SHORE if node == VEHICLE else VEHICLE
         sequence = self._receptions[source]
         self._receptions[source] += 1
-        outcomes = {"delivered": "received", "lost": told["detail"], "discarded": "no client"}
+        outcomes = {"delivered": "received", "lost": event["detail"], "discarded": "no client"}
         return {
             "event": "reception", "source": source, "sequence": sequence, "node": node,
-            "outcome": outcomes[told["event"]], "propagation_s": self.propagation_s,
+            "outcome": outcomes[event["event"]], "propagation_s": self.propagation_s,
         }  # fmt: skip
 
 
@@ -183,9 +183,9 @@ MEDIA: Final[Mapping[str, type[Medium]]] = {
 """The channels by the name of their link; the first is the default."""
 
 
-def _address(told: Told) -> int:
+def _address(event: MediumEvent) -> int:
     """Return the side of a node of the stand-in, which counts from 0."""
-    return tuple(NAMES)[told["node"]]
+    return tuple(NAMES)[event["node"]]
 
 
 def _scenario_propagation_s() -> float:

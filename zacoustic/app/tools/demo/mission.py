@@ -158,8 +158,8 @@ class Mission:
         self._children.append(child)
         self._watch(child.watch())
 
-    def _take(self, child: str, told: dict[str, Any]) -> None:
-        line = self._medium.take(told) if child == self._medium.child else told
+    def _take(self, child: str, record: dict[str, Any]) -> None:
+        line = self._medium.take(record) if child == self._medium.child else record
         for note in self._logbook.take(child, line or {}):
             self._view.note(note)
         if child in self._logbook.ready:

@@ -44,7 +44,7 @@ class CampaignResult(msgspec.Struct, frozen=True, kw_only=True):
     """Every cell with every figure."""
 
 
-class Wishes(msgspec.Struct, frozen=True, kw_only=True):
+class CampaignOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How to execute a campaign; no figure depends on it."""
 
     scheduler: str | None = None
@@ -58,14 +58,14 @@ class Wishes(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def run_campaign(
-    path: Path, folder: Path, wishes: Wishes, *, progress: Callable[[int, int], None]
+    path: Path, folder: Path, options: CampaignOptions, *, progress: Callable[[int, int], None]
 ) -> tuple[CampaignResult, str]:
     """Do the missing runs of a campaign, and write its results.
 
     Args:
         path: Its file.
         folder: Folder of the results.
-        wishes: How to execute it.
+        options: How to execute it.
         progress: Called with the number of finished runs and the number of all.
 
     Returns:
@@ -77,7 +77,7 @@ def run_campaign(
         TimeoutError: There is no scheduler, or no worker.
     """
     need_matplotlib("campaign")
-    if wishes.parquet:
+    if options.parquet:
         import pyarrow  # noqa: F401 (fails before hours of work)
     spec = read_spec(path)
     campaign = campaign_of(spec, path, version())
@@ -93,14 +93,14 @@ def run_campaign(
                 progress(len(file.rows), campaign.runs)
 
             with connected(
-                wishes.scheduler, workers=wishes.workers, patience_s=wishes.patience_s
+                options.scheduler, workers=options.workers, patience_s=options.patience_s
             ) as client:
                 carry_out(
-                    client, campaign, file.rows.values(), take=take, patience_s=wishes.patience_s
+                    client, campaign, file.rows.values(), take=take, patience_s=options.patience_s
                 )
         rows = ordered(file.rows, campaign)
         cells = cells_of(campaign, rows, spec.confidence)
-        text = _write(folder, path, spec, campaign, rows, cells, parquet=wishes.parquet)
+        text = _write(folder, path, spec, campaign, rows, cells, parquet=options.parquet)
     result = CampaignResult(
         folder=str(folder),
         runs=campaign.runs,
