@@ -77,6 +77,13 @@ def test_verb_sends_a_key_and_says_what_it_took_or_why_not(
     ):
         assert text in said.err
     assert (tmp_path / "lives-2" / "node-2.delivered").exists()
+    (audit,) = (tmp_path / "1").glob("*.audit")
+    own = [(each.to, each.about, each.outcome) for each in read_audit(audit) if each.what == "key"]
+    assert own == [
+        (2, f"broadcasts of node {source}", outcome)
+        for source, ended in ((3, "answered"), (1, "failed"))
+        for outcome in ("asked", ended)
+    ]
     (audit,) = (tmp_path / "2").glob("*.audit")
     noted = [(each.by, each.outcome, each.text) for each in read_audit(audit) if each.what == "key"]
     assert noted == [

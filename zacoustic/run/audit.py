@@ -49,7 +49,7 @@ MOST_BYTES: Final = 8 << 20
 HERE: Final = 0
 """In place of an address: this node's own network or program."""
 _CALLS: Final = (
-    "poll_event", "call", "reply", "reply_error", "commands.send", "commands.execute",
+    "poll_event", "call", "reply", "reply_error", "commands.send", "commands.execute", "keys.send",
     "actions.send_goal", "actions.accept", "actions.reject", "actions.finish",
     "actions.answer_cancel",
 )  # fmt: skip
@@ -152,6 +152,9 @@ class AuditLog:
             command = arguments["command"]
             what, about = command.kind.value, self._name(command.stream_id)
             yield self._begin(call.result, what, about, arguments["node"])
+        elif call.name == "keys.send":
+            about = f"broadcasts of node {arguments['source']}"
+            yield self._begin(call.result, "key", about, arguments["node"])
         elif call.name == "call":
             spec = self._table.by_id(arguments["stream_id"]).spec
             server: int = (
