@@ -65,8 +65,7 @@ def slotted_aloha(delay: float, guard: float, load: float, frames: int, *, seed:
 
 def carrier_sense(delay: float, load: float, frames: int, *, seed: int = 7) -> Point:
     """Measure carrier sense: who hears somebody gives up; `delay` between all nodes, airtimes."""
-    spec = CarrierSenseSpec(back_off=False)
-    return _measure(load, frames, spec, delay=delay, lifespan_s=1e-3, seed=seed)
+    return _measure(load, frames, CarrierSenseSpec(), delay=delay, lifespan_s=1e-3, seed=seed)
 
 
 def pure_aloha_theory(load: float) -> float:
@@ -126,6 +125,8 @@ def _measure(
     topic = TopicSpec(
         stream_id=1, name="a", subscribers=(RECEIVER,), qos=Qos(depth=50, lifespan_s=lifespan_s)
     )
+    # Two largest frames in a row are a run, after which nodes listen for a pause: not these.
+    mtu_bytes = FRAME_BYTES if delay is None else 2 * FRAME_BYTES
     messages = arrived = 0
 
     def disturb(source: int, node: int, now: int) -> tuple[float, ...]:
@@ -136,7 +137,7 @@ def _measure(
     network = VirtualNetwork(
         scenario_from_mapping(medium, source="throughput"),
         dict.fromkeys(sources, StreamTable([topic])),
-        modem=Modem(senses_carrier=delay is not None, mtu_bytes=FRAME_BYTES),
+        modem=Modem(senses_carrier=delay is not None, mtu_bytes=mtu_bytes),
         deliver=lambda address, event: None,
         disturb=disturb,
         digest=False,

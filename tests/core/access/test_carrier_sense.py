@@ -40,20 +40,6 @@ def test_quiet_channel_is_free_at_once() -> None:
     assert ready(CarrierSense(LINK, random.Random(1)), 5) <= 5
 
 
-def test_without_a_back_off_a_frame_waits_for_the_end_of_the_carrier_alone() -> None:
-    access = CarrierSense(LINK, random.Random(1), backs_off=False)
-    for number in range(20):  # three nodes take turns, and half of what is heard gives no frame
-        now = number * 10 * SLOT_NS
-        access.handle_carrier(True, now)
-        ready(access, now)
-        if number % 2:
-            access.handle_heard(2 + number % 3, now)
-        access.handle_carrier(False, now + SLOT_NS)
-        assert ready(access, now + SLOT_NS) <= now + SLOT_NS
-        access.handle_transmitted(now + 2 * SLOT_NS)
-        assert ready(access, now + 2 * SLOT_NS) <= now + 2 * SLOT_NS
-
-
 def test_back_off_is_seeded() -> None:
     assert back_offs(7, 20) == back_offs(7, 20)
     assert back_offs(7, 20) != back_offs(8, 20)

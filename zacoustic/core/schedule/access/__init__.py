@@ -99,7 +99,7 @@ def choose(
                     'access.method: "carrier_sense"; this link does not tell when somebody else is '
                     'heard; allowed: "aloha", "tdma", "schedule", "polling"'
                 )
-            return CarrierSense(capabilities, rng, backs_off=spec.back_off)
+            return CarrierSense(capabilities, rng)
         case TdmaSpec() | ScheduleSpec():
             return Tdma(spec, capabilities, address)
         case PollingSpec():

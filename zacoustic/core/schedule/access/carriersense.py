@@ -43,13 +43,9 @@ class CarrierSense(MediumAccess):
     Args:
         capabilities: The link's, for its airtime.
         rng: Draws the back-off.
-        backs_off: Whether there is one; otherwise frames wait only for the end of a carrier.
     """
 
-    def __init__(
-        self, capabilities: LinkCapabilities, rng: random.Random, *, backs_off: bool = True
-    ) -> None:
-        self._backs_off = backs_off
+    def __init__(self, capabilities: LinkCapabilities, rng: random.Random) -> None:
         self._back_off = BackOff(capabilities.airtime_ns(_SHORT_FRAME_BYTES), rng)
         self._carrier_limit_ns = _CARRIER_LIMIT_FRAMES * capabilities.airtime_ns(
             capabilities.mtu_bytes
@@ -93,8 +89,6 @@ class CarrierSense(MediumAccess):
             self._busy_since = now
         elif self._busy_since is not None:
             self._busy_since = None
-            if not self._backs_off:
-                return
             if self._waits:
                 self._waits = False
                 self._resume_at = now + self._back_off.draw()
@@ -106,7 +100,7 @@ class CarrierSense(MediumAccess):
         self._waits = False
         if not self._is_crowd(now):
             self._back_off.reset()
-        elif self._backs_off and self._back_off.is_wide:
+        elif self._back_off.is_wide:
             self._apart_until = now + self._back_off.draw()
 
     def handle_heard(self, source: int, now: int) -> None:

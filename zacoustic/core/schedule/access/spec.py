@@ -59,9 +59,6 @@ class CarrierSenseSpec(
 ):  # fmt: skip
     """A frame waits while another node is heard, and then a random time."""
 
-    back_off: bool = True
-    """Whether to wait that random time, and in a crowd between own frames."""
-
 
 class TimedSlot(msgspec.Struct, frozen=True):
     """One slot of a cycle, as a policy plays it."""
