@@ -85,7 +85,7 @@ def test_what_crosses_as_objects_is_counted_once_each_as_transmitted_and_receive
 
 
 def test_sender_tells_what_was_on_the_air_before_the_receiver_says_what_it_has(count: Any) -> None:
-    for seed in range(count(100)):
+    for seed in (42, *range(count(100))):  # in 42 repair fragments were ahead of the source's
         medium = line(0, 1500, channel="none", loss={"frame": 0.2}, seed=seed)
         network = VirtualNetwork(medium, table())
         network.at(1, partial(network.publish, 2, PHOTO, payload(4000)))

@@ -14,11 +14,13 @@ Nine layers; each imports only from those below (import-linter checks that in `m
                 each a `profile`; `rules` has the rules of the config, `entities` those of discovery
 `transport`     the mechanisms between two nodes, end to end: `topics`, `reliable`, `objects`,
                 `subscriptions`, `calls`, `actions`, `commands`; `status` answers what a node is
-                asked before a dive; `repeating` repeats records until an answer, `deliveries` has
-                the events of samples; `contract` is for third-party transports
+                asked before a dive, `keydelivery` sends keys for broadcasts; `repeating` repeats
+                records until an answer, `deliveries` has the events of samples; `contract` is for
+                third-party transports
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
                 `composer` and `filling` to `port` to `transmitter`; `access`, `airtime`, `silence`
                 and `hosttime` decide when a frame goes; `timing`, `pacers` and `copies` how often;
+                `replybudget` limits what another node causes;
                 `linkseal` closes a frame; `hearing` is what frames say about the medium; `sources`
                 and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
@@ -31,7 +33,8 @@ Nine layers; each imports only from those below (import-linter checks that in `m
                 `access`, `agreement`, `calls`, `goals`, `numbers`, `objects`, `subscriptions`
                 (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
-                `commands` and `status` are in every table, `rmwdesert` says which streams it allows
+                `commands`, `status` and `keydelivery` are in every table, `rmwdesert` says which
+                streams it allows
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
 `base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `linkids`,

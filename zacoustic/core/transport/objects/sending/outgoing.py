@@ -372,9 +372,12 @@ class OutgoingObject:
 
     @property
     def sent_bytes(self) -> int:
-        """Bytes of the payload that were transmitted at least once, in any boot epoch."""
+        """Bytes of the payload that were transmitted at least once, in any boot epoch.
+
+        Repair fragments count where the receivers could solve for more than was sent plainly.
+        """
         sent_bytes = self.next_source * self.fragments.layout.fragment_bytes
-        return min(self.manifest.payload_bytes, sent_bytes)
+        return min(self.manifest.payload_bytes, max(sent_bytes, self.done_bytes))
 
     # Below the methods above
 
