@@ -3,9 +3,12 @@
 What the other node has transmitted is taken from its link, not from the accounts of the budget.
 """
 
+import enum
 import random
 from functools import cache, partial
 from typing import Final
+
+import pytest
 
 from tests.virtual.fleet import line
 from tests.virtual.sealed import SealedFleet
@@ -22,30 +25,54 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.peers.sealing import Refusal
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.linkseal import SealRules
-from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
-from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.schedule.silence import SilenceChanged
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.events import CancelRequested, GoalReceived
+from zacoustic.core.wire.goals import GoalKey, GoalStatus
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import VirtualNetwork
 
-ECHO, NAV, LOG = 10, 11, 12
+ECHO, NAV, LOG, DIVE = 10, 11, 12, 13
 TABLE: Final = StreamTable(
     [
         ServiceSpec(stream_id=ECHO, name="auv/echo", server=2),
         TopicSpec(stream_id=NAV, name="{node}/nav"),
         TopicSpec(stream_id=LOG, name="{node}/log", qos=Qos(reliability=Reliability.RELIABLE)),
+        ActionSpec(stream_id=DIVE, name="auv/dive", server=2),
     ],
     nodes={1: "captured", 2: "auv", 3: "shore"},
 )
 SHARE: Final = 0.001
 DAY_SHARE_S: Final = 86_400 * SHARE
 RUN_S: Final = 9000
+CANCELLED_S: Final = 6303.3
+SILENCED_S: Final = 6703.3
+FLOOD_ENDS_S: Final = 7000
+ASKED_S: Final = 8503.3
+"""In all scenarios the debt is paid by then."""
+SILENCE: Final = RemoteCommand(kind=CommandKind.SILENCE, for_s=600.0)
+
+
+class Flood(enum.Enum):
+    """What node 1 asks for, every eight seconds."""
+
+    CALLS = enum.auto()
+    """A call and a reliable sample."""
+    COMMANDS = enum.auto()
+    """The state."""
+    GOALS = enum.auto()
+    """A goal, and the end of the one before."""
 
 
 class Fleet:
-    """Node 2 answers calls; node 1 makes as many as its own modem allows, and reliable samples."""
+    """Node 2 answers everything; node 1 asks for as much as its own modem allows.
 
-    def __init__(self, *, seed: int, sealed: bool = True) -> None:
+    In the debt it cancels its first goal and commands a silence. Long after the flood it calls.
+    """
+
+    def __init__(self, flood: Flood, *, seed: int, sealed: bool = True) -> None:
         self.events: list[tuple[float, int, Event]] = []
         rules = {
             1: TransmitRules(),
@@ -60,22 +87,25 @@ class Fleet:
             build=SealedFleet() if sealed else Engine,
             deliver=self._happened,
         )
+        self._flood = flood
         self._rng = random.Random(seed)
-        self.network.every(8.0, self._flood)
+        self._goals: list[GoalKey] = []
+        self.network.at(1.0, self._goal)
+        self.network.every(8.0, self._ask, first_s=60.0)
         self.network.every(600.0, partial(self._call, 3), first_s=300.0)
-        command = RemoteCommand(kind=CommandKind.ASK)
-        for at_s in (0.6 * RUN_S, 0.8 * RUN_S):
-            self.network.at(at_s, partial(self._command, command))
+        self.network.at(CANCELLED_S, partial(self._cancel, 0))
+        self.network.at(SILENCED_S, partial(self._command, SILENCE, 600.0))
+        self.network.at(ASKED_S, partial(self._call, 1))
         self.network.run(until_s=RUN_S)
 
-    def times_s(self, node: int, kind: type, stream_id: int) -> list[float]:
-        """Return when a node had an event of a stream, s."""
+    def times_s(self, node: int, kind: type, stream_id: int | None = None) -> list[float]:
+        """Return when a node had an event, of one stream or of all, s."""
         return [
             at_s
             for at_s, at, event in self.events
             if at == node
             and isinstance(event, kind)
-            and getattr(event, "stream_id", 0) == stream_id
+            and (stream_id is None or getattr(event, "stream_id", 0) == stream_id)
         ]
 
     @property
@@ -83,15 +113,34 @@ class Fleet:
         """All alarms: instant, node, alarm."""
         return [each for each in self.events if isinstance(each[2], SealAlarm)]  # type: ignore[misc]
 
+    @property
+    def cancelled(self) -> list[GoalKey]:
+        """The goals whose end node 2 was asked for."""
+        return [event.goal for _, _, event in self.events if isinstance(event, CancelRequested)]
+
+    @property
+    def first_goal(self) -> GoalKey:
+        """The goal from before the flood."""
+        return self._goals[0]
+
     def airtime_s(self) -> float:
         """Return for how long node 2 has transmitted, s."""
         return self.network.engine(2).stats.airtime_ns / 1e9
 
-    def _flood(self) -> None:
+    def _ask(self) -> None:
         self.network.publish(1, NAV, b"n%d" % self._rng.randrange(100))
+        if self.network.now / 1e9 > FLOOD_ENDS_S:
+            return
         try:
-            self.network.publish(1, LOG, self._rng.randbytes(20))
-            self._call(1)
+            if self._flood is Flood.COMMANDS:
+                self._command(RemoteCommand(kind=CommandKind.ASK))
+            elif self._flood is Flood.GOALS:
+                self._goal()
+                if len(self._goals) > 2:
+                    self._cancel(-2)
+            else:
+                self.network.publish(1, LOG, self._rng.randbytes(20))
+                self._call(1)
         except QueueFullError:
             pass
 
@@ -99,8 +148,19 @@ class Fleet:
         value = self._rng.randbytes(20)
         self.network.apply(client, lambda each, now: each.call(ECHO, value, now, timeout_s=50.0))
 
-    def _command(self, command: RemoteCommand) -> None:
-        self.network.apply(1, lambda each, now: each.commands.send(2, command, now))
+    def _goal(self) -> None:
+        value = self._rng.randbytes(20)
+        send = lambda each, now: self._goals.append(each.actions.send_goal(DIVE, value, now))  # noqa: E731
+        self.network.apply(1, send)
+
+    def _cancel(self, place: int) -> None:
+        goal = self._goals[place]
+        self.network.apply(1, lambda each, now: each.actions.cancel_goal(goal, now))
+
+    def _command(self, command: RemoteCommand, timeout_s: float = 60.0) -> None:
+        self.network.apply(
+            1, lambda each, now: each.commands.send(2, command, now, timeout_s=timeout_s)
+        )
 
     def _happened(self, address: int, event: Event) -> None:
         if isinstance(event, LinkStateChanged):
@@ -108,38 +168,52 @@ class Fleet:
         self.events.append((self.network.now / 1e9, address, event))
         if isinstance(event, RequestReceived):
             self.network.apply(2, lambda each, now: each.reply(event.call, event.value, now))
+        elif isinstance(event, GoalReceived):
+            self.network.apply(2, lambda each, now: each.actions.accept(event.goal, now))
+        elif isinstance(event, CancelRequested):
+            self.network.apply(2, partial(_stop, event.goal))
+
+
+def _stop(goal: GoalKey, engine: Engine, now: int) -> None:
+    engine.actions.answer_cancel(goal, now, accepted=True)
+    engine.actions.finish(goal, GoalStatus.CANCELED, b"", now)
 
 
 @cache
-def _fleet(*, sealed: bool = True) -> Fleet:
-    return Fleet(seed=1, sealed=sealed)
+def _fleet(flood: Flood, *, sealed: bool = True) -> Fleet:
+    return Fleet(flood, seed=1, sealed=sealed)
 
 
-def test_a_node_that_asks_without_end_is_answered_for_a_share_of_the_day() -> None:
-    fleet, unlimited = _fleet(), _fleet(sealed=False)
+@pytest.mark.parametrize("flood", Flood)
+def test_a_node_that_asks_without_end_is_answered_for_a_share_of_the_day(flood: Flood) -> None:
+    fleet, unlimited = _fleet(flood), _fleet(flood, sealed=False)
     paid_s = DAY_SHARE_S + RUN_S * SHARE
-    # Beside it: answers to node 3, to commands, and the last frame that made the debt.
+    # Beside it: answers to node 3, and the last frame that made the debt.
     assert paid_s < fleet.airtime_s() < paid_s + 25
-    assert unlimited.airtime_s() > 2.5 * fleet.airtime_s()
+    assert unlimited.airtime_s() > 2 * fleet.airtime_s()
     told = {(at, each.address, each.refusal, each.is_too_many) for _, at, each in fleet.alarms}
     assert told == {(2, 1, Refusal.COSTLY, False)}
     assert not unlimited.alarms
 
 
-def test_its_best_effort_samples_arrive_and_its_commands_are_answered() -> None:
-    fleet = _fleet()
+@pytest.mark.parametrize("flood", Flood)
+def test_what_it_sends_has_its_effect_in_the_debt(flood: Flood) -> None:
+    fleet = _fleet(flood)
     begins_s = fleet.alarms[0][0]
-    assert begins_s < 0.55 * RUN_S
+    assert begins_s < CANCELLED_S - 60
     late = [at_s for at_s in fleet.times_s(2, SampleReceived, NAV) if at_s > begins_s]
-    assert len(late) > 0.7 * (RUN_S - begins_s) / 8
-    assert len(fleet.times_s(1, ResponseReceived, COMMANDS_STREAM_ID)) == 2
+    assert len(late) > 0.6 * (RUN_S - begins_s) / 8
+    assert fleet.first_goal in fleet.cancelled
+    # It gets no answers, so it repeats as rarely as to an absent node.
+    assert fleet.times_s(2, SilenceChanged)
 
 
-def test_other_nodes_are_answered_as_before() -> None:
-    assert len(_fleet().times_s(3, ResponseReceived, ECHO)) >= RUN_S // 600 - 2
+@pytest.mark.parametrize("flood", Flood)
+def test_other_nodes_are_answered_as_before(flood: Flood) -> None:
+    assert len(_fleet(flood).times_s(3, ResponseReceived, ECHO)) >= RUN_S // 600 - 2
 
 
-def test_when_its_debt_is_paid_it_is_answered_again() -> None:
-    fleet = _fleet()
-    begins_s = fleet.alarms[0][0]
-    assert [at_s for at_s in fleet.times_s(1, ResponseReceived, ECHO) if at_s > begins_s + 600]
+@pytest.mark.parametrize("flood", Flood)
+def test_when_its_debt_is_paid_it_is_answered_again(flood: Flood) -> None:
+    answered = _fleet(flood).times_s(1, ResponseReceived, ECHO)
+    assert [at_s for at_s in answered if ASKED_S < at_s < ASKED_S + 60]

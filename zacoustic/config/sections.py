@@ -390,7 +390,7 @@ class SecurityEntry(Entry, frozen=True, kw_only=True):
     overlap_s: float = DEFAULT_OVERLAP_S
     """How long after its start a node opens frames of the former generation of the key, s."""
     reply_share: float = REPLY_SHARE
-    """Share of the time that each other node can make this one transmit; see docs/security.md."""
+    """Share of the time that replies to each other node may take; see docs/security.md."""
     lives: str = "lives"
     """Folder of the life records, relative to this file; never copy or restore it."""
     emergency: EmergencyEntry | None = None

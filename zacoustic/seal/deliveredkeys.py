@@ -2,14 +2,20 @@
 
 They stay wrapped as they came, under a key of the pair of nodes, in a file beside the life records
 that only its owner can read. They belong to one generation: a new list has its own.
+
+A node starts without them when their file cannot be read: it misses broadcasts of some nodes, but
+hears and obeys the others, and the keys can be sent again.
 """
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 
 from zacoustic.seal.keys import KeyFileError, read_private, write_private
+
+_logger = logging.getLogger("zacoustic.seal")
 
 
 class DeliveredKey(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -33,10 +39,8 @@ class DeliveredKeys:
     Args:
         network: Name of the network.
         generation: Generation of the list of members.
-        path: Their file; None: they are forgotten at the end of the process.
-
-    Raises:
-        KeyFileError: The file is damaged, or others may read it.
+        path: Their file; None: they are forgotten at the end of the process. One that cannot be
+            read is logged as an error; the next delivered key replaces it.
     """
 
     def __init__(self, network: str, generation: int, path: Path | None = None) -> None:
@@ -44,7 +48,11 @@ class DeliveredKeys:
         self._path = path
         self._of: dict[int, DeliveredKey] = {}
         if path is not None and path.exists():
-            found = read_private(path, _File)
+            try:
+                found = read_private(path, _File)
+            except KeyFileError as error:
+                _logger.error("%s; the delivered keys are lost: send them again", error.args[0])
+                return
             if (found.network, found.generation) == (network, generation):
                 self._of = dict(found.of)
 

@@ -195,7 +195,7 @@ class Composer:
             if at is not None and (earliest is None or at < earliest):
                 earliest = at
         held_until = self._objects.hold_until(now)
-        if earliest is not None and held_until > now and not self._queue.is_urgent:
+        if earliest is not None and held_until > now and not self._queue.is_urgent(now):
             earliest = max(earliest, held_until)
         object_at = self._objects.due_at(now)
         if earliest is None or object_at is None:

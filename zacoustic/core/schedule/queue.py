@@ -222,6 +222,8 @@ class TransmitQueue:
         self.largest_bytes: int | None = None
         """The largest record that fits a frame of the link, bytes; None before the link was up."""
         self._held: dict[int, int] = {}
+        self._replies_held: dict[int, int] = {}
+        """Until when the replies to a node wait, ns, by its address."""
         self._overrides: dict[LaneKey, Override] = {}
         self.superseded: dict[int, int] = {}
         """How many payloads newer ones have displaced, by stream."""
@@ -237,10 +239,12 @@ class TransmitQueue:
         lanes = (lane for lane in self._busy.values() if lane.is_on)
         return sum(item.size_bytes for lane in lanes for item in lane.items)
 
-    @property
-    def is_urgent(self) -> bool:
-        """Whether a REAL_TIME payload waits."""
-        return any(lane.patience_ns == _BEFORE_ALL and lane.is_on for lane in self._busy.values())
+    def is_urgent(self, now: int) -> bool:
+        """Return whether a REAL_TIME payload waits that may go."""
+        return any(
+            lane.patience_ns == _BEFORE_ALL and lane.is_on and lane.held_until <= now
+            for lane in self._busy.values()
+        )
 
     @property
     def has_copy(self) -> bool:
@@ -291,6 +295,8 @@ class TransmitQueue:
         self._busy[key] = lane
         lane.items.append(item)
         lane.destination = item.destination
+        if item.is_reply:
+            lane.held_until = max(lane.held_until, self._replies_held.get(item.destination, 0))
         if len(lane.items) > qos.depth:
             lane.items.popleft()
             self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
@@ -300,6 +306,13 @@ class TransmitQueue:
         self._held[stream_id] = until
         for lane in self._lanes.values():
             if lane.key[0] == stream_id:
+                lane.held_until = max(lane.held_until, until)
+
+    def hold_replies(self, address: int, until: int) -> None:
+        """Hold all replies to a node until an instant, ns."""
+        self._replies_held[address] = until
+        for lane in self._busy.values():
+            if lane.destination == address and lane.items[0].is_reply:
                 lane.held_until = max(lane.held_until, until)
 
     def override(self, kind: LaneKey, override: Override) -> None:
@@ -371,6 +384,7 @@ class TransmitQueue:
 
     def peer_forgotten(self, address: int, now: int) -> None:
         """Drop the empty lanes of a node; lanes with waiting payloads stay."""
+        self._replies_held.pop(address, None)
         for key, lane in list(self._lanes.items()):
             if lane.destination == address and not lane.items:
                 del self._lanes[key]

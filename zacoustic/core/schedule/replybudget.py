@@ -6,9 +6,10 @@ keep the others transmitting until their batteries are empty. So a sealed node k
 each other node. The share of the passing time is paid in, up to the share of a day. The airtime of
 each frame that goes because of that node is taken out, on all links together.
 
-While an account has a debt, the node drops what this other node wants an answer to (drop reason
-``reply_budget``) and raises an alarm. Commands are executed and answered all the same, since the
-stop must work; each answer is paid for. Best-effort samples cause no answer and are delivered.
+While an account has a debt, the replies to that other node wait in the queue, and the node raises
+an alarm. All that the other node sends still has its effect: a stop stops, a cancel cancels. Two
+things are dropped (drop reason ``reply_budget``), since each of them alone can ask for kilobytes:
+the fragments of its objects, and its questions about tables.
 
 Accounts are not in the journal: a restart begins with full ones.
 """
@@ -29,7 +30,7 @@ class ReplyBudget:
 
     Args:
         share: Share of the time for each of them, above 0, at most 1; None: no limit.
-        costly: Called with address and instant when something of a node in debt is dropped.
+        costly: Called with address and instant when a node in debt makes this one do more.
     """
 
     def __init__(self, share: float | None, costly: Callable[[int, int], None]) -> None:
@@ -37,17 +38,21 @@ class ReplyBudget:
         self._costly = costly
         self._of: dict[int, AirtimeAccount] = {}
 
-    def spend(self, address: int, airtime_ns: int, now: int) -> None:
-        """Pay for a frame that goes because of a node."""
+    def spend(self, address: int, airtime_ns: int, now: int) -> int:
+        """Pay for a frame that goes because of a node; return when replies to it go on, ns."""
         if self._share is None:
-            return
+            return now
         account = self._of.get(address)
         if account is None:
             account = self._of[address] = AirtimeAccount(self._share, saved_ns=_DAY_NS)
         account.spend(airtime_ns, now)
+        even_at = account.even_at(now)
+        if even_at > now:
+            self._costly(address, now)
+        return even_at
 
     def refuses(self, address: int, now: int) -> bool:
-        """Return whether a node is in debt, so that nothing of it is answered; raise the alarm."""
+        """Return whether a node is in debt; if so, raise the alarm."""
         account = self._of.get(address)
         if account is None or account.even_at(now) == now:
             return False

@@ -219,10 +219,14 @@ class Pacer:
         """Add a round trip, from the end of a frame to its ACK.
 
         A far shorter one than the link allows answers something else, such as a request from before
-        this node's restart. It would let the node repeat without a pause.
+        this node's restart. It would let the node repeat without a pause. A far longer one was held
+        back there, by silence or the reply budget. It would let this node wait for hours. But where
+        another program decides when frames go, nothing is known to be too long.
         """
         if round_trip_ns < times.first_round_trip_ns // _IMPLAUSIBLE_PARTS:
             return
+        if not times.is_delegated:
+            round_trip_ns = min(round_trip_ns, round(self._rarest * times.first_round_trip_ns))
         self._usually_unheard -= self._usually_unheard / _USUAL_PARTS
         if self._smooth_ns is None or self.shortest_ns is None:
             parts = _FIRST_DEVIATION_DELEGATED if times.is_delegated else _FIRST_DEVIATION

@@ -213,7 +213,9 @@ class Transmitter:
         for stream_id, until in held.items():
             self._source.hold(stream_id, until)
         if composed.caused_by is not None:
-            self._replies.spend(composed.caused_by, airtime_ns, now)
+            even_at = self._replies.spend(composed.caused_by, airtime_ns, now)
+            if even_at > now:
+                source.queue.hold_replies(composed.caused_by, even_at)
         return transmission, composed.streams
 
     def finish(self, report: TransmitReport, now: int) -> bool:
@@ -260,7 +262,7 @@ class Transmitter:
             return None
         self.port.listening.exclusive = self._source.is_exclusive
         self.port.listening.sends_full = self._source.has_fragment(now)
-        is_urgent = self._source.queue.is_urgent
+        is_urgent = self._source.queue.is_urgent(now)
         if not is_urgent:
             even_at = self.airtime.free_at(now)
             due_at = max(due_at, even_at) if even_at > now else due_at

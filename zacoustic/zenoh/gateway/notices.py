@@ -210,7 +210,7 @@ class SealBroken(Notice, frozen=True, kw_only=True, tag="seal"):
             "former_life": "it transmits with an earlier life: old records, or a recording of it",
             "clone": "another computer has this key and address; nothing is transmitted any more",
             "forbidden": f"{FORBIDDEN}: {self.stream}",
-            "costly": "it has spent security.reply_share: commands apart, it gets no answers",
+            "costly": "it has spent security.reply_share: answers to it wait",
         }[self.refusal]
         rotate = "; rotate the key" if self.is_too_many else ""
         node = f"{self.address} {self.name}".rstrip()

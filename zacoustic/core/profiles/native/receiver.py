@@ -26,7 +26,7 @@ out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or from an earlier boot epoch
 ``too_many_calls        more requests or goals of one client than two of its boot epochs allow
 too_many_goals``
-``reply_budget``        anything to answer of a node that has spent its reply budget (sealed)
+``reply_budget``        a fragment or question of a node that has spent its reply budget (sealed)
 ``former_life``         a request or goal from a boot epoch of its client that is over: replayed
 ``suspended``           a request or goal that may be older than this boot epoch, while this
                         node may have forgotten some; its client repeats it
@@ -50,7 +50,6 @@ from zacoustic.core.peers.reception import Heard, HearingPort, Reception
 from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.schedule.linkseal import Unsealed
 from zacoustic.core.schedule.replybudget import ReplyBudget
-from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import WIRE_VERSION, Ask, Hello
@@ -59,7 +58,6 @@ from zacoustic.core.wire.controls import Item
 from zacoustic.core.wire.envelope import Opened
 from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
 from zacoustic.core.wire.objects import Fragment
-from zacoustic.core.wire.subscriptions import Subscribe
 
 _REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
 """A node that repeats these has not received the answer."""
@@ -93,8 +91,6 @@ class Receiver:
         self._seal = seal
         self._replies = replies
         self._table = table
-        commands = table.get(COMMANDS_STREAM_ID)
-        self._commands_id = COMMANDS_STREAM_ID if commands and commands.is_built_in else None
         self._handshake = handshake
         self._reception = reception
         self._stats = stats
@@ -182,7 +178,7 @@ class Receiver:
             return item.reason
         if not self._table.lists(heard.source) and self._is_answered(item):
             return "stranger"
-        if self._is_too_costly(heard, item):
+        if isinstance(item, Ask | Fragment) and self._replies.refuses(heard.source, heard.now):
             return "reply_budget"
         if not isinstance(item, Record):
             return self._reception.second(heard, item)
@@ -211,15 +207,6 @@ class Receiver:
             isinstance(stream.spec, TopicSpec) and stream.qos.reliability is Reliability.BEST_EFFORT
         )
         return item.prefixes.acknowledged is None and not is_best_effort
-
-    def _is_too_costly(self, heard: Heard, item: Item) -> bool:
-        """Return whether its source is in debt; commands are executed all the same."""
-        if isinstance(item, Record) and item.stream_id == self._commands_id:
-            return False
-        is_question = isinstance(item, Ask | Subscribe)
-        return (is_question or self._is_answered(item)) and self._replies.refuses(
-            heard.source, heard.now
-        )
 
     def _drop(self, reason: str | None) -> None:
         if reason is not None:

@@ -112,6 +112,7 @@ class GoalOutbox:
             delimits_itself=operation is not Operation.REFUSED,
             for_one_node=True,
             cause=Cause.ACK,
+            is_reply=True,
             queued_at=now,
         )
         if not self._queue.fits(record):
@@ -135,6 +136,7 @@ class GoalOutbox:
             payload=payload,
             delimits_itself=stream.feedback_codec.delimits_itself,
             for_one_node=True,
+            is_reply=True,
             queued_at=now,
         )
         record.heading = partial(self._head, goal, Operation.FEEDBACK)
@@ -183,6 +185,7 @@ class GoalOutbox:
                 delimits_itself=shows_end,
                 # Whoever hears a client's record knows which node is the server.
                 for_one_node=goal.client != self._address,
+                is_reply=goal.client != self._address,
                 queued_at=now,
             )
             record.heading = partial(self._head, goal, operation)
@@ -252,6 +255,7 @@ class GoalOutbox:
             payload=said.encode(room_bytes),
             for_one_node=True,
             cause=Cause.ACK,
+            is_reply=True,
             queued_at=refusal.queued_at,
         )
 
