@@ -87,7 +87,7 @@ class Pacers(PerPeer[Pacer]):
 
     def await_nothing(self, address: int) -> None:
         """Stop awaiting an answer from a node."""
-        self[address].quiet_until = 0
+        self[address].await_nothing()
         self.changed()
 
     def heard_at(self, address: int) -> int:

@@ -360,6 +360,10 @@ class Pacer:
         self.quiet_since = max(self.quiet_since, since)
         self.quiet_until = max(self.quiet_until, min(until, longest_at))
 
+    def await_nothing(self) -> None:
+        """Stop awaiting an answer; the next turn may begin at once, even at the same instant."""
+        self.quiet_until, self._turn_at = 0, -1
+
     def may_repeat(
         self, now: int, times: LinkTimes, priority: Priority, *, in_haste: bool = False
     ) -> bool:

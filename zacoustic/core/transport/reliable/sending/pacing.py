@@ -162,16 +162,18 @@ class Pacing:
     def takes(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
         """Take a sample into the present turn of the receivers that lack it; False: no room."""
         times, priority = self.times, self._priority(lane)
-        is_free = sample.follows or sample.asked or priority is Priority.REAL_TIME
+        # A row of emergencies is none: without a pause, several such senders would deafen all.
+        is_emergency = priority is Priority.REAL_TIME and len(lane.samples) <= _COPIED_AT_ONCE
+        is_free = sample.follows or sample.asked or is_emergency
         if times is None or is_free or self._at_most_ns(lane) is not None:
             return True
         if self._before_end(sample, now + 1) <= now:
             return True  # a later turn would be too late
         size_bytes = sample.waiting.size_bytes
-        turns = [self.timing(each) for each in lane.lacking(sample)]
-        turns = [each for each in turns if each.may_repeat(now, times, priority)]
+        lacking = [self.timing(each) for each in lane.lacking(sample)]
+        turns = [each for each in lacking if each.may_repeat(now, times, priority)]
         taken = [each.takes(size_bytes, now, times) for each in turns]
-        return any(taken) or not taken
+        return any(taken) or not lacking
 
     def repeats(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """Record that a sample is repeated because its receivers have not answered."""
