@@ -275,3 +275,10 @@ def test_scenarios_are_as_bad_as_they_promise() -> None:
 def test_answers_of_several_receivers_do_not_meet_for_ever(seed: int) -> None:
     # Their patience ended at the same instant, or they waited for the same pause.
     assert not run_scenario(draw_reliable_scenario(seed), (*INVARIANTS, LastArrives)).violations
+
+
+@pytest.mark.parametrize("seed", [331, 462])
+def test_four_nodes_with_backlogs_leave_each_other_room_for_answers(seed: int) -> None:
+    # Repetitions went on while the answers of other receivers were awaited. Long rows of emergencies
+    # went without a pause. So two nodes transmitted for ever, and heard nothing.
+    assert not run_scenario(draw_reliable_scenario(seed), (*INVARIANTS, LastArrives)).violations
