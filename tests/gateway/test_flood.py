@@ -139,7 +139,8 @@ def flood(port: int, key: str, total: int) -> None:
             for number in range(total):
                 publisher.put(str(number))
             # Answered by the router, which does not stand still, behind all of the above.
-            assert len(list(session.liveliness().get("@acoustic/1/gateway", timeout=LIMIT_S))) == 1
+            limit_s = LIMIT_S + total / 5_000
+            assert len(list(session.liveliness().get("@acoustic/1/gateway", timeout=limit_s))) == 1
 
     thread = threading.Thread(target=put)
     thread.start()
