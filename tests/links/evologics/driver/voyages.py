@@ -59,6 +59,8 @@ SILENT_CROSSING_S: Final = 2.2
 """A fresh sample takes so long where nobody else speaks, s: airtime and propagation."""
 CALM_S: Final = 100.0
 """What is still under way then has ended, s: calls, their memory, questions."""
+OWED_S: Final = 200.0
+"""A confirmation that is owed, and found no frame, is dropped within that, s."""
 HELD_LIMIT: Final = 200
 """Objects of an idle dialogue, with a count of everything that can be counted."""
 
@@ -132,6 +134,7 @@ class Voyage:
             sea.run(CALM_S)
         self._see_traffic()
         self._see_reports()
+        sea.run(OWED_S)
         self._see_rest()
         assert not self.wrong, "; ".join(self.wrong)
 
