@@ -55,8 +55,11 @@ def delays_beside_an_object(seed: int) -> tuple[list[float], float]:
 
 
 def test_reports_are_soon_there_beside_an_object(count: Callable[[int], int]) -> None:
+    arrived: list[int] = []
     for seed in range(count(300)):
         delays_s, lost = delays_beside_an_object(seed)
-        assert len(delays_s) >= 17
+        arrived.append(len(delays_s))
+        assert len(delays_s) >= 15, seed
         assert statistics.median(delays_s) <= 2.0, (seed, sorted(delays_s))
         assert lost <= 0.1, (seed, lost)
+    assert statistics.fmean(arrived) >= 18

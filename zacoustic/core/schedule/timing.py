@@ -278,9 +278,8 @@ class Pacer:
             unheard = min(float(self._unheard), _MOST_USUAL)
             self._usually_unheard += max(0.0, unheard - self._usually_unheard) / 2
         self._unheard = 0
-        if self._doubts_guess:
-            self._unanswered = max(0, self._unanswered - _DOUBLING)
-        else:
+        # RFC 6298: what was repeated measures nothing, and the longer pause stays until something does.
+        if not self._doubts_guess:
             self._unanswered = self._unanswered // 2 if in_crowd else 0
 
     def is_doubtful(self, times: LinkTimes) -> bool:
@@ -361,8 +360,13 @@ class Pacer:
         self.quiet_until = max(self.quiet_until, min(until, longest_at))
 
     def await_nothing(self) -> None:
-        """Stop awaiting an answer; the next turn may begin at once, even at the same instant."""
-        self.quiet_until, self._turn_at = 0, -1
+        """Stop awaiting an answer; the next turn may begin at once, even at the same instant.
+
+        Where answers take longer than the guess, one more tells nothing of those still on their
+        way.
+        """
+        if not self._doubts_guess:
+            self.quiet_until, self._turn_at = 0, -1
 
     def may_repeat(
         self, now: int, times: LinkTimes, priority: Priority, *, in_haste: bool = False

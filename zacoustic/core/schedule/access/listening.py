@@ -208,6 +208,11 @@ class Listening(OtherRuns):
             self._is_announced = True
             self._runs_since_announcement = 0
 
+    @property
+    def hears_sound(self) -> bool:
+        """Whether another node's sound is sensed."""
+        return self._busy_since is not None
+
     def handle_carrier(self, busy: bool, now: int) -> None:
         """Record the begin or end of another node's sound."""
         if busy:

@@ -4,9 +4,9 @@ A best-effort sample is neither acknowledged nor repeated, and most of those for
 an object would collide with its run. A sample of priority `real_time` is sent eight times, four
 copies in each of two pauses (`zacoustic.core.schedule.access.listening`), if a run is heard when
 its first frame is composed, or if a node listens for an answer after one. At 40 % loss, one sample
-in a thousand is then lost. SYNC numbers the copies, so that the sample is delivered once. Any other
-sample is sent once, without a number; so it is lost if a run that is not heard yet begins just
-then.
+in a thousand is then lost. If only a sound is heard, a run may begin with it, and the sample is sent
+three times. SYNC numbers the copies, so that the sample is delivered once. Any other sample is sent
+once, without a number; so it is lost if a run that is not heard yet begins just then.
 
 Copies end when a newer sample of the key is published, and half a minute after the publication: a
 subscriber that restarts knows no numbers and would take an old sample for new. They take at most a
@@ -35,6 +35,7 @@ _COPIES_IN_ROW: Final = 4
 _ROWS: Final = 2
 _MOST_IN_THE_DARK: Final = 6
 """How many extra copies are sent while a run is heard whose pauses are not known."""
+_COPIES_BESIDE_A_SOUND: Final = 3
 _MOST_KEYS: Final = 1024
 """For how many keys, the latest ones, the received numbers are remembered."""
 _MOST_NUMBERS: Final = 8
@@ -58,7 +59,7 @@ class _Copied:
         self.qos = qos
         self.ends_at = ends_at
         self.copies_left = copies
-        self.in_the_dark = _MOST_IN_THE_DARK
+        self.in_the_dark = _MOST_IN_THE_DARK if copies > _COPIES_BESIDE_A_SOUND else 0
         self.was_sent = False
         self.is_on_air = False
         self.due_at: int | None = None
@@ -186,12 +187,14 @@ class CopiedSamples:
             return 1
         listening, largest_bytes = self._times.listening, self._queue.largest_bytes
         size_bytes = record.size_bytes + SYNC_BYTES
-        if listening is None or not listening.hears_run(now):
+        if listening is None or not (listening.hears_run(now) or listening.hears_sound):
             return 1
         if self._account.even_at(now) > now:
             return 1
         if largest_bytes is not None and size_bytes > largest_bytes:
             return 1
+        if not listening.hears_run(now):
+            return _COPIES_BESIDE_A_SOUND
         detour_ns = listening.detour_ns(record.destination, now)
         return _ROWS * _in_row(record, self._times, detour_ns)
 
