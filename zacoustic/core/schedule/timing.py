@@ -278,7 +278,7 @@ class Pacer:
             unheard = min(float(self._unheard), _MOST_USUAL)
             self._usually_unheard += max(0.0, unheard - self._usually_unheard) / 2
         self._unheard = 0
-        # RFC 6298: what was repeated measures nothing, and the longer pause stays until something does.
+        # RFC 6298: what was repeated measures nothing; the longer pause stays until something does.
         if not self._doubts_guess:
             self._unanswered = self._unanswered // 2 if in_crowd else 0
 

@@ -4,9 +4,9 @@ A best-effort sample is neither acknowledged nor repeated, and most of those for
 an object would collide with its run. A sample of priority `real_time` is sent eight times, four
 copies in each of two pauses (`zacoustic.core.schedule.access.listening`), if a run is heard when
 its first frame is composed, or if a node listens for an answer after one. At 40 % loss, one sample
-in a thousand is then lost. If only a sound is heard, a run may begin with it, and the sample is sent
-three times. SYNC numbers the copies, so that the sample is delivered once. Any other sample is sent
-once, without a number; so it is lost if a run that is not heard yet begins just then.
+in a thousand is then lost. If only a sound is heard, a run may begin with it, and the sample is
+sent three times. SYNC numbers the copies, so that the sample is delivered once. Any other sample is
+sent once, without a number; so it is lost if a run that is not heard yet begins just then.
 
 Copies end when a newer sample of the key is published, and half a minute after the publication: a
 subscriber that restarts knows no numbers and would take an old sample for new. They take at most a
