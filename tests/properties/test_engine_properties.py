@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.core.rig import End, Rig, link
 from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
 from zacoustic.core.engine.events import RequestReceived, ResponseReceived, SampleReceived
-from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.linktypes import BROADCAST, Transmission
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -94,7 +94,12 @@ def test_everything_that_is_published_arrives_once_and_in_the_order_of_its_key(
             end.events.clear()
     for stream_id, value, instance in samples:
         rig.publish(1, stream_id, value, instance=instance)
-    rig.exchange()
+
+    def after_its_airtime(source: int, node: int, transmission: Transmission) -> bool:
+        rig.now += rig[source].capabilities.airtime_ns(len(transmission.frame_bytes))
+        return True  # an equal frame that came sooner would be an echo
+
+    rig.exchange(after_its_airtime)
     for address in (2, 3):
         expected: dict[Any, list[Any]] = {}
         for stream_id, value, instance in samples:
