@@ -54,6 +54,18 @@ def capabilities(lacks: dict[str, bool], mtu_bytes: int) -> LinkCapabilities:
     steps=[*[(1, 0, 0.0)] * 9, (1, 1_037_023, 0.0)],
     loss=0.0,
 )
+@example(  # a HELLO has no room beside the feedback about an object
+    mtu_bytes=8,
+    lacks={"addressed": False, "checked": False, "framed": False},
+    access=TdmaSpec(
+        slots=(1, 2, 3), slot_s=20.0, guard_s=2.0, clock=1, beacon_s=60.0, clock_error_s=0.01
+    ),
+    steps=[
+        *[(1, 1, 5.0), (3, 0, 5.0), *[(1, 0, 0.0)] * 3],
+        *[(1, 0, 5.0), (1, 0, 0.0), (1, 0, 5.0), (1, 0, 0.0), (1, 16_668_732, 0.0)],
+    ],
+    loss=0.3,
+)
 def test_no_frame_is_larger_than_the_mtu(
     mtu_bytes: int,
     lacks: dict[str, bool],

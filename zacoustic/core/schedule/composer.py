@@ -366,7 +366,8 @@ class Composer:
         self._introductions.begin_frame(draft.destination)
         self._answer(draft, now)
         first_bytes = first[1].size_bytes if first else 0
-        if not self._agree(draft, offer, first, now):
+        feedback_fills = not draft.is_empty and draft.room_bytes < HELLO_BYTES
+        if feedback_fills or not self._agree(draft, offer, first, now):
             first = None
         self._extend(draft, first_bytes * (not offer.owed_first), now)
         if first or not draft.is_empty:
