@@ -39,6 +39,12 @@ def test_last_repetition_before_the_end_does_not_wait_for_a_full_turn() -> None:
     assert not run_scenario(draw_scenario(1515)).violations
 
 
+def test_a_late_double_of_an_unknown_life_does_not_come_behind_later_lives() -> None:
+    # Six seconds late, from a life of which this receiver had heard nothing before it heard a later
+    # one: held for ten minutes, and then handed on.
+    assert not run_scenario(draw_scenario(1445)).violations
+
+
 def test_scenarios_are_repeatable_and_differ() -> None:
     digests = [run_scenario(draw_scenario(seed), digest=True).digest for seed in (5, 5, 6)]
     assert digests[0] == digests[1] != digests[2]

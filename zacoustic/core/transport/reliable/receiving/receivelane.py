@@ -7,6 +7,7 @@ from zacoustic.core.transport.reliable.receiving.watch import Watch
 from zacoustic.core.wire.frame import Sync
 from zacoustic.core.wire.numbers import Ack
 
+_LINEAGES: Final = 1 << 16
 _FORMER_LINEAGES: Final = 16
 """How many old lineages a receiver remembers, and so recognises if a publisher reuses one."""
 
@@ -66,6 +67,14 @@ class ReceiveLane:
         if not self.is_settled:
             self.is_settled = True
             self.doubtful_end = floor + depth
+
+    def is_over(self, lineage: int) -> bool:
+        """Return whether a lineage has ended: it is known, or one of the few before the present.
+
+        A late double may come from a boot epoch of which nothing came in time.
+        """
+        since = (self.lineage - lineage) % _LINEAGES
+        return lineage in self.former or 0 < since <= _FORMER_LINEAGES
 
     @property
     def newest(self) -> int:

@@ -125,7 +125,7 @@ class ReliableReceiving:
         key = (sample.source, stream.stream_id, sample.instance)
         lane = self._lanes.get(key)
         ready: list[SampleReceived] = []
-        if sync is not None and lane is not None and sync.lineage in lane.former:
+        if sync is not None and lane is not None and lane.is_over(sync.lineage):
             # The sample is late, or its publisher has forgotten what it has published since.
             self._owe(key, lane.ack(), lane.sync, now, self._turn(stream, arrival))
             return "repeated_sample"
@@ -193,7 +193,7 @@ class ReliableReceiving:
         ready: list[SampleReceived] = []
         if lane is None or lane.lineage != slot.lineage:
             # Of two lineages only the publisher knows which one is over.
-            if lane is not None and slot.lineage in lane.former:
+            if lane is not None and lane.is_over(slot.lineage):
                 return Claim.FORMER
             if not is_turn and (slot.number or lane is not None):
                 return Claim.LATER
