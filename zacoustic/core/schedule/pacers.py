@@ -112,7 +112,8 @@ class Pacers(PerPeer[Pacer]):
     # Below the methods above
 
     def _release(self, address: int, now: int) -> None:
-        self.await_nothing(address)
+        self[address].release()
+        self.changed()
         self.released(address, now)
 
     def _round_trips_ns(self, number: int) -> int:

@@ -366,7 +366,11 @@ class Pacer:
         way.
         """
         if not self._doubts_guess:
-            self.quiet_until, self._turn_at = 0, -1
+            self.release()
+
+    def release(self) -> None:
+        """End every pause: the node came back, or the link did."""
+        self.quiet_until, self._turn_at = 0, -1
 
     def may_repeat(
         self, now: int, times: LinkTimes, priority: Priority, *, in_haste: bool = False

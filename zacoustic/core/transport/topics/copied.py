@@ -36,6 +36,7 @@ _ROWS: Final = 2
 _MOST_IN_THE_DARK: Final = 6
 """How many extra copies are sent while a run is heard whose pauses are not known."""
 _COPIES_BESIDE_A_SOUND: Final = 3
+"""How often a sample is sent if only a sound is heard, which a run may begin with."""
 _MOST_KEYS: Final = 1024
 """For how many keys, the latest ones, the received numbers are remembered."""
 _MOST_NUMBERS: Final = 8
@@ -187,13 +188,16 @@ class CopiedSamples:
             return 1
         listening, largest_bytes = self._times.listening, self._queue.largest_bytes
         size_bytes = record.size_bytes + SYNC_BYTES
-        if listening is None or not (listening.hears_run(now) or listening.hears_sound):
+        if listening is None:
+            return 1
+        hears_run = listening.hears_run(now)
+        if not (hears_run or listening.hears_sound):
             return 1
         if self._account.even_at(now) > now:
             return 1
         if largest_bytes is not None and size_bytes > largest_bytes:
             return 1
-        if not listening.hears_run(now):
+        if not hears_run:
             return _COPIES_BESIDE_A_SOUND
         detour_ns = listening.detour_ns(record.destination, now)
         return _ROWS * _in_row(record, self._times, detour_ns)
