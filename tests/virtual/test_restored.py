@@ -7,14 +7,15 @@ as of an image of the whole disk.
 """
 
 import random
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Sequence
+from typing import Any, Final
 
 import pytest
 
 from tests.virtual.fleet import line
 from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import (
     DeliveryEnded,
     DeliveryOutcome,
@@ -56,9 +57,16 @@ def table() -> StreamTable:
 
 
 class Run:
-    """A network whose events are judged as they come."""
+    """A network whose events are judged as they come.
 
-    def __init__(self, seed: int, loss: float = 0.2) -> None:
+    Args:
+        seed: Of the channel and the scenario.
+        loss: Share of frames that are lost.
+        epochs: What node 1 draws at its starts; it remembers nothing then. Empty: as its journal
+            says.
+    """
+
+    def __init__(self, seed: int, loss: float = 0.2, *, epochs: Sequence[int] = ()) -> None:
         self.rng = random.Random(seed)
         scenario = line(
             0,
@@ -69,7 +77,14 @@ class Run:
             loss={"frame": loss},
             faults={"journal": {"commit_s": 0.02}},
         )
-        self.medium = VirtualNetwork(scenario, table(), deliver=self._take)
+        drawn = iter(epochs)
+
+        def build(**settings: Any) -> Engine:
+            if epochs and settings["address"] == 1:
+                settings |= {"epoch": next(drawn), "stored": {}}
+            return Engine(**settings)
+
+        self.medium = VirtualNetwork(scenario, table(), deliver=self._take, build=build)
         self.violations: list[str] = []
         self.doubts: list[tuple[int, str]] = []
         self.values: dict[tuple[int, int, int], bytes] = {}
@@ -195,6 +210,30 @@ def test_publisher_on_an_old_copy_is_told_and_goes_on(
             assert value in run.delivered, f"seed {seed}: {value!r}"
         told += bool(run.doubts)
     assert told == count(600) if doubt else told
+
+
+@pytest.mark.parametrize(
+    "epochs", [(999, 1000, 999), (999, 1000, 997), (999, 1000, 984), (0, 65535), (999, 1000, 983)]
+)
+def test_publisher_that_remembers_nothing_goes_on_in_any_epoch(
+    count: Callable[[int], int], epochs: tuple[int, ...]
+) -> None:
+    """Also in one that is over, to its receivers: at most its first large sample is refused."""
+    for seed in range(count(100)):
+        run = Run(seed, epochs=epochs)
+        for _ in epochs[1:]:
+            for stream_id in TOPICS:
+                run.publish(stream_id)
+            run.talk(run.rng.uniform(100, 300))
+            run.wait(600)
+            run.medium.restart(1)
+            run.values.clear()  # ids begin anew
+        run.publish(PHOTO)
+        run.wait(600)
+        new = [run.publish(LOG), run.publish(NOTE), run.publish(PHOTO)]
+        run.ends()
+        for value in new:
+            assert value in run.delivered, f"seed {seed}: {value!r}"
 
 
 def test_receiver_on_an_old_copy_gets_nothing_twice_but_what_is_marked(

@@ -71,6 +71,8 @@ class Reason(enum.IntEnum):
     """Larger than the receiver accepts."""
     NOT_SUBSCRIBED = 3
     """The receiver does not subscribe to the stream, or does not know it."""
+    FORMER = 4
+    """Its lineage is over, as the receiver knows it."""
 
 
 class Fragment(msgspec.Struct, frozen=True):

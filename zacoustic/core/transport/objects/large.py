@@ -237,9 +237,9 @@ class LargeSamples:
         """Note that a receiver has delivered an object."""
         self._slots.passed(object_id, address, now)
 
-    def refused(self, object_id: int, address: int, now: int) -> None:
+    def refused(self, object_id: int, address: int, reason: int, now: int) -> None:
         """Note that a receiver refuses an object."""
-        self._slots.refused(object_id, address, now)
+        self._slots.refused(object_id, address, now, is_former=reason == Reason.FORMER)
 
     # For incoming objects: `zacoustic.core.transport.objects.admission.AdmissionControl`
 

@@ -313,7 +313,7 @@ class IncomingObjects:
             self._write_group(key, state)
             return
         if claim is Claim.FORMER:
-            self._refuse(key, Reason.CANCELLED)
+            self._refuse(key, Reason.FORMER)
             return
         state.is_ending = True
         end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
@@ -367,7 +367,7 @@ class IncomingObjects:
     def _refuse(self, key: TransferKey, reason: Reason) -> None:
         state = self._transfers.get(key)
         assert state is not None
-        cancelled = reason is Reason.CANCELLED
+        cancelled = reason in (Reason.CANCELLED, Reason.FORMER)
         if reason is not Reason.NOT_SUBSCRIBED:
             outcome = ObjectState.CANCELLED if cancelled else ObjectState.REFUSED
             self._report(key, state, outcome, reason.name.lower())

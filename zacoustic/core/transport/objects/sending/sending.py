@@ -69,8 +69,8 @@ class Owner(Protocol):
     def passed(self, object_id: int, address: int, now: int) -> None:
         """Note that a receiver has delivered an object."""
 
-    def refused(self, object_id: int, address: int, now: int) -> None:
-        """Note that a receiver refuses an object."""
+    def refused(self, object_id: int, address: int, reason: int, now: int) -> None:
+        """Note that a receiver refuses an object, for a `Reason` or one of a later version."""
 
 
 class OutgoingObjects:
@@ -362,7 +362,7 @@ class OutgoingObjects:
         if view.complete:
             self._owner.passed(sending.object_id, source, now)
         elif view.refused is not None:
-            self._owner.refused(sending.object_id, source, now)
+            self._owner.refused(sending.object_id, source, view.refused, now)
         self._conclude(sending)
         return True
 

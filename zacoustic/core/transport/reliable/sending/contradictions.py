@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.streams.table import Stream
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.reliable.sending.keeping import Keeping
 from zacoustic.core.transport.reliable.sending.sendlane import SendLane, Stage
 from zacoustic.core.transport.reliable.spans import Span
@@ -34,6 +34,7 @@ class Contradictions:
     """Contradictions between receivers and this publisher, and the response to them.
 
     Args:
+        table: The streams.
         keeping: The lanes in the journal.
         doubt: Learns that something was forgotten.
         rng: Draws lineages.
@@ -42,11 +43,13 @@ class Contradictions:
 
     def __init__(
         self,
+        table: StreamTable,
         keeping: Keeping,
         doubt: Doubt,
         rng: random.Random,
         lose: Callable[[SendLane, int], None],
     ) -> None:
+        self._table = table
         self._keeping = keeping
         self._doubt = doubt
         self._rng = rng
@@ -99,6 +102,19 @@ class Contradictions:
             if sample.number < min(expected, lane.born) and source not in sample.acknowledged:
                 sample.unknown.add(source)
 
+    def begin_anew(self, lane: SendLane) -> None:
+        """Begin another lineage with the next sample: a receiver takes the newest one for over.
+
+        A refused object says so. The object has ended by that, so nothing is sent twice, and a
+        forged refusal costs a SYNC: it is believed at once.
+        """
+        if lane.is_former:
+            return  # the next sample begins one in any case
+        lane.spans.begin(lane.next_number, self._unused(lane))
+        lane.spans.forget_before(lane.floor)
+        if lane.is_journalled:
+            self._keeping.keep_count(self._table.by_id(lane.key[0]), lane)
+
     def _forget_former(self, lane: SendLane, source: int) -> bool:
         """End for a receiver the samples from before the restart; return whether any existed."""
         former = [
@@ -115,7 +131,11 @@ class Contradictions:
 
     def _begin_anew(self, lane: SendLane, source: int) -> None:
         """Give a receiver a lineage of its own for all that it lacks."""
+        lane.spans.own[source] = Span(lane.floor_of(source), self._unused(lane))
+
+    def _unused(self, lane: SendLane) -> int:
+        """Draw a lineage that a lane has not used."""
         lineage = self._rng.randrange(_LINEAGES)
         while lane.spans.knows(lineage):
             lineage = self._rng.randrange(_LINEAGES)
-        lane.spans.own[source] = Span(lane.floor_of(source), lineage)
+        return lineage

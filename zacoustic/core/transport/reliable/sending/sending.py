@@ -65,6 +65,7 @@ class ReliableSending:
             context.handshake,
         )
         self._contradictions = Contradictions(
+            context.table,
             self._keeping,
             context.doubt,
             context.generators.of("contradictions"),
@@ -78,6 +79,7 @@ class ReliableSending:
             end=self._end,
             lose=self._out_of_sync,
             go_on=self._go_on,
+            begin_anew=self._contradictions.begin_anew,
             pause_ns=self._pacing.pause_ns,
         )
         """The sequence slots of samples that cross as objects."""

@@ -63,6 +63,7 @@ class LargeSlots:
         end: Ends a sample, emits its event, and marks the receivers that wait for its number.
         lose: Marks a receiver of a lane that needs SYNC.
         go_on: Sends what waited behind a sample.
+        begin_anew: Begins another lineage of a lane, for the samples published from now on.
         pause_ns: Returns how long the receivers of a sample get to acknowledge it, ns.
     """
 
@@ -74,6 +75,7 @@ class LargeSlots:
         end: Callable[..., None],
         lose: Callable[[SendLane, int], None],
         go_on: Callable[[SendLane, int], None],
+        begin_anew: Callable[[SendLane], None],
         pause_ns: Callable[[SendLane, Outgoing], int],
     ) -> None:
         self._lanes = lanes
@@ -81,6 +83,7 @@ class LargeSlots:
         self._end = end
         self._lose = lose
         self._go_on = go_on
+        self._begin_anew = begin_anew
         self._pause_ns = pause_ns
         self._large: dict[int, tuple[SendLane, Outgoing]] = {}
         self.sender: Large | None = None
@@ -166,14 +169,24 @@ class LargeSlots:
                 each.due_at = now + self._pause_ns(lane, each)
         self._go_on(lane, now)
 
-    def refused(self, delivery_id: int, address: int, now: int) -> None:
-        """Skip a large sample for a receiver that refuses it."""
+    def refused(self, delivery_id: int, address: int, now: int, *, is_former: bool = False) -> None:
+        """Skip a large sample for a receiver that refuses it.
+
+        Args:
+            delivery_id: The sample.
+            address: The receiver.
+            now: The instant.
+            is_former: To the receiver its lineage is over.
+        """
         found = self._large.get(delivery_id)
-        if found is not None:
-            lane, sample = found
-            if address in lane.receptions:
-                lane.skip(sample, address)
-                self._lose(lane, address)
+        if found is None:
+            return
+        lane, sample = found
+        if address in lane.receptions:
+            lane.skip(sample, address)
+            self._lose(lane, address)
+        if is_former and lane.spans.at(sample.number) is lane.spans.newest:
+            self._begin_anew(lane)
 
     def subscribers_changed(self, lane: SendLane) -> None:
         """Skip the large samples for receivers that do not subscribe.
