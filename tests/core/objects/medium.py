@@ -126,7 +126,7 @@ class Node:
     def passed(self, object_id: int, address: int, now: int) -> None:
         self.told.append((object_id, address))
 
-    def refused(self, object_id: int, address: int, now: int) -> None:
+    def refused(self, object_id: int, address: int, reason: int, now: int) -> None:
         pass
 
     def stored(self, sending: Sending, now: int) -> None:
