@@ -149,6 +149,10 @@ class Sending:
             self._has_asked = True
             self._asked = self._answer
             self._state = reply.state if isinstance(reply, DeliveryReply) else None
+            if self._is_piggyback and word is Word.UNANSWERED:
+                # The modem may have dropped the message, and said so in what was lost with the
+                # answer: that it has none any more will not prove that a sound took it along.
+                self._evidence.forget()
         if word is Word.PREPARED and self._preparations:
             self._prepare(now)
         else:

@@ -274,6 +274,18 @@ def test_sound_and_silence_behind_the_order_to_forget_prove_that_it_has_left() -
     assert bench.modem.names()[-3:] == ["*SENDPBM", "Z", "?ZX"]
 
 
+def test_silence_behind_an_order_whose_answer_is_lost_proves_nothing() -> None:
+    """The modem may have said with the answer that the message had not left."""
+    bench = owing()
+    bench.transmit(b"with it", 2)
+    bench.run(0.05)
+    bench.modem.answers["Z"] = [None]
+    say_answer(bench)
+    bench.run(9.0)
+    (report,) = bench.reports
+    assert (report.outcome, report.detail) == (ABORTED, "ATZ3: OK")
+
+
 def test_modem_that_says_nothing_proves_nothing() -> None:
     bench = owing()
     bench.transmit(b"with what?", 2)

@@ -59,8 +59,8 @@ SILENT_CROSSING_S: Final = 2.2
 """A fresh sample takes so long where nobody else speaks, s: airtime and propagation."""
 CALM_S: Final = 100.0
 """What is still under way then has ended, s: calls, their memory, questions."""
-OWED_S: Final = 200.0
-"""A confirmation that is owed, and found no frame, is dropped within that, s."""
+OWED_S: Final = 1200.0
+"""A confirmation that is owed goes within that, s: its longest pause is 256 units of a frame."""
 HELD_LIMIT: Final = 200
 """Objects of an idle dialogue, with a count of everything that can be counted."""
 
