@@ -54,6 +54,13 @@ def capabilities(lacks: dict[str, bool], mtu_bytes: int) -> LinkCapabilities:
     steps=[*[(1, 0, 0.0)] * 9, (1, 1_037_023, 0.0)],
     loss=0.0,
 )
+@example(  # feedback about a goal has no room, and its application is told so
+    mtu_bytes=17,
+    lacks={"addressed": False, "checked": False, "framed": True},
+    access=None,
+    steps=[*[(1, 0, 0.0)] * 9, (2, 2273, 0.0), (1, 0, 0.0)],
+    loss=0.0,
+)
 @example(  # a HELLO has no room beside the feedback about an object
     mtu_bytes=8,
     lacks={"addressed": False, "checked": False, "framed": False},
@@ -115,8 +122,10 @@ def answer(engine: Engine, events: list[Event], now: int) -> None:
         elif isinstance(event, GoalReceived):
             goal = event.goal
             engine.actions.accept(goal, now)
-            engine.actions.publish_feedback(goal, b"half", now)
-            engine.actions.finish(goal, GoalStatus.SUCCEEDED, b"done", now)
+            with contextlib.suppress(PayloadTooLargeError):
+                engine.actions.publish_feedback(goal, b"half", now)
+            with contextlib.suppress(PayloadTooLargeError):
+                engine.actions.finish(goal, GoalStatus.SUCCEEDED, b"done", now)
 
 
 def half_of_the_frames(rng: random.Random) -> Pass:

@@ -370,8 +370,11 @@ class Engine:
     def poll_transmit(self, now: int) -> Transmission | None:
         """Return the frame that is worth most now, for the first link that can take one."""
         self._now = now
-        made = (stack.make(now) for stack in self._stacks.values())
-        return next((each for each in made if each is not None), None)
+        for stack in self._stacks.values():
+            made = stack.make(now)
+            if made is not None:
+                return made
+        return None
 
     def poll_journal(self) -> JournalWrite | None:
         """Return the next journal write."""
@@ -379,11 +382,12 @@ class Engine:
 
     def poll_event(self) -> Event | None:
         """Return the next event for the application."""
-        now, transmitters = self._now, [each.transmitter for each in self._stacks.values()]
-        doubts = (transmitter.clock_doubt(now) for transmitter in transmitters)
-        self.clock.review(next(filter(None, doubts), ""), now)
-        for transmitter in transmitters:
-            transmitter.review(now)
+        now, doubt = self._now, ""
+        for stack in self._stacks.values():
+            doubt = doubt or stack.transmitter.clock_doubt(now)
+        self.clock.review(doubt, now)
+        for stack in self._stacks.values():
+            stack.transmitter.review(now)
         return self._events.popleft() if self._events else None
 
     def poll_timeout(self) -> int | None:
@@ -391,10 +395,12 @@ class Engine:
 
         None means that the engine waits for inputs only.
         """
-        frames = (stack.transmitter.next_at(self._now) for stack in self._stacks.values())
-        instants = (self._timers.next_at(), *frames)
-        earliest = min((at for at in instants if at is not None), default=None)
-        return None if earliest is None else max(earliest, self._now)
+        now, earliest = self._now, self._timers.next_at()
+        for stack in self._stacks.values():
+            frame_at = stack.transmitter.next_at(now)
+            if frame_at is not None and (earliest is None or frame_at < earliest):
+                earliest = frame_at
+        return None if earliest is None else max(earliest, now)
 
     # Getters
 

@@ -241,16 +241,20 @@ class TransmitQueue:
 
     def is_urgent(self, now: int) -> bool:
         """Return whether a REAL_TIME payload waits that may go."""
-        return any(
-            lane.patience_ns == _BEFORE_ALL and lane.is_on and lane.held_until <= now
-            for lane in self._busy.values()
-        )
+        for lane in self._busy.values():
+            if lane.patience_ns == _BEFORE_ALL and lane.is_on and lane.held_until <= now:
+                return True
+        return False
 
     @property
     def has_copy(self) -> bool:
         """Whether a copy waits: a record that was just sent and follows itself at once."""
-        lanes = (lane for lane in self._busy.values() if lane.is_on)
-        return any(item.is_copy for lane in lanes for item in lane.items)
+        for lane in self._busy.values():
+            if lane.is_on:
+                for item in lane.items:
+                    if item.is_copy:
+                        return True
+        return False
 
     @property
     def has_acknowledgement(self) -> bool:
