@@ -31,16 +31,9 @@ with an epoch does no harm. One without may be from an earlier boot epoch. So fo
 after a new epoch was heard, this node decodes no such frame and does not confirm the epoch: when
 the source begins to omit its TAG, all frames of its earlier epochs have arrived, HELLOs included.
 
-Silence: what a node owes a peer (a confirmation, an answer, a question) rides on frames that go
-anyway. It gets a frame of its own only after a random pause, and each repetition doubles the pause.
-Only received frames cause any of this, so an idle system stays silent. Nodes with different tables
-can never confirm each other: they introduce themselves unasked until the pause has grown to its
-maximum, and then only when asked.
-
-A CONFIRM without a frame to ride on goes right after the next frame of its peer, because the peer
-then has no other frame on its way. At any other instant it may have one, which would be lost while
-this node transmits. So a CONFIRM that no such frame triggers waits until the peer has been silent
-for a long time.
+Nodes with different tables can never confirm each other: they introduce themselves unasked until
+the pause between has grown to its maximum, and then only when asked. When what a node owes to a
+peer goes is said in `zacoustic.core.peers.owing`.
 
 A *provisional confirm* is a CONFIRM that does not wait for the settling time
 (`zacoustic.core.peers.introducing`). It is true at that instant; only a late HELLO from an earlier
@@ -55,23 +48,17 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
-from zacoustic.core.base.parts import Offer
-from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.peers.agreementpolicy import CONFIRMING, AgreementPolicy
 from zacoustic.core.peers.introducing import Introductions
+from zacoustic.core.peers.owing import ASK_HELLO, Owing
 from zacoustic.core.peers.peer import Peer, Row
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import Agreement, Change, Life
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.wire.agreement import (
-    ABSENT_DIGEST,
-    ASK_BYTES,
     ASSURED,
-    CONFIRM_BYTES,
-    HELLO_BYTES,
     PROVISIONAL,
-    ROW_BYTES,
     WIRE_VERSION,
     Ask,
     Confirm,
@@ -83,10 +70,6 @@ from zacoustic.core.wire.frame import LAST_STREAM_ID
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the channel makes arrives within this many units. Modems need a few;
 four is generous."""
-PATIENCE_UNITS: Final = 16
-"""A confirmation waits this long for the peer's next frame: with 64 bytes over 1000 m 24 s, longer
-than the time between two reports of a vehicle."""
-_ASK_HELLO: Final = 0
 
 
 def unit_ns(capabilities: LinkCapabilities) -> int:
@@ -140,7 +123,6 @@ class Handshake:
     ) -> None:
         self._address = address
         self._table = table
-        self._rng = rng
         self._peers = peers
         self._policy = policy
         self.is_sealed = policy.is_sealed
@@ -148,10 +130,10 @@ class Handshake:
         self.introductions = Introductions(address, epoch, table, peers, self._policy)
         self._units_ns: dict[str, int] = {}
         """Of each link that was up."""
-        self._unit_ns = seconds_to_ns(1)
-        self.patience_ns = PATIENCE_UNITS * self._unit_ns
-        """How long a confirmation waits for the next frame of a peer, ns."""
-        self.settling_ns = SETTLING_UNITS * self._unit_ns
+        self.owing = Owing(table, peers, self.introductions, rng, policy)
+        """What this node owes to others."""
+        self.owing.unit_ns = seconds_to_ns(1)
+        self.settling_ns = SETTLING_UNITS * self.owing.unit_ns
         """Time within which a duplicate of a frame can still arrive, ns."""
         self._began_at: int | None = None
         self.news: list[PeerSeen | StreamsDiffer] = []
@@ -179,13 +161,12 @@ class Handshake:
         """
         self._units_ns[link] = unit_ns(capabilities)
         longest_ns = max(self._units_ns.values())
-        if len(self._units_ns) > 1 and longest_ns > self._unit_ns and not self.is_sealed:
+        if len(self._units_ns) > 1 and longest_ns > self.owing.unit_ns and not self.is_sealed:
             for peer in self._peers.values():  # that link may bring frames of an earlier epoch
                 peer.settled_at = max(peer.settled_at, now + SETTLING_UNITS * longest_ns)
-        self._unit_ns = longest_ns
-        self.introductions.unit_ns = self._unit_ns
-        self.patience_ns = PATIENCE_UNITS * self._unit_ns
-        self.settling_ns = SETTLING_UNITS * self._unit_ns
+        self.owing.unit_ns = longest_ns
+        self.introductions.unit_ns = self.owing.unit_ns
+        self.settling_ns = SETTLING_UNITS * self.owing.unit_ns
 
     def table_changed(self, now: int) -> None:
         """Begin a new epoch, because peers have confirmed another table."""
@@ -203,63 +184,6 @@ class Handshake:
         peer.owes_hello = not self.is_sealed
         if peer.digest != self.digest and (peer.digest or not self.is_sealed):
             peer.owed_rows[stream_id] = None
-
-    def owed(
-        self, link: str, destination: int, room_bytes: int, now: int
-    ) -> list[tuple[Cause, bytes]]:
-        """Take what is owed to the receivers of a frame and fits in it, except a HELLO."""
-        taken: list[tuple[Cause, bytes]] = []
-        hearers = [destination]
-        if destination == BROADCAST:
-            hearers = sorted(each for each, peer in self._peers.items() if peer.link == link)
-        for address in hearers:
-            peer = self._peers.get(address)
-            if peer is not None and peer.is_owed:
-                peer.ripen(now)
-                unicast = destination != BROADCAST
-                for cause, control in self._controls(address, peer, now, unicast=unicast):
-                    if len(control) > room_bytes:
-                        break
-                    room_bytes -= len(control)
-                    taken.append((cause, control))
-                    peer.is_being_confirmed |= unicast and cause is Cause.CONFIRM
-                    peer.said(cause, now, self._unit_ns)
-                if not peer.is_owed:
-                    peer.speak_at = None
-        return taken
-
-    def due_at(self, link: str, now: int) -> int | None:
-        """Return when a frame that carries only owed statements may go, ns, or None."""
-        speak = self._speak_next(link)
-        return speak and speak[0]
-
-    def offer(self, link: str, now: int) -> Offer | None:
-        """Offer what found no other frame in time: it goes before other waiting data."""
-        speak = self._speak_next(link)
-        if speak is None or speak[0] > now:
-            return None
-        destination = BROADCAST if self._peers[speak[1]].speaks_to_all else speak[1]
-        return Offer(destination=destination, owed_first=True, rides=True, is_reply=True)
-
-    def _speak_next(self, link: str) -> tuple[int, int] | None:
-        """Return ``(instant, address)`` of the next frame with owed statements only, or None."""
-        waiting = [
-            (peer.speak_at, address)
-            for address, peer in self._peers.items()
-            if peer.speak_at is not None and peer.link == link and peer.is_owed
-        ]
-        return min(waiting, default=None)
-
-    def spoken(self, link: str, destination: int, now: int) -> None:
-        """Note that a frame went to a peer, or to all; what did not fit goes in a later one."""
-        if destination != BROADCAST:
-            peer = self._peers.get(destination)
-            if peer is not None:
-                self._spoken(peer, now)
-        elif self._policy.speaks_to_all:
-            for peer in self._peers.values():
-                if peer.link == link and peer.speak_at is not None and peer.speak_at <= now:
-                    self._spoken(peer, now)
 
     def answers_within(self, address: int, duration_ns: int) -> None:
         """Wait this long for answers of a node before repeating anything to it.
@@ -305,7 +229,7 @@ class Handshake:
                 PeerSeen(address=source, epoch=life, same_table=same, wire_version=WIRE_VERSION)
             )
             if not same and not peer.answer_pause.is_longest:
-                self._introduce_soon(peer, now)
+                self.owing.introduction(peer, now)
         if is_new_life:
             self._peers.restarted(source, life, now)
 
@@ -316,7 +240,7 @@ class Handshake:
         # A digest of another wire version means nothing to us.
         digest = hello.digest if hello.version == WIRE_VERSION else b""
         peer.missed_epoch = None
-        peer.questions.pop(_ASK_HELLO, None)
+        peer.questions.pop(ASK_HELLO, None)
         if not peer.is_owed:
             peer.speak_at = None
         is_new_epoch = peer.epoch != hello.epoch
@@ -347,18 +271,18 @@ class Handshake:
             return
         peer.marked = peer.marked + 1 if peer.missed_epoch == epoch else 1
         peer.missed_epoch = epoch
-        is_asked = _ASK_HELLO in peer.questions
+        is_asked = ASK_HELLO in peer.questions
         self._note_restart(peer)
         # Our knowledge of it may be of an earlier epoch: better to have none.
         peer.begin_life(Change.STRAY_TAG)
         peer.epoch, peer.digest = None, b""
         if is_asked or self._policy.asks(peer.marked, unicast=unicast):
-            self._ask(peer, _ASK_HELLO, now)
+            self.owing.question(peer, ASK_HELLO, now)
 
     def heard_too_short(self, source: int, now: int) -> None:
         """Introduce this node to the source, whose record relies on an agreement that is gone."""
         if not self.is_sealed:
-            self._introduce_soon(self._peers[source], now)
+            self.owing.introduction(self._peers[source], now)
 
     def heard_too_long(self, source: int, now: int) -> None:
         """Confirm the source again, whose record does not rely on our agreement."""
@@ -368,7 +292,7 @@ class Handshake:
 
     def ask(self, address: int, now: int) -> None:
         """Ask a node for its HELLO: what is known of it does not hold."""
-        self._ask(self._peers[address], _ASK_HELLO, now)
+        self.owing.question(self._peers[address], ASK_HELLO, now)
 
     def is_present(self, epoch: int | None) -> bool:
         """Return whether an epoch that a frame repeats is the current one of this node.
@@ -410,7 +334,7 @@ class Handshake:
         if not self._is_present(confirm):
             # It takes us for an earlier epoch, perhaps because of a late duplicate of its HELLO.
             peer.take(Change.DOUBT)
-            self._introduce_soon(peer, now)
+            self.owing.introduction(peer, now)
             return
         peer.confirms_now = unicast
         if confirm.address == PROVISIONAL:
@@ -422,13 +346,13 @@ class Handshake:
                 peer.is_assured, peer.owes_confirm = True, False
         elif unicast and peer.shares(self.digest):
             # It has not heard our own CONFIRM; let that ride, since the peer may have no data.
-            self._owe_confirm(peer)
+            self.owing.confirm(peer)
 
     def ask_for_proof(self, address: int, now: int) -> None:
         """Introduce this node again: the CONFIRM shows which boot epoch of a peer is present."""
         peer = self._peers[address]
         peer.take(Change.DOUBT)
-        self._introduce_soon(peer, now)
+        self.owing.introduction(peer, now)
 
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
         """Note that a peer wants our HELLO or a table row; True if it asked this node."""
@@ -437,12 +361,12 @@ class Handshake:
             return False
         peer = self._peers[source]
         peer.take(Change.DOUBT)
-        if ask.stream_id == _ASK_HELLO:
-            self._owe_hello(peer)
+        if ask.stream_id == ASK_HELLO:
+            self.owing.hello(peer)
         else:
-            self._owe_row(peer, ask.stream_id)
+            self.owing.row(peer, ask.stream_id)
         # The peer has already waited before it asked; a second pause would grow with every loss.
-        self._speak_soon(peer, now)
+        self.owing.speak_soon(peer, now)
         return True
 
     def heard_row(self, source: int, row: TableRow, now: int, *, unicast: bool = False) -> None:
@@ -451,16 +375,16 @@ class Handshake:
         if not 1 <= row.stream_id <= LAST_STREAM_ID:
             return
         if peer.epoch != row.epoch:
-            self._ask(peer, _ASK_HELLO, now)
+            self.owing.question(peer, ASK_HELLO, now)
             return
         if peer.shares(self.digest):
             return  # equal tables have equal rows, whatever the frame says
         known = peer.rows.get(row.stream_id)
         is_answer = self.is_sealed or row.stream_id in peer.asked_rows
-        differs = row.digest != self._row(row.stream_id)
+        differs = row.digest != self.owing.digest_of(row.stream_id)
         if known is not None and known.is_sure and not is_answer:
             if known.digest != row.digest:
-                self._ask(peer, row.stream_id, now)
+                self.owing.question(peer, row.stream_id, now)
             return
         peer.rows[row.stream_id] = Row(row.digest, is_answer)
         peer.rows_now.add(row.stream_id)
@@ -472,10 +396,10 @@ class Handshake:
         if is_answer:
             self._tell_difference(source, peer, row.stream_id)
         else:
-            self._ask(peer, row.stream_id, now)
+            self.owing.question(peer, row.stream_id, now)
         answers = known is None and self._policy.answers(unicast=unicast)
-        if answers and self._owe_row(peer, row.stream_id):
-            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
+        if answers and self.owing.row(peer, row.stream_id):
+            self.owing.speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def verdict(self, source: int, epoch: int | None, stream_id: int, now: int) -> str | None:
         """Decide whether a record may be decoded.
@@ -500,13 +424,13 @@ class Handshake:
         elif peer.epoch is not None and epoch == peer.epoch:
             row = peer.rows.get(stream_id)
             if row is not None and (row.is_sure or stream_id in peer.rows_now):
-                return None if row.digest == self._row(stream_id) else "differs"
-            self._ask(peer, stream_id, now)
+                return None if row.digest == self.owing.digest_of(stream_id) else "differs"
+            self.owing.question(peer, stream_id, now)
             return "unconfirmed"
         # Without HELLO or TAG the source takes us for confirmed, because of an earlier epoch of
         # ours or of a late CONFIRM: the question corrects it.
-        if epoch is None or _ASK_HELLO in peer.questions:
-            self._ask(peer, _ASK_HELLO, now)
+        if epoch is None or ASK_HELLO in peer.questions:
+            self.owing.question(peer, ASK_HELLO, now)
         return "unconfirmed"
 
     def may_measure(self, source: int, stream: Stream) -> bool:
@@ -526,13 +450,13 @@ class Handshake:
         Without a seal the message would only be understood when both know each other.
         """
         if self.is_sealed:
-            self._ask(self._peers[source], _ASK_HELLO, now)
+            self.owing.question(self._peers[source], ASK_HELLO, now)
 
     def differs(self, address: int, stream_id: int) -> bool:
         """Return whether a node is known to define a stream differently."""
         peer = self._peers.get(address)
         row = peer.rows.get(stream_id) if peer else None
-        return row is not None and row.is_sure and row.digest != self._row(stream_id)
+        return row is not None and row.is_sure and row.digest != self.owing.digest_of(stream_id)
 
     def verdict_dense(self, source: int, epoch: int | None, now: int) -> str | None:
         """Decide whether a dense block may be decoded: that needs the whole table.
@@ -542,7 +466,7 @@ class Handshake:
         peer = self._peers[source]
         if peer.differs_from(self.digest) and epoch == peer.epoch:
             return "differs"
-        return self.verdict(source, epoch, _ASK_HELLO, now)
+        return self.verdict(source, epoch, ASK_HELLO, now)
 
     def knows_difference(self, address: int) -> bool:
         """Return whether a node is known to have another table."""
@@ -569,19 +493,9 @@ class Handshake:
         peer = self._peers.get(ask.address)
         if self._policy.speaks_to_all and peer is not None and ask.stream_id in peer.questions:
             del peer.questions[ask.stream_id]
-            peer.ask_pause.use(now, self._unit_ns)
-            if ask.stream_id != _ASK_HELLO:
+            peer.ask_pause.use(now, self.owing.unit_ns)
+            if ask.stream_id != ASK_HELLO:
                 peer.asked_rows.add(ask.stream_id)  # that answer serves this node as well
-
-    def _spoken(self, peer: Peer, now: int) -> None:
-        if not peer.is_owed:
-            peer.speak_at = None
-        elif peer.sayable_at <= now:
-            peer.speak_at = now
-        elif peer.speak_at is None or peer.speak_at <= now:
-            # That instant was for something that was sent since.
-            confirm_at = peer.confirm_at + self.patience_ns
-            peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
 
     def _is_present(self, confirm: Confirm) -> bool:
         """Return whether a CONFIRM is of this start; an earlier one may have had the same epoch."""
@@ -600,75 +514,18 @@ class Handshake:
             peer.holds_at = now + self.settling_ns
             if peer.shares(self.digest):
                 # It introduces itself in every frame until it gets the answer.
-                self._owe_confirm(peer)
-                self._speak_soon(peer, max(peer.holds_at, peer.confirm_at))
-
-    def _row(self, stream_id: int) -> bytes:
-        stream = self._table.get(stream_id)
-        return stream.digest if stream else ABSENT_DIGEST
+                self.owing.confirm(peer)
+                self.owing.speak_soon(peer, max(peer.holds_at, peer.confirm_at))
 
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self.digest:
-            if not self._owe_confirm(peer):
+            if not self.owing.confirm(peer):
                 return
-            earliest = now if peer.confirm_at <= now else peer.confirm_at + self.patience_ns
-            self._speak_soon(peer, earliest)
+            earliest = now if peer.confirm_at <= now else peer.confirm_at + self.owing.patience_ns
+            self.owing.speak_soon(peer, earliest)
         elif not peer.answer_pause.is_longest:
             # It will never confirm us, so nothing shows that it has heard; a few times are enough.
-            self._introduce_soon(peer, now)
-
-    def _introduce_soon(self, peer: Peer, now: int) -> None:
-        if self._owe_hello(peer):
-            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
-
-    def _ask(self, peer: Peer, stream_id: int, now: int) -> None:
-        if stream_id not in peer.questions and not peer.spend(ASK_BYTES):
-            return
-        peer.questions[stream_id] = None
-        self._speak_soon(peer, max(now, peer.ask_pause.not_before))
-
-    # This node sends a stranger no more bytes than the stranger has sent.
-
-    def _owe_hello(self, peer: Peer) -> bool:
-        peer.owes_hello = peer.owes_hello or peer.spend(HELLO_BYTES)
-        return peer.owes_hello
-
-    def _owe_confirm(self, peer: Peer) -> bool:
-        peer.owes_confirm = peer.owes_confirm or peer.spend(CONFIRM_BYTES)
-        return peer.owes_confirm
-
-    def _owe_row(self, peer: Peer, stream_id: int) -> bool:
-        if stream_id not in peer.owed_rows and not peer.spend(ROW_BYTES):
-            return False
-        peer.owed_rows[stream_id] = None
-        return True
-
-    def _speak_soon(self, peer: Peer, earliest: int) -> None:
-        """Give what is owed a frame of its own, unless another frame goes before."""
-        to_all = self._policy.speaks_to_all and not peer.heard_alone
-        shortest_ns, longest_ns = self._unit_ns // 2, 2 * self._unit_ns
-        if to_all:
-            longest_ns = self._policy.longest_pause_units(len(self._table.nodes)) * self._unit_ns
-            shortest_ns = longest_ns // 2
-        at = earliest + self._rng.randrange(shortest_ns, longest_ns + 1)
-        if peer.speak_at is None or at < peer.speak_at:
-            peer.speak_at, peer.speaks_to_all = at, to_all
-
-    def _controls(
-        self, address: int, peer: Peer, now: int, *, unicast: bool
-    ) -> list[tuple[Cause, bytes]]:
-        controls: list[tuple[Cause, bytes]] = []
-        if peer.owes_confirm and peer.epoch is not None and peer.confirm_at <= now:
-            named = ASSURED if unicast and peer.confirmed_us else address
-            controls.append((Cause.CONFIRM, Confirm(named, peer.epoch).encode()))
-        if peer.ask_pause.not_before <= now:
-            controls += [
-                (Cause.ASK, Ask(address, stream_id).encode()) for stream_id in peer.questions
-            ]
-        for stream_id in peer.owed_rows:
-            row = TableRow(self.epoch, stream_id, self._row(stream_id))
-            controls.append((Cause.TABLE, row.encode()))
-        return controls
+            self.owing.introduction(peer, now)
 
     def _tell_difference(self, source: int, peer: Peer, stream_id: int) -> None:
         if stream_id not in peer.told_differing:

@@ -28,6 +28,7 @@ from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
 from zacoustic.core.peers.agreementpolicy import HELLO_EVERY
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.heartbeats import Heartbeats
+from zacoustic.core.peers.owing import Owing
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.copies import MOST_COPIES
 from zacoustic.core.schedule.filling import Filling
@@ -102,15 +103,15 @@ class Ingredients(msgspec.Struct, frozen=True, kw_only=True):
 class _Owed:
     """What one link owes to other nodes, as a source of frames."""
 
-    def __init__(self, handshake: Handshake, link: str) -> None:
-        self._handshake = handshake
+    def __init__(self, owing: Owing, link: str) -> None:
+        self._owing = owing
         self._link = link
 
     def due_at(self, now: int) -> int | None:
-        return self._handshake.due_at(self._link, now)
+        return self._owing.due_at(self._link, now)
 
     def offer(self, now: int) -> Offer | None:
-        return self._handshake.offer(self._link, now)
+        return self._owing.offer(self._link, now)
 
 
 class _Draft:
@@ -161,7 +162,7 @@ class Composer:
         self, link: str, handshake: Handshake, made_of: Ingredients, stats: EngineStats
     ) -> None:
         self._link = link
-        self._handshake = handshake
+        self._owing = handshake.owing
         self._introductions = handshake.introductions
         self._queue = made_of.queue
         self._dense = made_of.dense
@@ -171,7 +172,7 @@ class Composer:
         self._seal = made_of.seal
         self._extensions = made_of.extensions
         self._sources: tuple[Source, ...] = (
-            made_of.heartbeats, made_of.objects, _Owed(handshake, link), made_of.ranging,
+            made_of.heartbeats, made_of.objects, _Owed(self._owing, link), made_of.ranging,
             *made_of.extensions, made_of.queue,
         )  # fmt: skip
         """Of equal offers the first one wins; the last source is that of the best payload."""
@@ -378,7 +379,7 @@ class Composer:
                 draft.destination
             )
             filling = self._choose(offer, draft, now, introduced=introduced)
-        self._handshake.spoken(self._link, draft.destination, now)
+        self._owing.spoken(self._link, draft.destination, now)
         items = filling.items if filling is not None else ()
         if lane and item and draft.introduction and not items and not self._queue.fits(item):
             # It never has room beside a TAG: it gives its turn to the TAG, as if it had been lost.
@@ -451,7 +452,7 @@ class Composer:
 
     def _owe(self, draft: "_Draft", reserved_bytes: int, now: int) -> None:
         room_bytes = draft.room_bytes - reserved_bytes
-        for cause, control in self._handshake.owed(self._link, draft.destination, room_bytes, now):
+        for cause, control in self._owing.take(self._link, draft.destination, room_bytes, now):
             draft.say(cause, control)
 
     def _extend(self, draft: "_Draft", reserved_bytes: int, now: int) -> None:

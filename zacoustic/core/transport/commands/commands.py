@@ -226,7 +226,7 @@ class Commands:
             self._answer(call, command, at)
             if begins_silence:
                 lane = (COMMANDS_STREAM_ID, ANSWER_LANE, call.client)
-                self._silence.grant(lane, until=at + self._handshake.patience_ns)
+                self._silence.grant(lane, until=at + self._handshake.owing.patience_ns)
 
         if not proved:
             undo = self._try(command, now, kept)

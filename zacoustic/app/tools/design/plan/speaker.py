@@ -15,7 +15,8 @@ from zacoustic.app.tools.design.plan.items import NO_STREAM, NO_VOICE, Item, Lan
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.peers.agreementpolicy import POLICIES, Hearers, Opening
-from zacoustic.core.peers.handshake import PATIENCE_UNITS, SETTLING_UNITS
+from zacoustic.core.peers.handshake import SETTLING_UNITS
+from zacoustic.core.peers.owing import PATIENCE_UNITS
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access import Wanted
 from zacoustic.core.schedule.airtime import AirtimeCaps
