@@ -14,7 +14,7 @@ import os
 import socket
 import time
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, cast
 
 from zacoustic.core.clock import Clock
 from zacoustic.errors import ConfigError, LinkOpenError
@@ -225,7 +225,7 @@ class _Client(asyncio.Protocol):
         return self
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
+        transport = cast("asyncio.Transport", transport)  # that of uvloop is no subclass
         self._transport = transport
         self._server.client_came(self._node)
 

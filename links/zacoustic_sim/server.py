@@ -8,7 +8,7 @@ Connections before `Hello` are limited in number and in time.
 import asyncio
 import logging
 import socket
-from typing import Final
+from typing import Final, cast
 
 from zacoustic.errors import LinkOpenError
 from zacoustic.link.serving import cannot_listen, place_name
@@ -100,7 +100,7 @@ class _Client(asyncio.Protocol):
         self._patience: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
+        transport = cast("asyncio.Transport", transport)  # that of uvloop is no subclass
         self._transport = transport
         self._clients.add(self)
         connected: socket.socket = transport.get_extra_info("socket")

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, VOLATILE_KEY, JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.run.journal import EPOCHS, MemoryJournal, SqliteJournal, journal_in
+from zacoustic.run.journal.file import JournalFile
 
 ADDRESS: Final = 2
 
@@ -234,3 +235,31 @@ def test_file_that_was_killed_while_it_was_made_is_new(path: Path) -> None:
     store.execute("PRAGMA application_id = 5")
     store.close()
     assert entries_of(path) == {}
+
+
+@pytest.mark.parametrize("is_new", [True, False])
+@pytest.mark.parametrize("is_done", [True, False])
+def test_commit_that_failed_at_the_start_may_be_in_the_file_all_the_same(
+    path: Path, monkeypatch: pytest.MonkeyPatch, is_new: bool, is_done: bool
+) -> None:
+    if not is_new:
+        journal = SqliteJournal(path, ADDRESS)
+        journal.recover()
+        journal.commit([write("a", b"1")])
+        journal.close()
+    real = JournalFile.commit
+
+    def failing(file: JournalFile, values: dict[str, bytes | None]) -> None:
+        if is_done:
+            real(file, values)
+        raise sqlite3.OperationalError("disk I/O error")
+
+    journal = SqliteJournal(path, ADDRESS)
+    with monkeypatch.context() as patch:
+        patch.setattr(JournalFile, "commit", failing)
+        assert "disk I/O error" in journal.recover().failure
+    journal.commit([write("b", b"2")])
+    journal.commit([write("c", b"3")])
+    journal.close()
+    kept = {} if is_new else {"a": b"1"}
+    assert entries_of(path) == {**kept, "b": b"2", "c": b"3"}

@@ -3,6 +3,7 @@ import contextlib
 import errno
 import os
 import socket
+import sys
 import threading
 from collections.abc import Awaitable, Callable
 
@@ -369,3 +370,23 @@ def test_closed_stream_has_no_socket_of_a_connection_before(turns: int) -> None:
         assert connected.fileno() == -1
 
     tcp_case(case)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="uvloop does not run there")
+def test_tcp_works_on_the_loop_of_uvloop() -> None:
+    uvloop = pytest.importorskip("uvloop")
+
+    async def main() -> None:
+        peer, listener = Peer(), Listener()
+        stream = ByteStream(f"tcp:127.0.0.1:{await peer.listen()}")
+        stream.open(listener)
+        await until(lambda: listener.opened, listener.changed)
+        assert stream.write(b"ping")
+        await until(lambda: peer.read == b"ping", peer.changed)
+        peer.writers[0].write(b"pong")
+        await until(lambda: listener.read == b"pong", listener.changed)
+        await stream.close()
+        await peer.close()
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(main())

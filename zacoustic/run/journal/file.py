@@ -77,7 +77,6 @@ class JournalFile:
         limit_bytes: int = LIMIT_BYTES,
     ) -> None:
         self.path = path
-        self._is_made = node is not None
         node = node or Node(address, secrets.token_bytes(_IDENTITY_BYTES), 0, 0, False)
         self.node = msgspec.structs.replace(node, commits=max(node.commits, commits))
         """The file's description of itself."""
@@ -111,9 +110,8 @@ class JournalFile:
             sqlite3.Error, UnicodeError: Nothing was written.
         """
         with self._transaction():
-            if not self._is_made:
-                self._make()
-            entries_sum = self.node.entries_sum
+            stored = self._stored() or self._make()
+            entries_sum = stored.entries_sum
             for key, value in values.items():
                 before = self._store.execute("SELECT checksum FROM entry WHERE key = ?", (key,))
                 for (checksum,) in before.fetchall():
@@ -125,15 +123,15 @@ class JournalFile:
                     entries_sum = added(entries_sum, checksum)
                     self._store.execute(_PUT, (key, value, checksum))
             node = msgspec.structs.replace(
-                self.node,
-                commits=self.node.commits + 1,
+                stored,
+                commits=max(stored.commits, self.node.commits) + 1,
                 entries_sum=entries_sum,
                 is_backup=is_backup,
             )
             self._store.execute(
                 _SET_NODE, (node.commits, node.entries_sum, node.is_backup, node.check)
             )
-        self.node, self._is_made = node, True
+        self.node = node
 
     def into_one_file(self) -> None:
         """Merge the log into the file and delete it."""
@@ -152,7 +150,21 @@ class JournalFile:
         """Release the file."""
         self._store.close()
 
-    def _make(self) -> None:
+    def _stored(self) -> Node | None:
+        """Return the file's description of itself; None: it is not made yet.
+
+        A commit that failed on a faulty disk may be in the file all the same, so what this object
+        wrote last does not count.
+        """
+        named = "SELECT count(*) FROM sqlite_master WHERE name = 'node'"
+        if not self._store.execute(named).fetchone()[0]:
+            return None
+        row = self._store.execute(
+            "SELECT address, identity, commits, entries_sum, is_backup FROM node"
+        ).fetchone()
+        return self.node if row is None else Node(*row)
+
+    def _make(self) -> Node:
         for statement in _SCHEMA:
             self._store.execute(statement)
         node = self.node
@@ -160,6 +172,7 @@ class JournalFile:
             "INSERT INTO node VALUES (?, ?, ?, ?, ?, ?)",
             (node.address, node.identity, 0, 0, False, node.check),
         )
+        return node
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:

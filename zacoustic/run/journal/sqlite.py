@@ -8,7 +8,6 @@ The node starts whatever the state of its files: a vehicle that does not start b
 on its disk is lost. Damaged files are renamed, never deleted, and a new journal begins with their
 valid entries. If the disk cannot be written at the start, each commit tries again. Only a file in
 use by another process is refused.
-each commit. Only a file that another process uses is refused.
 """
 
 import contextlib

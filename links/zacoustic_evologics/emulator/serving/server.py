@@ -14,7 +14,7 @@ import logging
 import os
 import socket
 import sys
-from typing import Final
+from typing import Final, cast
 
 import msgspec
 
@@ -180,7 +180,7 @@ class _Client(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
+        transport = cast("asyncio.Transport", transport)  # that of uvloop is no subclass
         self._transport = transport
         self._clients.add(self)
         connected: socket.socket = transport.get_extra_info("socket")
