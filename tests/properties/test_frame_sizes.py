@@ -54,6 +54,20 @@ def capabilities(lacks: dict[str, bool], mtu_bytes: int) -> LinkCapabilities:
     steps=[*[(1, 0, 0.0)] * 9, (1, 1_037_023, 0.0)],
     loss=0.0,
 )
+@example(  # an ACK has no room at all: the engine must not wait for its frame
+    mtu_bytes=8,
+    lacks={"addressed": True, "checked": True, "framed": True},
+    access=None,
+    steps=[
+        *[(1, 7190491, 0.0), (1, 7190491, 0.0), (1, 255, 0.1), (2, 42599, 5.0), (1, 262403, 5.0)],
+        *[(3, 3640618, 0.1), (1, 1048577, 5.0), (3, 207, 0.1), (3, 2689, 5.0), (3, 3719, 60.0)],
+        *[(2, 67, 60.0), (2, 102698276, 0.1), (3, 1_073_741_824, 0.1), (2, 84, 0.1)],
+        *[(1, 12057, 0.1), (1, 4683, 60.0), (1, 692312663, 60.0), (1, 214866063, 5.0)],
+        *[(1, 122766, 0.0), (2, 1126, 5.0), (2, 7291, 0.0), (2, 71731218, 0.0), (2, 5851, 0.1)],
+        *[(1, 26, 5.0), (3, 1631555, 60.0), (3, 257, 60.0)],
+    ],
+    loss=0.0,
+)
 @example(  # feedback about a goal has no room, and its application is told so
     mtu_bytes=17,
     lacks={"addressed": False, "checked": False, "framed": True},

@@ -18,7 +18,7 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.reliable.receiving.positions import LaneKey, Positions
 from zacoustic.core.transport.reliable.receiving.receivelane import ReceiveLane
-from zacoustic.core.transport.reliable.sending.slots import SequenceSlot
+from zacoustic.core.transport.reliable.sending.slots import LEAST_ACK_BYTES, SequenceSlot
 from zacoustic.core.wire.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.wire.numbers import Ack, resolve, resolve_floor
 
@@ -397,6 +397,8 @@ class ReliableReceiving:
         lane_key = (stream_id, ACK_LANE, source, *instance)
         largest_bytes = self._queue.largest_bytes
         assert largest_bytes is not None
+        if LEAST_ACK_BYTES + len(instance) > largest_bytes:
+            return  # on such a link all samples are objects, which have their own feedback
         head_bytes = ACK_HEAD_BYTES + len(instance) + (SYNC_BYTES if sync else 0)
         item = _AckWaiting(
             stream_id=stream_id,
