@@ -44,7 +44,15 @@ def order(command: RemoteCommand, serial: int) -> bytes:
 
 
 SILENCE = RemoteCommand(kind=CommandKind.SILENCE)
-LATE = Sync(EPOCH, 40).encode() + bytes((fleet.LOG, 40)) + b"\0\0\1x"
+NEXT = 4
+"""The number of the next sample of each reliable topic when the frame comes."""
+
+
+def sample(stream_id: int, number: int, sync: Sync | None = None) -> bytes:
+    """Return a reliable sample that its publisher has not sent."""
+    return (sync.encode() if sync else b"") + bytes((stream_id, number)) + b"\0\0\1x"
+
+
 OFF = RemoteCommand(kind=CommandKind.OVERRIDE, stream_id=fleet.LOG, on=False)
 FRAMES = {
     "row": (2, 1, 2, TableRow(EPOCH, fleet.ARM, b"none").encode()),
@@ -71,6 +79,16 @@ FRAMES = {
     "acknowledgement of much": (2, 1, 2, bytes((0xB9, fleet.LOG, 30))),
     "acknowledgement of another count": (2, 1, 2, Sync(OTHER, 3).encode() + b"\xb9\x0a\x03"),
     "acknowledgement of a dense block": (1, 2, 1, bytes((0xB9, 0xFF, 0xFF))),
+    "sync far ahead": (1, 2, BROADCAST, sample(fleet.LOG, 40, Sync(EPOCH, 40))),
+    "sync of the next number": (1, 2, BROADCAST, sample(fleet.LOG, NEXT, Sync(EPOCH, NEXT))),
+    "sync one after the next number": (1, 2, 1, sample(fleet.LOG, NEXT + 1, Sync(EPOCH, NEXT + 1))),
+    "sync of another count": (1, 2, BROADCAST, sample(fleet.LOG, 3, Sync(OTHER, 3))),
+    "sync of another count, far ahead": (1, 2, 1, sample(fleet.LOG, 40, Sync(OTHER, 40))),
+    "sync of a topic for one": (1, 2, 1, sample(fleet.STOP, NEXT, Sync(EPOCH, NEXT))),
+    "sync of a topic on demand": (1, 2, 1, sample(fleet.DIARY, 40, Sync(EPOCH, 40))),
+    "next number": (1, 2, BROADCAST, sample(fleet.LOG, NEXT)),
+    "number far ahead": (1, 2, BROADCAST, sample(fleet.LOG, NEXT + 30)),
+    "next number of a topic for one": (1, 2, 1, sample(fleet.STOP, NEXT)),
     "confirm of another life": (1, 2, 1, Confirm(1, OTHER).encode()),
     "provisional confirm": (1, 2, 1, Tag(EPOCH).encode() + Confirm(PROVISIONAL, EPOCH).encode()),
 }  # fmt: skip

@@ -10,9 +10,15 @@ lineage ends the old one at once. A receiver that knows a lineage already, and s
 as new, gets a lineage of its own from that number on.
 """
 
+from collections import deque
 from collections.abc import Iterable
+from typing import Final
 
 import msgspec
+
+LINEAGES: Final = 1 << 16
+_MOST_OVER: Final = 1024
+"""So many lineages that are over are remembered: forged frames can end them."""
 
 
 class Span(msgspec.Struct, frozen=True, array_like=True):
@@ -37,7 +43,7 @@ class Spans:
         """All spans, ordered by number."""
         self.own = dict(own or {})
         """The first number of a receiver's own lineage, which ends at the next span; by address."""
-        self._over: set[int] = set()
+        self._over: deque[int] = deque(maxlen=_MOST_OVER)
 
     @property
     def newest(self) -> Span:
@@ -46,6 +52,8 @@ class Spans:
 
     def begin(self, number: int, lineage: int) -> None:
         """Begin another lineage at a number that was never sent."""
+        if self.newest.first == number:  # nothing was sent in that one
+            self._over.append(self.all.pop().lineage)
         self.all.append(Span(number, lineage))
 
     def at(self, number: int) -> Span:
@@ -93,10 +101,10 @@ class Spans:
     def forget_before(self, floor: int) -> None:
         """Forget the spans that end at or below a number."""
         while len(self.all) > 1 and self.all[1].first <= floor:
-            self._over.add(self.all.pop(0).lineage)
+            self._over.append(self.all.pop(0).lineage)
         for address, own in list(self.own.items()):
             if own.first < self.all[0].first:
-                self._over.add(self.own.pop(address).lineage)
+                self._over.append(self.own.pop(address).lineage)
 
     def knows(self, lineage: int) -> bool:
         """Return whether a lineage belongs to this key, or has belonged to it since the restart."""

@@ -21,10 +21,9 @@ from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.reliable.sending.keeping import Keeping
 from zacoustic.core.transport.reliable.sending.sendlane import SendLane, Stage
-from zacoustic.core.transport.reliable.spans import Span
+from zacoustic.core.transport.reliable.spans import LINEAGES, Span
 from zacoustic.core.wire.frame import Sync
 
-_LINEAGES: Final = 1 << 16
 _LONGEST: Final = 12
 _SUSPECTED: Final = 16
 """For how many settling times a first contradiction keeps old calls and goals from beginning."""
@@ -102,6 +101,17 @@ class Contradictions:
             if sample.number < min(expected, lane.born) and source not in sample.acknowledged:
                 sample.unknown.add(source)
 
+    def claimed(self, lane: SendLane) -> None:
+        """Begin anew: a receiver that lacks nothing acknowledges what was never published.
+
+        Somebody else has sent that sample, so the next one would be taken for a repetition of it.
+        Nothing is under way to this receiver, so nothing gets lost or is sent twice, and a forged
+        acknowledgement costs a SYNC: it is believed at once, and once for each sample.
+        """
+        if lane.anew_at != lane.next_number:
+            lane.anew_at = lane.next_number
+            self.begin_anew(lane)
+
     def begin_anew(self, lane: SendLane) -> None:
         """Begin another lineage with the next sample: a receiver takes the newest one for over.
 
@@ -135,7 +145,7 @@ class Contradictions:
 
     def _unused(self, lane: SendLane) -> int:
         """Draw a lineage that a lane has not used."""
-        lineage = self._rng.randrange(_LINEAGES)
+        lineage = self._rng.randrange(LINEAGES)
         while lane.spans.knows(lineage):
-            lineage = self._rng.randrange(_LINEAGES)
+            lineage = self._rng.randrange(LINEAGES)
         return lineage

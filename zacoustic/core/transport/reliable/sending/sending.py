@@ -72,7 +72,13 @@ class ReliableSending:
             self._out_of_sync,
         )
         self._emit: Callable[[DeliveryEvent], None] = context.emit
-        self._lanes = SendLanes(context.address, context.table, context.handshake, subscriptions)
+        self._lanes = SendLanes(
+            context.address,
+            context.table,
+            context.handshake,
+            subscriptions,
+            context.generators.of("lineages"),
+        )
         self.slots = LargeSlots(
             self._lanes,
             self._keeping,
@@ -209,21 +215,27 @@ class ReliableSending:
         """
         lane = self._lanes.find(stream, instance)
         reception = lane.receptions.get(source) if lane else None
+        if sync is not None and (lane is None or lane.is_former):
+            self._lanes.claimed(stream, sync.lineage)
         if lane is None or reception is None:
             return "unexpected_ack"
         if not ack.knows:
             self._out_of_sync(lane, source)
             return None
         if sync is None:
-            if not reception.in_sync:
+            if not reception.is_settled(now):
                 return "unexpected_ack"  # from another boot epoch perhaps, or about old numbers
             expected = resolve_expected(ack.expected, reception.expected)
+            contradicts = True
         else:
             expected = lane.told(source, sync)
-            if expected > lane.next_number and lane.contradicts(source, sync):
-                self._contradictions.heard(stream, lane, source, sync, now)
-                self._go_on(lane, now)
-        if expected > lane.next_number:
+            contradicts = expected <= lane.next_number or lane.contradicts(source, sync)
+        if contradicts and lane.claims_too_much(expected, ack) and not lane.lacks(source):
+            self._contradictions.claimed(lane)
+        elif contradicts and sync is not None and expected > lane.next_number:
+            self._contradictions.heard(stream, lane, source, sync, now)
+            self._go_on(lane, now)
+        if expected > lane.next_number or (sync is None and not reception.in_sync):
             return "unexpected_ack"
         self._contradictions.agrees(lane, source, expected)
         if sync is not None and not reception.in_sync:

@@ -16,7 +16,7 @@ from zacoustic.core.transport.reliable.rhythm import SendRhythm
 from zacoustic.core.transport.reliable.sending.reception import Reception
 from zacoustic.core.transport.reliable.spans import Spans
 from zacoustic.core.wire.frame import Control, Sync
-from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW, resolve_floor
+from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW, Ack, resolve_floor
 
 AT_ONCE: Final = 0
 """A `due_at` that has always passed."""
@@ -162,6 +162,8 @@ class SendLane:
         self.is_former = False
         """Whether nothing is published since the restart; the first sample begins a new lineage."""
         self.next_number = next_number
+        self.anew_at: int | None = None
+        """The number at which the count was last begun anew; None: never."""
         self.samples: deque[Outgoing] = deque()
         self._end = next_number
         self._marks: deque[tuple[int, int]] = deque()
@@ -193,8 +195,20 @@ class SendLane:
         """Return whether a receiver's SYNC that `told` rejects is a contradiction."""
         number = self._next_for(address)
         is_present = sync.lineage == self.spans.of(address, number).lineage
-        lacks = any(address not in each.acknowledged for each in self.samples)
-        return lacks and (is_present or not self.spans.knows(sync.lineage))
+        return is_present or not self.spans.knows(sync.lineage)
+
+    def claims_too_much(self, expected: int, ack: Ack) -> bool:
+        """Return whether an ACK names a sample that was never published.
+
+        Args:
+            expected: The number that the receiver awaits.
+            ack: The ACK.
+        """
+        return expected + (ack.held.bit_length() + 1 if ack.held else 0) > self.next_number
+
+    def lacks(self, address: int) -> bool:
+        """Return whether a receiver has not acknowledged some sample."""
+        return any(address not in each.acknowledged for each in self.samples)
 
     @property
     def floor(self) -> int:

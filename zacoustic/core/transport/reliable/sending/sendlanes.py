@@ -1,5 +1,6 @@
 """All lanes of one publisher: each begins with its first sample or with the journal's count."""
 
+import random
 from collections.abc import Iterator
 
 from zacoustic.core.base.qos import Priority
@@ -11,7 +12,7 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.reliable.rhythm import SendRhythm
 from zacoustic.core.transport.reliable.sending.keeping import JournalledLane
 from zacoustic.core.transport.reliable.sending.sendlane import SendLane, Stage
-from zacoustic.core.transport.reliable.spans import Span, Spans
+from zacoustic.core.transport.reliable.spans import LINEAGES, Span, Spans
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.errors import LocalError
 
@@ -24,15 +25,25 @@ class SendLanes:
         table: Its streams.
         handshake: Knows the boot epoch.
         subscriptions: Knows the subscribers of on-demand topics.
+        rng: Draws lineages in place of those that others have used.
     """
 
     def __init__(
-        self, address: int, table: StreamTable, handshake: Handshake, subscriptions: Subscriptions
+        self,
+        address: int,
+        table: StreamTable,
+        handshake: Handshake,
+        subscriptions: Subscriptions,
+        rng: random.Random,
     ) -> None:
         self._address = address
         self._table = table
         self._handshake = handshake
         self._subscriptions = subscriptions
+        self._rng = rng
+        self._claimed: set[int] = set()
+        """Topics of which others have sent samples in the lineage that this boot epoch would
+        begin."""
         self._lanes: dict[LaneKey, SendLane] = {}
 
     def __iter__(self) -> Iterator[SendLane]:
@@ -46,10 +57,15 @@ class SendLanes:
         """Return a key's lane; create one that counts from 0 in the present boot epoch."""
         lane = self.find(stream, instance)
         if lane is None:
-            return self.begin(stream, instance, Spans([Span(0, self._handshake.epoch)]), 0)
+            return self.begin(stream, instance, Spans([Span(0, self._lineage(stream))]), 0)
         if lane.is_former:
-            lane.begin_life(self._handshake.epoch)
+            lane.begin_life(self._lineage(stream))
         return lane
+
+    def claimed(self, stream: Stream, lineage: int) -> None:
+        """Note that a receiver has a sample of a key of which this boot epoch published none."""
+        if lineage == self._handshake.epoch:
+            self._claimed.add(stream.stream_id)
 
     def begin(
         self,
@@ -116,6 +132,12 @@ class SendLanes:
         is_urgent = stream.qos.priority is Priority.REAL_TIME
         alone = len(self._receivers(stream)) == 1
         return SendRhythm(stream.qos) if alone and not is_urgent else None
+
+    def _lineage(self, stream: Stream) -> int:
+        """Return the lineage of a key whose first sample in this boot epoch is published."""
+        if stream.stream_id not in self._claimed:
+            return self._handshake.epoch
+        return self._rng.randrange(LINEAGES)
 
     def _receivers(self, stream: Stream) -> tuple[int, ...]:
         assert isinstance(stream.spec, TopicSpec)
