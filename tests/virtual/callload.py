@@ -7,6 +7,7 @@ from typing import Final
 import msgspec
 
 from tests.virtual.fleet import line
+from tests.virtual.sealed import SealedFleet, seal_bytes
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import (
@@ -40,6 +41,10 @@ class Load(msgspec.Struct):
     frames: int = 0
     bytes_sent: int = 0
     airtime_s: float = 0.0
+    sealed_bytes: int = 0
+    """Bytes of seals."""
+    expected_seals: float = 0.0
+    """Bytes that seals would take if no frame were repeated."""
 
 
 def carry_calls(
@@ -51,6 +56,7 @@ def carry_calls(
     period_s: float = 10.0,
     handler_s: float = 1.0,
     timeout_s: float = 600.0,
+    sealed: bool = False,
 ) -> Load:
     """Let node 2 call node 1 again and again; each call is known by a number in its payload.
 
@@ -62,7 +68,9 @@ def carry_calls(
         period_s: Mean time from one call to the next, s, exponentially distributed.
         handler_s: The handler takes up to this, s.
         timeout_s: Of the service, s.
+        sealed: The nodes have a key.
     """
+    fleet = SealedFleet() if sealed else None
     rng = random.Random(f"load/{seed}")
     load = Load(calls, answered={}, failed={}, executed={})
     began: dict[int, tuple[int, int]] = {}
@@ -96,6 +104,7 @@ def carry_calls(
         table,
         deliver=take,
         digest=False,
+        build=fleet or Engine,
     )
 
     def call(number: int) -> None:
@@ -119,6 +128,9 @@ def carry_calls(
         load.frames += stats.frames_transmitted
         load.bytes_sent += stats.bytes_transmitted
         load.airtime_s += stats.airtime_ns / NS_PER_S
+    if fleet is not None:
+        load.sealed_bytes = seal_bytes(medium)[1]
+        load.expected_seals = fleet.expected_bytes * load.frames
     return load
 
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from tests.virtual.fleet import line
 from zacoustic.config import config_from_mapping
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, GoalKey, GoalStatus
 from zacoustic.core.transport.actions.events import (
     FeedbackReceived,
@@ -62,10 +63,15 @@ def section(codec: str) -> dict[str, Any]:
     }
 
 
-def network(codec: str, deliver: Callable[[int, Event], None], **medium: Any) -> VirtualNetwork:
+def network(
+    codec: str,
+    deliver: Callable[[int, Event], None],
+    build: Callable[..., Engine] = Engine,
+    **medium: Any,
+) -> VirtualNetwork:
     table = config_from_mapping(section(codec), source="test").table
     scenario = line(0.0, 500.0, channel="none", **medium)
-    return VirtualNetwork(scenario, table, deliver=deliver, digest=False)
+    return VirtualNetwork(scenario, table, deliver=deliver, digest=False, build=build)
 
 
 def fibonacci(count: int) -> list[int]:
@@ -82,15 +88,23 @@ class Run:
         seed: Of the water.
         loss: Share of the frames that it loses.
         cold: The nodes have never heard of each other; else each has said six things before.
+        build: As that of `VirtualNetwork`.
     """
 
-    def __init__(self, seed: int, *, loss: float = 0.3, cold: bool = False) -> None:
+    def __init__(
+        self,
+        seed: int,
+        *,
+        loss: float = 0.3,
+        cold: bool = False,
+        build: Callable[..., Engine] = Engine,
+    ) -> None:
         self.received = 0
         self.accepted: bool | None = None
         self.fed: list[list[int]] = []
         self.result: ResultReceived | None = None
         self._key: GoalKey | None = None
-        self.medium = network("packed", self._take, seed=seed, loss={"frame": loss})
+        self.medium = network("packed", self._take, build, seed=seed, loss={"frame": loss})
         for number in range(0 if cold else 6):
             self.medium.at(20 * number, partial(self.medium.publish, 2, 12, b"log"))
             self.medium.at(20 * number + 10, partial(self.medium.publish, 1, 13, b"log"))

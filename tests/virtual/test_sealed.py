@@ -13,11 +13,12 @@ import msgspec
 import pytest
 
 from tests.virtual.fleet import line
-from tests.virtual.sealed import SealedFleet
+from tests.virtual.sealed import IN_STEP_BYTES, SealedFleet, seal_bytes
 from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import (
+    Event,
     RequestReceived,
     ResponseReceived,
     SampleReceived,
@@ -72,15 +73,6 @@ def table(nodes: int = 2, *, other: bool = False) -> StreamTable:
     )
 
 
-def seal_bytes(network: VirtualNetwork) -> tuple[int, int]:
-    """Return the frames of a run, and what their seals took."""
-    frames, seals = 0, 0
-    for stats in network.stats():
-        frames += stats.frames_transmitted
-        seals += sum(row.transmitted_bytes for row in stats.ledger() if row.cause.value == "seal")
-    return frames, seals
-
-
 def test_all_holds_in_any_random_scenario(count: Callable[[int], int]) -> None:
     for seed in range(count(300)):
         drawn = msgspec.structs.replace(draw_scenario(seed), calm_s=CALM_S)
@@ -95,7 +87,28 @@ def test_a_seal_takes_five_and_a_quarter_bytes() -> None:
     network.run(until_s=HOUR_S)
     assert len(network.samples(2, NAV)) == 1_600
     frames, seals = seal_bytes(network)
-    assert seals / frames == pytest.approx(5.25, rel=0.01)
+    assert seals / frames == pytest.approx(IN_STEP_BYTES, rel=0.01)
+
+
+@pytest.mark.parametrize("every", [1, 2, 4, 10])
+def test_a_strong_frame_takes_seven_and_three_quarters_more(every: int) -> None:
+    """One report in so many is followed by a call; request and answer are strong."""
+    fleet = SealedFleet()
+
+    def reply(node: int, event: Event) -> None:
+        if isinstance(event, RequestReceived):
+            network.apply(node, lambda each, now: each.reply(event.call, b"", now))
+
+    network = VirtualNetwork(line(0, 800, **QUIET), table(), build=fleet, deliver=reply)
+    for number in range(1_600):
+        network.at(5.0 + 12 * number, lambda: network.publish(1, NAV, b"x" * 10))
+        if number % every == 0:
+            at_s = 8.0 + 12 * number
+            network.at(at_s, lambda: network.apply(1, lambda each, now: each.call(ARM, b"", now)))
+    network.run(until_s=1_600 * 12.0 + 400)
+    frames, seals = seal_bytes(network)
+    assert 0.1 < fleet.strong_share < 0.8
+    assert seals / frames == pytest.approx(fleet.expected_bytes, rel=0.01)
 
 
 def test_nothing_is_said_in_a_day_in_which_nothing_happens() -> None:
