@@ -32,7 +32,3 @@ class Reception:
         self.settled_at: int | None = None
         """Instant from which it can be in sync, since all earlier short ACKs have arrived by then,
         ns."""
-
-    def is_settled(self, now: int) -> bool:
-        """Return whether all short ACKs have arrived that are older than its present count."""
-        return self.in_sync or (self.settled_at is not None and now >= self.settled_at)

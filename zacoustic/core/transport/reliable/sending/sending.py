@@ -223,19 +223,18 @@ class ReliableSending:
             self._out_of_sync(lane, source)
             return None
         if sync is None:
-            if not reception.is_settled(now):
+            if not reception.in_sync:
                 return "unexpected_ack"  # from another boot epoch perhaps, or about old numbers
             expected = resolve_expected(ack.expected, reception.expected)
-            contradicts = True
         else:
             expected = lane.told(source, sync)
-            contradicts = expected <= lane.next_number or lane.contradicts(source, sync)
-        if contradicts and lane.claims_too_much(expected, ack) and not lane.lacks(source):
-            self._contradictions.claimed(lane)
-        elif contradicts and sync is not None and expected > lane.next_number:
+        if not lane.lacks(source):
+            if lane.is_certain(source, sync) and lane.claims_too_much(expected, ack):
+                self._contradictions.claimed(lane)
+        elif sync is not None and expected > lane.next_number and lane.contradicts(source, sync):
             self._contradictions.heard(stream, lane, source, sync, now)
             self._go_on(lane, now)
-        if expected > lane.next_number or (sync is None and not reception.in_sync):
+        if expected > lane.next_number:
             return "unexpected_ack"
         self._contradictions.agrees(lane, source, expected)
         if sync is not None and not reception.in_sync:

@@ -193,9 +193,14 @@ class SendLane:
 
     def contradicts(self, address: int, sync: Sync) -> bool:
         """Return whether a receiver's SYNC that `told` rejects is a contradiction."""
-        number = self._next_for(address)
-        is_present = sync.lineage == self.spans.of(address, number).lineage
-        return is_present or not self.spans.knows(sync.lineage)
+        return self._is_present(address, sync) or not self.spans.knows(sync.lineage)
+
+    def is_certain(self, address: int, sync: Sync | None) -> bool:
+        """Return whether an ACK, with or without SYNC, is no late one of another count."""
+        if sync is not None and self._is_present(address, sync):
+            return True
+        is_unknown = sync is None or not self.spans.knows(sync.lineage)
+        return is_unknown and self.receptions[address].in_sync
 
     def claims_too_much(self, expected: int, ack: Ack) -> bool:
         """Return whether an ACK names a sample that was never published.
@@ -493,6 +498,9 @@ class SendLane:
     def _has_large(self) -> bool:
         """Whether a large sample is under way, so that its receiver expects no rhythm."""
         return any(each.stage is Stage.OBJECT for each in self.samples)
+
+    def _is_present(self, address: int, sync: Sync) -> bool:
+        return sync.lineage == self.spans.of(address, self._next_for(address)).lineage
 
     def _next_for(self, address: int) -> int:
         """Return the oldest number that a receiver lacks, or the newest number if it lacks none."""
