@@ -168,6 +168,8 @@ class PreparedNode:
             clocks=NodeClocks(parts.clock, parts.host, stated_error_s=parts.rules.clock_error_s),
             journal=self._journal,
             permit_log=self._permit_log,
+            # A node that must act when it hears nobody cannot do that while it is not running.
+            waits_for_link=bool(parts.rules.contact.lost_contact),
         )
         self._has_runner = True
         return runner

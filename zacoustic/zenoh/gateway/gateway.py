@@ -293,7 +293,12 @@ class Gateway:
     async def _join(self, node: PreparedNode, zenoh_session: ZenohSession) -> GatewaySession:
         try:
             return Composition(
-                node, zenoh_session, self._dialects, about=self._about(), notify=self._notify
+                node,
+                zenoh_session,
+                self._dialects,
+                about=self._about(),
+                notify=self._notify,
+                lost_contact=self.config.lost_contact,
             ).session()
         except BaseException:
             await zenoh_session.close()
