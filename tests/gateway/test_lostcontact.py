@@ -1,5 +1,6 @@
 """Lost contact on real Zenoh: the gateway alone calls and publishes until somebody answers."""
 
+import asyncio
 import json
 import threading
 from collections.abc import Callable
@@ -24,13 +25,15 @@ from tests.gateway.networks import (
     until,
     zenoh_config,
 )
+from zacoustic.errors import LinkOpenError
 from zacoustic.gateway import Gateway, read_marker
-from zacoustic.link import registry
+from zacoustic.link.contract import LinkReceiver
 from zacoustic.run.hostclock import HostClock
 from zacoustic.run.journal import SqliteJournal, journal_in
 from zacoustic.zenoh.gateway import lostcontact
 from zacoustic.zenoh.gateway.lostcontact import pause_s
-from zacoustic.zenoh.gateway.notices import LostContactNotice, Started
+from zacoustic.zenoh.gateway.notices import LinkChanged, LostContactNotice, Started
+from zacoustic_sim.link import SimLink
 
 AFTER_S = 0.3
 KEY = "auv1/surface"
@@ -50,6 +53,10 @@ def states(where: LocalNetwork) -> list[str]:
     return [each.state for each in said(where)]
 
 
+def links(where: LocalNetwork) -> list[str]:
+    return [each.state for each in where.notices if isinstance(each, LinkChanged)]
+
+
 async def document(session: zenoh.Session) -> dict[str, Any]:
     key = "@acoustic/2/contact/up"
     found: dict[str, Any] = json.loads((await get(session, key)).payload(key))
@@ -60,7 +67,7 @@ class Server:
     """A local service whose answers the test sets; its callbacks are on a thread of Zenoh."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
-        self.answer: Callable[[zenoh.Query], None] = lambda query: query.drop()
+        self.answer: Callable[[zenoh.Query], None] = failing
         self.asked: list[tuple[bytes, str | None]] = []
         self._guard = threading.Lock()
         session.declare_queryable(key, self._serve)
@@ -215,17 +222,52 @@ def test_restart_acts_again_only_if_nobody_has_answered(tmp_path: Path) -> None:
     run(scene())
 
 
-def test_gateway_without_its_modem_starts_and_acts() -> None:
+def without_modem(found: LocalNetwork, link: SimLink) -> Gateway:
+    config = config_of(2, zenoh_config("router", listen=found.port), section(call=KEY))
+    return Gateway(config, link=link, notify=found.notify)
+
+
+def test_gateway_without_its_modem_starts_and_acts(monkeypatch: pytest.MonkeyPatch) -> None:
     async def scene() -> None:
-        found = LocalNetwork(free_port())
-        rule = section(call=KEY)
-        config = config_of(2, zenoh_config("router", listen=found.port), rule)
-        link = registry.create(f"sim/127.0.0.1:{free_port()}", 2)  # nobody listens there
-        async with Gateway(config, link=link, notify=found.notify):
+        found, link = LocalNetwork(free_port()), Channel().medium.link(2)
+        really, is_there = link.open, False
+
+        async def open_it(receiver: LinkReceiver) -> None:
+            if not is_there:
+                raise LinkOpenError("no such port")
+            await really(receiver)
+
+        monkeypatch.setattr(link, "open", open_it)
+        async with without_modem(found, link):
             assert any(isinstance(each, Started) for each in found.notices)
             with found.client() as client:
                 Server(client, KEY).answer = agreeing
                 await until(lambda: states(found)[-1:] == ["acted"], found.changed)
+            is_there = True
+            await until(lambda: "up" in links(found), found.changed)
+
+    run(scene())
+
+
+def test_gateway_acts_while_its_modem_opens(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scene() -> None:
+        found, link = LocalNetwork(free_port()), Channel().medium.link(2)
+        really, opens = link.open, asyncio.Event()
+
+        async def open_it(receiver: LinkReceiver) -> None:
+            await opens.wait()
+            await really(receiver)
+
+        monkeypatch.setattr(link, "open", open_it)
+        gateway = without_modem(found, link)
+        starting = asyncio.create_task(gateway.start())
+        await until(lambda: "unanswered" in states(found), found.changed)
+        assert not starting.done()
+        opens.set()
+        await starting
+        await gateway.close()
+
+    run(scene())
 
     run(scene())
 

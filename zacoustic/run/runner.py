@@ -171,6 +171,8 @@ class LinkRunner:
         if self._first is not None:
             self._keep_intact(self._first)
         self._guarded(self._tell_clock)
+        if self._waits_for_link:
+            self._guarded(self._service)  # its timers run while the link opens
         try:
             first, *beside = self.sides
             for side in beside:

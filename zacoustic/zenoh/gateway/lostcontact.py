@@ -6,8 +6,8 @@ says that it was done: an error reply, a reply with ``success: false``, no reply
 that serves are all failures. A sample is put again until somebody subscribes to its key. When
 contact is back, no further attempt begins.
 
-What a call means must be harmless twice: an answer may be lost, and a restart may repeat it. All
-attempts of one loss have the same `call` in their mark.
+A call must be harmless twice: an answer may be lost, and a restart may repeat it. All attempts of
+one loss have the same `call` in their mark, until the gateway restarts.
 
 Each attempt has a limit of its own on the loop, so an attempt that Zenoh never ends is one more
 failure and not the end of the attempts.
@@ -135,7 +135,7 @@ class LostContactActions:
         each.is_acting = True
         each.count, each.failure, each.answer = 0, "", ""
         since_s = self._dates.of(event.silent_since)
-        each.loss = f"{self._address}/lost/{event.name}/{since_s:.0f}"
+        each.loss = f"{self._address}/lost/{event.name}/{since_s:.3f}"
         silent_s = (event.lost_at - event.silent_since) / seconds_to_ns(1)
         self._notify(each, "lost", f"nobody heard for {silent_s:.0f} s: {_doing(each.action)}")
         self._attempt(each)
