@@ -25,7 +25,9 @@ from tests.gateway.networks import (
     until,
     zenoh_config,
 )
-from zacoustic.errors import LinkOpenError
+from tests.gateway.rosnode import Node, ros_session
+from zacoustic.config import config_from_mapping
+from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.gateway import Gateway, read_marker
 from zacoustic.link.contract import LinkReceiver
 from zacoustic.run.hostclock import HostClock
@@ -279,3 +281,42 @@ def test_gateway_for_another_node_does_nothing() -> None:
                 assert not (await get(client, "@acoustic/1/contact/**")).good
 
     run(scene())
+
+
+TRIGGER = "std_srvs/srv/Trigger"
+ROS: dict[str, Any] = {
+    "address": 2,
+    "nodes": SECTION["nodes"],
+    "ros": {"domain": 7},
+    "streams": [
+        {"id": 20, "service": "/auv1/surface", "type": TRIGGER, "server": 2, "ros": {}},
+        {"id": 21, "topic": "/auv1/text", "type": "std_msgs/msg/String", "ros": {}},
+    ],
+    "lost_contact": [
+        {"name": "up", "of": [1], "lost_after_s": AFTER_S, "by": 2, "call": "/auv1/surface"}
+    ],
+}
+
+
+def test_service_of_ros_is_called_until_it_says_success() -> None:
+    async def scene() -> None:
+        async with local_network(2, Channel(), section=ROS) as auv:
+            with ros_session(auv.port) as session:
+                node, answers = Node(session, "autopilot", domain=7), [False, True]
+
+                def surface(asked: dict[str, Any]) -> dict[str, Any]:
+                    return {"success": answers.pop(0), "message": "in the net"}
+
+                node.serve("/auv1/surface", TRIGGER, surface)
+                await until(lambda: states(auv)[-1:] == ["acted"], auv.changed)
+                assert any('"success":false' in each.detail for each in said(auv))
+                assert answers == []
+
+    run(scene())
+
+
+def test_topic_of_ros_is_refused_with_what_to_do() -> None:
+    entry = {"name": "up", "lost_after_s": 60, "by": 2, "publish": "/auv1/text"}
+    with pytest.raises(ConfigError, match="is a topic of ROS 2; allowed: a key of Zenoh") as caught:
+        config_from_mapping(ROS | {"lost_contact": [entry]}, source="f")
+    assert "call a service" in caught.value.hint

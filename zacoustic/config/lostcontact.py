@@ -151,13 +151,23 @@ def _read_action(
         )
     word, key = ("call", entry.call) if entry.call is not None else ("publish", entry.publish)
     assert key is not None
+    # ROS names begin with a slash, and a stream of ROS is named without it.
+    stream = next((each for each in table if each.name in (key, key.removeprefix("/"))), None)
+    is_ros = stream is not None and stream.stream_id in ros_streams
+    if stream is not None and is_ros:
+        key = stream.name
+        if entry.publish is not None:
+            place.at(word).refuse(
+                f'"{entry.publish}" is a topic of ROS 2',
+                allowed="a key of Zenoh",
+                hint="call a service of ROS 2 instead, such as a std_srvs/srv/Trigger",
+            )
     fault = fault_of_name(key) or ("has a placeholder; allowed: none" if "{" in key else None)
     if fault is not None:
         place.at(word).refuse(f'"{key}" {fault}')
     encoding = entry.encoding or CBOR
     if encoding not in TYPED_ENCODINGS:
         place.at("encoding").refuse(allowed=", ".join(TYPED_ENCODINGS))
-    stream = next((each for each in table if each.name == key), None)
     stream_id, value = None, entry.value
     if entry.call is not None and stream is not None:
         if not isinstance(stream.spec, ServiceSpec):
@@ -191,6 +201,6 @@ def _read_action(
         payload=payload,
         encoding=encoding,
         stream_id=stream_id,
-        is_ros=stream_id is not None and stream_id in ros_streams,
+        is_ros=is_ros,
         timeout_s=entry.timeout_s,
     )
