@@ -100,7 +100,8 @@ class Composition:
         self._input_errors = InputErrors(self._clock, tell=self._recent_events.input_error)
         self._traffic = Traffic(self._dates.unix_s)
         self._frames = FrameLog(parts.table, parts.link, unix_s=self._dates.unix_s)
-        self._runner = node.make_runner(self._trace)
+        # A gateway that must act when it hears nobody cannot do that while it is not running.
+        self._runner = node.make_runner(self._trace, waits_for_link=bool(self._lost_contact))
         self._dialects = make_dialects(zenoh_session, self._input_errors, self._wake_up.ring)
         self._queries = QueryHandler(
             zenoh_session.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT

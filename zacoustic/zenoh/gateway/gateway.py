@@ -318,7 +318,10 @@ class Gateway:
         journal = self._parts.journal
         if not (journal is None or isinstance(journal, MemoryJournal)):
             return ""
-        return forgotten(self.config.table, self.config.address)
+        lines = [forgotten(self.config.table, self.config.address)]
+        if self.config.lost_contact:
+            lines.append("lost_contact without a journal: each start begins the countdown anew")
+        return "; ".join(filter(None, lines))
 
 
 def _zenoh_config(config: Config) -> zenoh.Config:
