@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from zacoustic.core.base.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.engine.events import (
         ClockStateChanged,
+        ContactLost,
+        ContactRestored,
         DeadlineMissed,
         DeadlineSide,
         DeliveryEnded,
@@ -89,6 +91,8 @@ __all__ = [
     "CommandState",
     "Config",
     "ConfigError",
+    "ContactLost",
+    "ContactRestored",
     "DeadlineMissed",
     "DeadlineSide",
     "Delivery",
@@ -156,6 +160,8 @@ _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.engine.events": (
         "ClockStateChanged",
+        "ContactLost",
+        "ContactRestored",
         "DeadlineMissed",
         "DeadlineSide",
         "DeliveryEnded",

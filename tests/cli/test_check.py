@@ -105,6 +105,28 @@ def test_json_has_sizes_airtime_and_digest(fleet: Path, capsys: pytest.CaptureFi
     }  # fmt: skip
 
 
+def test_lost_contact_is_shown_with_what_would_surprise(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    entry: dict[str, Any] = {"name": "up", "lost_after_s": 600, "of": [1], "call": "auv1/up"}
+    section = changed("lost_contact", [entry | {"by": 2}])
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    written = capsys.readouterr().out
+    line = "lost contact up: 600 s without a frame of 1 (shore): call auv1/up"
+    assert line in written.splitlines()
+    assert "note: lost_contact without a journal: a restart" in written
+    assert "note: lost contact up: none of its nodes has a heartbeat_s" in written
+    assert "quiet hours" not in written
+    section |= {"journal": "state", "heartbeat_s": 60, "quiet": [{"from": "22:00", "to": "22:10"}]}
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    written = capsys.readouterr().out
+    assert "note: lost contact up: quiet hours last 600 s and do not stop the countdown" in written
+    assert "without a journal: a restart" not in written
+    assert "has a heartbeat_s" not in written
+    assert main(["check", str(write(tmp_path, section)), "--address", "1"]) == 0
+    assert "lost contact" not in capsys.readouterr().out
+
+
 def test_another_modem_gives_another_airtime(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -259,6 +259,35 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("ranging.0.every_s", ..., ".ranging[0].every_s: is missing; allowed: seconds, 1..86400"),
     ("ranging.0.rate", 1, ".ranging[0].rate: unknown key; allowed: to, every_s, by"),
     ("ranging.1", {"to": 1, "every_s": 9}, ".ranging[1].to: 1 a second time; allowed: each"),
+    (
+        "lost_contact",
+        {},
+        ".lost_contact: {}; allowed: a list of { name, lost_after_s, call } or { name, "
+        "lost_after_s, publish }",
+    ),
+    *(
+        (f"lost_contact.{place}", {"name": "up", "lost_after_s": 300, "by": 2} | entry, expected)
+        for place, entry, expected in (
+            (0, {}, '.lost_contact[0]: neither "call" nor "publish"; allowed: one of them'),
+            (0, {"call": "a", "publish": "b"}, '.lost_contact[0]: "call" and "publish"; allowed'),
+            (0, {"call": "a", "name": "a/b"}, '.name: "a/b"; allowed: one chunk of a key'),
+            (0, {"call": "a", "name": ""}, '.name: ""; allowed: one chunk of a key'),
+            (0, {"call": "a", "lost_after_s": 0}, ".lost_after_s: 0; allowed: seconds, above 0"),
+            (0, {"call": "a", "timeout_s": -1}, ".timeout_s: -1; allowed: seconds, above 0"),
+            (0, {"call": "a/*"}, '.call: "a/*" contains "*"; allowed: no wildcards'),
+            (0, {"call": "@acoustic/2/silence"}, '.call: "@acoustic/2/silence" starts with "@"'),
+            (0, {"publish": "{node}/x"}, '.publish: "{node}/x" has a placeholder; allowed: none'),
+            (0, {"call": "auv1/nav"}, '.call: "auv1/nav" is no service; allowed: a service, or'),
+            (0, {"call": "auv1/arm", "by": 1}, '.call: "auv1/arm" is served by node 2, beyond'),
+            (0, {"call": "auv1/arm", "value": {"x": 1}}, ".value: does not fit auv1/arm: "),
+            (0, {"call": "a", "of": []}, ".of: []; allowed: a list of addresses of other nodes"),
+            (0, {"call": "a", "of": [9]}, ".of[0]: 9 is no node; allowed: 1 (shore), 2 (auv1)"),
+            (0, {"call": "a", "of": [2]}, ".of[0]: 2 is the node that acts; allowed: another"),
+            (0, {"call": "a", "by": 9}, ".by: 9 is no node; allowed: 1 (shore), 2 (auv1)"),
+            (0, {"call": "a", "encoding": "text/plain"}, '.encoding: "text/plain"; allowed: '),
+            (0, {"call": "a", "when": 1}, ".when: unknown key; allowed: name, lost_after_s, of,"),
+        )
+    ),
     ("streams.2.timeout_s", 0, ".streams[2].timeout_s: 0.0; allowed: above 0"),
     ("streams.0.stamp", "clock", '.streams[0].stamp: "clock"; allowed: none, age'),
     (

@@ -63,6 +63,7 @@ SECTION: dict[str, Any] = {
             "priority": "interactive_high",
         },
     ],
+    "lost_contact": [],
     "ranging": [{"by": 2, "to": 1, "every_s": 30}],
 }
 

@@ -99,6 +99,11 @@ REFUSED = (
     ("lost_after_s", 60, ".lost_after_s: 60 with wire"),
     ("nodes.1.lost_after_s", 60, ".nodes[1].lost_after_s: 60 with wire"),
     ("commands_from", [2], ".commands_from: [2] with wire"),
+    (
+        "lost_contact",
+        [{"name": "up", "lost_after_s": 9, "call": "up"}],
+        '.lost_contact: [{"name": "up", "lost_after_s": 9, "call": "up"}] with wire',
+    ),
     ("ranging", [{"to": 2, "every_s": 30}], '.ranging: [{"to": 2, "every_s": 30}] with wire'),
     ("objects", {"max_bytes": 1000}, '.objects: {"max_bytes": 1000} with wire'),
     (

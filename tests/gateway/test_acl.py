@@ -25,6 +25,7 @@ from tests.gateway.networks import (
     zenoh_config,
 )
 from zacoustic.app.cli import main
+from zacoustic.app.tools.security.access.grants import Act, Grant, Role, grants_of
 from zacoustic.app.tools.security.access.rules import KnownBy, Names, access_settings
 from zacoustic.config import Config
 from zacoustic.errors import ConfigError
@@ -218,6 +219,26 @@ def test_a_node_beside_is_no_remote_node() -> None:
     assert "auv1/nav" in _rules(config, "allow", "put", beside=(2,))
     assert "auv1/nav" not in _rules(config, "deny", "put", beside=(2,))
     assert "auv1/echo" in _rules(config, "allow", "declare_queryable", beside=(2,))
+
+
+def test_gateway_may_act_at_lost_contact_and_programs_may_serve_it() -> None:
+    entry = {"lost_after_s": 60, "by": 1}
+    section = SECTION | {
+        "lost_contact": [
+            entry | {"name": "up", "call": "shore/alarm"},
+            entry | {"name": "slow", "publish": "shore/light"},
+        ]
+    }
+    grants = grants_of(config_of(1, zenoh_config("router", listen=7447), section))
+    wanted = (
+        Grant(Role.GATEWAY, Act.ASK, "shore/alarm"),
+        Grant(Role.PROGRAM, Act.ANSWER, "shore/alarm"),
+        Grant(Role.GATEWAY, Act.PUBLISH, "shore/light"),
+        Grant(Role.PROGRAM, Act.PUBLISH, "shore/light"),
+        Grant(Role.PROGRAM, Act.SUBSCRIBE, "shore/light"),
+        Grant(Role.PROGRAM, Act.ASK, "@acoustic/*/contact/*"),
+    )
+    assert set(wanted) <= set(grants)
 
 
 def test_streams_of_ros_have_the_keys_and_tokens_of_rmw_zenoh() -> None:

@@ -130,6 +130,10 @@ WHOLE: Final[dict[str, Any]] = {
          "codec": "packed", "timeout_s": 5},
     ],
     "ranging": [{"to": 2, "every_s": 60}],
+    "lost_contact": [
+        {"name": "up", "lost_after_s": 300, "of": [2], "call": "up", "value": {"depth": 0}},
+        {"name": "slow", "lost_after_s": 120, "publish": "slow", "encoding": "application/json"},
+    ],
     "quiet": [{"from": "22:00", "to": "06:00"}],
     "objects": {"max_waiting": 8},
     "heartbeat_s": 60,

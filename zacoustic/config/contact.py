@@ -4,15 +4,19 @@ from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED, NodeEntry, Section
 from zacoustic.core.base.clock import LONGEST_S, is_duration
 from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S, LEAST_MISSED, ContactRules
+from zacoustic.core.peers.lostcontact import LostContactRule
 
 
-def read_contact(place: Place, written: Section, own: int) -> ContactRules:
+def read_contact(
+    place: Place, written: Section, own: int, lost_contact: tuple[LostContactRule, ...] = ()
+) -> ContactRules:
     """Read the heartbeat settings of the section at `place`.
 
     Args:
         place: The section.
         written: Its content.
         own: Address of this node.
+        lost_contact: When this node must act because it hears nobody.
 
     Raises:
         ConfigError: A time is wrong, or too short for the heartbeats; reports the first.
@@ -35,6 +39,7 @@ def read_contact(place: Place, written: Section, own: int) -> ContactRules:
         heartbeat_s=heartbeat_s,
         lost_after_s=lost_after_s,
         others_lost_after_s=written.lost_after_s,
+        lost_contact=lost_contact,
     )
 
 

@@ -12,6 +12,7 @@ _REASONS: Final = {
     "agreement": "its ends do not compare their tables",
     "heartbeat_s": "nothing on it says that a node is there",
     "lost_after_s": "nothing on it says who sends",
+    "lost_contact": "nothing on it says who sends",
     "ranging": "nothing on it asks a modem for a range",
     "commands_from": "no commands cross it",
     "objects": "what is larger than a packet does not cross",

@@ -13,6 +13,7 @@ from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
 from zacoustic.config.links import read_link_rules, read_links, read_routes
+from zacoustic.config.lostcontact import LostContactAction, read_lost_contact
 from zacoustic.config.metrics import read_metrics
 from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
@@ -34,6 +35,7 @@ from zacoustic.config.sections import (
 from zacoustic.config.security import read_security, seal_rules
 from zacoustic.config.streams import Fleet, check_address, read_streams
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
+from zacoustic.core.peers.lostcontact import LostContactRule
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import fault_of_name
 from zacoustic.core.streams.table import StreamTable
@@ -85,6 +87,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """Folder of the journal; None: nothing survives a restart."""
     ranging: tuple[RangingEntry, ...] = ()
     """Ranges that this node and other nodes of the fleet measure periodically."""
+    lost_contact: tuple[LostContactAction, ...] = ()
+    """What the gateway of this node does when it hears nobody any more."""
     ros: RosConfig | None = None
     """The file's ROS settings; None: no ROS stream."""
     rules: TransmitRules = TransmitRules()
@@ -213,6 +217,11 @@ def config_from_mapping(
     table = read_streams(place.at("streams"), len(written.streams), fleet, ros)
     check_model(place.at("model"), table)
     security = read_security(place.at("security"), written.security, table, folder or Path())
+    lost_contact = read_lost_contact(
+        place.at("lost_contact"), written, own, fleet, table, ros.streams
+    )
+    losses = tuple(each.rule for each in lost_contact)
+    rules = _read_rules(place, written, links, fleet, own, objects, topics, security, losses)
     return Config(
         source=source,
         address=own,
@@ -224,8 +233,9 @@ def config_from_mapping(
         table=table,
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
+        lost_contact=lost_contact,
         ros=ros.config() if ros.streams else None,
-        rules=_read_rules(place, written, links, fleet, own, objects, topics, security),
+        rules=rules,
         security=security,
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
         metrics=read_metrics(place.at("metrics"), written.metrics),
@@ -333,6 +343,7 @@ def _read_rules(
     objects: ObjectLimits,
     topics: AllowedTopics | None,
     security: SecuritySpec | None,
+    lost_contact: tuple[LostContactRule, ...],
 ) -> TransmitRules:
     """Read the settings of transmission."""
     own_links = read_link_rules(place, written, links, fleet)
@@ -344,7 +355,7 @@ def _read_rules(
         quiet=read_quiet(place.at("quiet"), written.quiet),
         max_airtime=own_links[0].max_airtime if own_links else written.max_airtime,
         commands_from=commands_from,
-        contact=read_contact(place, written, own),
+        contact=read_contact(place, written, own, lost_contact),
         agreement=_read_agreement(place.at("agreement"), written.agreement),
         objects=objects,
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,

@@ -107,6 +107,11 @@ ALLOWED: Final = {
     "forward": ", ".join(forward.value for forward in Forward),
     "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
     "lost_after_s": "seconds, above 0",
+    "lost_contact": "a list of { name, lost_after_s, call } or { name, lost_after_s, publish }",
+    "of": "a list of addresses of other nodes",
+    "call": "a text, the key of a service on the local network",
+    "publish": "a text, a key of the local network",
+    "value": "a value",
     "range": "a list of two numbers, [low, high]",
     "step": 'a number above 0, or a ratio as "1/60000"',
     "unit": "a text",
@@ -365,6 +370,29 @@ class RangingEntry(Entry, frozen=True, kw_only=True):
     """Address of the measuring node; default: the node that reads the file."""
 
 
+class LostContactEntry(Entry, frozen=True, kw_only=True):
+    """What a gateway does when its node hears nobody any more."""
+
+    name: str
+    """Name of the entry, one chunk of a key."""
+    lost_after_s: float
+    """Silence after which contact is lost, s."""
+    of: tuple[int, ...] | None = None
+    """A frame of any of these nodes is contact; default: of any other node."""
+    call: str | None = None
+    """Service on the local network to call then, until it answers."""
+    publish: str | None = None
+    """Key of the local network to publish then, until somebody subscribes to it."""
+    value: Any = None
+    """Request of the call, or the sample; default: an empty payload."""
+    encoding: str | None = None
+    """Encoding of the value; default: CBOR. A service of `streams` has its own."""
+    timeout_s: float = 10.0
+    """How long to wait for an answer before the next call, s."""
+    by: int | None = None
+    """Address of the node that acts; default: the node that reads the file."""
+
+
 class EmergencyEntry(Entry, frozen=True, kw_only=True):
     """What a node accepts from senders without a key."""
 
@@ -435,6 +463,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """Longest silence of each node, s; default: no heartbeats."""
     lost_after_s: float | None = None
     """A node is lost when not heard for this long, s; default: never."""
+    lost_contact: tuple[LostContactEntry, ...] = ()
+    """What the gateways do when they hear nobody any more."""
     security: SecurityEntry | None = None
     """The seal of frames; default: frames are neither encrypted nor authenticated."""
     permit_log: str | None = None
@@ -452,6 +482,7 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "fields": FieldSpec,
     "wildcards": WildcardEntry,
     "ranging": RangingEntry,
+    "lost_contact": LostContactEntry,
     "quiet": QuietEntry,
     "objects": ObjectsEntry,
     "security": SecurityEntry,

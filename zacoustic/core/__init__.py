@@ -24,10 +24,11 @@ Nine layers; each imports only from those below (import-linter checks that in `m
                 `linkseal` closes a frame; `hearing` is what frames say about the medium; `sources`
                 and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
-                tables; `handshake`, `owing`, `introducing`, `contact`, `heartbeats`, `bootepoch`,
-                `ranging`, `measurements`, `lives`; `peerrules` and `agreementpolicy` are the
-                settings; `doubt` is what this node does not know of itself; `sealing` seals frames
-                and opens each once (`replay`), `alarms` report what does not open; `statements` are
+                tables; `handshake`, `owing`, `introducing`, `contact`, `lostcontact`, `heartbeats`,
+                `bootepoch`, `ranging`, `measurements`, `lives`; `peerrules` and `agreementpolicy`
+                are the settings; `doubt` is what this node does not know of itself; `sealing` seals
+                frames and opens each once (`replay`), `alarms` report what does not open;
+                `statements` are
                 what a frame says about its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
                 `access`, `agreement`, `calls`, `goals`, `numbers`, `objects`, `subscriptions`

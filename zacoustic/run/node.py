@@ -150,11 +150,14 @@ class PreparedNode:
         """Makes its engines, or None."""
         self._has_runner = False
 
-    def make_runner(self, trace: TraceSink | None = None) -> LinkRunner:
+    def make_runner(
+        self, trace: TraceSink | None = None, *, waits_for_link: bool = False
+    ) -> LinkRunner:
         """Make the engine and its runner, which closes link, journal and permit log.
 
         Args:
             trace: Takes the trace of each engine, or None.
+            waits_for_link: As for `LinkRunner`.
         """
         parts = self.parts
         renew = partial(self._renew, trace)
@@ -168,6 +171,7 @@ class PreparedNode:
             clocks=NodeClocks(parts.clock, parts.host, stated_error_s=parts.rules.clock_error_s),
             journal=self._journal,
             permit_log=self._permit_log,
+            waits_for_link=waits_for_link,
         )
         self._has_runner = True
         return runner

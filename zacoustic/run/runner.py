@@ -36,7 +36,13 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event
-from zacoustic.errors import ConfigError, LinkClosedError, RangeUnavailableError, ZacousticError
+from zacoustic.errors import (
+    ConfigError,
+    LinkClosedError,
+    LinkOpenError,
+    RangeUnavailableError,
+    ZacousticError,
+)
 from zacoustic.link.alarm import Alarm
 from zacoustic.link.contract import Link
 from zacoustic.run.clocks import NodeClocks
@@ -75,6 +81,7 @@ class LinkRunner:
         journal: Stores writes, already recovered; None: writes count as committed at once. Closed
             with the runner.
         permit_log: Takes each emission, or None. Closed with the runner.
+        waits_for_link: Whether to start, and to wait for the first link, if it cannot be opened.
     """
 
     def __init__(
@@ -86,6 +93,7 @@ class LinkRunner:
         clocks: NodeClocks | None = None,
         journal: Journal | None = None,
         permit_log: PermitLog | None = None,
+        waits_for_link: bool = False,
     ) -> None:
         self._first = engine if isinstance(engine, Intact) else None
         self.engine: Engine = engine.engine if isinstance(engine, Intact) else engine
@@ -111,6 +119,7 @@ class LinkRunner:
         self._ended, self._closed = asyncio.Event(), asyncio.Event()
         self._inbox: Inbox[Command] = Inbox(self._take_submitted)
         self._permit_log = permit_log
+        self._waits_for_link = waits_for_link
         self._journal: JournalThread | None = None
         if journal is not None:
             self._journal = JournalThread(
@@ -150,7 +159,8 @@ class LinkRunner:
             settled: Called whenever all actions of an input are done.
 
         Raises:
-            LinkOpenError: The first link cannot be opened; the runner is then closed.
+            LinkOpenError: The first link cannot be opened; the runner is then closed. Not raised
+                with `waits_for_link`.
             ConfigError: It cannot do what the config asks of it; the runner is then closed.
         """
         self._loop = asyncio.get_running_loop()
@@ -161,11 +171,19 @@ class LinkRunner:
         if self._first is not None:
             self._keep_intact(self._first)
         self._guarded(self._tell_clock)
+        if self._waits_for_link:
+            self._guarded(self._service)  # its timers run while the link opens
         try:
             first, *beside = self.sides
             for side in beside:
                 side.keep_opening()
-            await first.link.open(first)
+            try:
+                await first.link.open(first)
+            except LinkOpenError:
+                if not self._waits_for_link:
+                    raise
+                await first.link.close()
+                first.keep_opening()
             self._guarded(self._service)
             if isinstance(self.failure, ZacousticError):
                 raise self.failure

@@ -48,6 +48,8 @@ class Due(enum.IntEnum):
     """A range was not measured in time."""
     CONTACT = enum.auto()
     """A node counts as lost."""
+    LOST_CONTACT = enum.auto()
+    """This node has heard nobody for too long, or notes how long."""
     DEADLINE = enum.auto()
     """No sample of a key came in time."""
     DESERT_SERVED_CALL = enum.auto()

@@ -126,6 +126,8 @@ class Engine:
         """Whether something from earlier boot epochs is forgotten; read-only."""
         self.contact = node.contact
         """Which nodes are lost; read-only."""
+        self.lost_contact = node.lost_contact
+        """Whether this node must act because it hears nobody; the shell reports `acted`."""
         self.clock = HostTime(
             rules.schedule, bool(rules.quiet), stored, journal=journal, timers=timers, emit=emit
         )
@@ -523,6 +525,7 @@ class Engine:
     def _begin(self, now: int) -> None:
         """Record the first instant since the restart; later calls have no effect."""
         self.contact.begin(now)
+        self.lost_contact.begin(now)
         self._handshake.begin(now)
         for stack in self._stacks.values():
             stack.protocols.begin(now)

@@ -10,6 +10,7 @@ from zacoustic.core.peers.alarms import SealAlarm
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.doubt import JournalDoubted
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
+from zacoustic.core.peers.lostcontact import ContactLost, ContactRestored
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.protocols import ProtocolEvent
@@ -52,6 +53,8 @@ __all__ = [
     "CancelRequested",
     "ClockStateChanged",
     "CommandHandled",
+    "ContactLost",
+    "ContactRestored",
     "DeadlineMissed",
     "DeadlineSide",
     "DeliveryEnded",
@@ -136,6 +139,8 @@ Event = (
     ProtocolEvent
     | PeerSeen
     | StreamsDiffer
+    | ContactLost
+    | ContactRestored
     | PeerMeasured
     | ModemRead
     | SilenceChanged

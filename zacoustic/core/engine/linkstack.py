@@ -252,6 +252,7 @@ class LinkStack:
         """Record that a node was heard."""
         if opened.source != UNKNOWN_SOURCE:
             self._context.node.contact.heard(opened.source, now)
+            self._context.node.lost_contact.heard(opened.source, now)
             measurements = self._context.node.measurements
             measurements.note(opened.source, frame.metrics, frame.received_at)
         port.heard(opened.source, len(frame.frame_bytes), now)

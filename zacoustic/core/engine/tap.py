@@ -16,6 +16,7 @@ from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final
 
 from zacoustic.core.engine.engine import Engine
+from zacoustic.core.peers.lostcontact import LostContact
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.transport.actions.actions import Actions
@@ -34,7 +35,7 @@ CALLS: Final = (
     "actions.publish_feedback", "actions.finish", "actions.answer_cancel",
     "ranging.request", "ranging.cancel", "ranging.repeat",
     "subscriptions.want", "silence.begin", "silence.resume", "commands.send", "commands.execute",
-    "status.ask",
+    "status.ask", "lost_contact.acted",
 )  # fmt: skip
 """Inputs, outputs and commands of an engine; getters are not among them."""
 
@@ -63,6 +64,7 @@ _PARTS: Final[dict[str, type]] = {
     "ranging": Ranging,
     "silence": Silence,
     "status": Status,
+    "lost_contact": LostContact,
 }
 
 TapSink = Callable[[EngineCall], None]

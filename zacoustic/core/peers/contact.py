@@ -22,6 +22,7 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.timers import Due, Timers
+from zacoustic.core.peers.lostcontact import LostContactRule
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import REACHABILITY, Change, Reachability
 
@@ -40,6 +41,8 @@ class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
     """Address of a node → time without a frame of it after which it is lost, s."""
     others_lost_after_s: float | None = None
     """The same for all other nodes that were heard at least once; None: never."""
+    lost_contact: tuple[LostContactRule, ...] = ()
+    """When this node must act because it hears nobody."""
 
 
 class Sighting(msgspec.Struct, frozen=True, kw_only=True):

@@ -22,6 +22,7 @@ from zacoustic.core.peers.contact import Contact
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.lives import Lives
+from zacoustic.core.peers.lostcontact import LostContact
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.peers.peers import Peers
@@ -110,6 +111,15 @@ class NodeContext:
         """Which boot epochs of other nodes are over."""
         self.contact = Contact(address, rules.contact, self.peers, self.timers, emit)
         """Which nodes are lost."""
+        self.lost_contact = LostContact(
+            address,
+            rules.contact.lost_contact,
+            stored,
+            journal=self.journal,
+            timers=self.timers,
+            emit=emit,
+        )
+        """Whether this node must act because it hears nobody."""
         self.epoch = BootEpoch(self.handshake, self.journal, self.seal)
         """The boot epoch."""
 

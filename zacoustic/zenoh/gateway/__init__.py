@@ -11,6 +11,7 @@ modules:
 - `streams`: topics, services and actions, both ways, and samples for late joiners;
 - `dialect`: the forms of streams for Zenoh programs and for nodes of ROS 2 (`ros`);
 - `commands`: requests to the gateway itself;
+- `lostcontact`: what the gateway does when its node hears nobody any more;
 - `status`, `inputerrors`, `notices`: health, input errors and notices of the gateway.
 """
 

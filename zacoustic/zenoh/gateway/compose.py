@@ -6,9 +6,10 @@ loop.
 """
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
+from zacoustic.config.lostcontact import LostContactAction
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
@@ -21,6 +22,7 @@ from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
+from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.network.routes import Routes
 from zacoustic.zenoh.gateway.notices import Notify
@@ -69,6 +71,7 @@ class Composition:
         make_dialects: Creates the local forms of streams.
         about: Constant facts for monitors.
         notify: Receives the notices.
+        lost_contact: What to do when contact is lost.
     """
 
     def __init__(
@@ -79,11 +82,13 @@ class Composition:
         *,
         about: Mapping[str, object],
         notify: Notify,
+        lost_contact: Sequence[LostContactAction] = (),
     ) -> None:
         parts = node.parts
         self._node = node
         self._zenoh_session = zenoh_session
         self._about = about
+        self._lost_contact = tuple(lost_contact)
         self._clock = parts.clock
         self._wall_clock = parts.host.utc_ns
         self._table = parts.table
@@ -95,7 +100,8 @@ class Composition:
         self._input_errors = InputErrors(self._clock, tell=self._recent_events.input_error)
         self._traffic = Traffic(self._dates.unix_s)
         self._frames = FrameLog(parts.table, parts.link, unix_s=self._dates.unix_s)
-        self._runner = node.make_runner(self._trace)
+        # A gateway that must act when it hears nobody cannot do that while it is not running.
+        self._runner = node.make_runner(self._trace, waits_for_link=bool(self._lost_contact))
         self._dialects = make_dialects(zenoh_session, self._input_errors, self._wake_up.ring)
         self._queries = QueryHandler(
             zenoh_session.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT
@@ -123,7 +129,16 @@ class Composition:
             tell=self._announcer.tell,
         )
         objects = ObjectHandler(self._table, self._runner)
-        status = self._status(streams, routes, objects)
+        lost_contact = LostContactActions(
+            self._redundant.address,
+            self._lost_contact,
+            self._runner,
+            self._zenoh_session,
+            streams.services.dialects,
+            dates=self._dates,
+            tell=self._announcer.tell,
+        )
+        status = self._status(streams, routes, objects, lost_contact)
         handlers = self._handlers(objects, status.health)
         notices = EventNotices(self._table, self._runner, handlers.commands)
         return GatewaySession(
@@ -133,7 +148,8 @@ class Composition:
             streams=streams,
             handlers=handlers,
             status=status,
-            dispatcher=EventDispatcher(streams, handlers, network, status, notices),
+            dispatcher=EventDispatcher(streams, handlers, network, status, notices, lost_contact),
+            lost_contact=lost_contact,
         )
 
     def _streams(self) -> StreamHandlers:
@@ -176,7 +192,13 @@ class Composition:
         keys = KeyHandler(self._runner, self._redundant)
         return Handlers(objects, commands, pings, keys, health)
 
-    def _status(self, streams: StreamHandlers, routes: Routes, objects: ObjectHandler) -> Status:
+    def _status(
+        self,
+        streams: StreamHandlers,
+        routes: Routes,
+        objects: ObjectHandler,
+        lost_contact: LostContactActions,
+    ) -> Status:
         runner, dates = self._runner, self._dates
         started = {"started_at_unix_s": round(dates.unix_s(), 3)}
         journal = self._node.parts.journal
@@ -198,6 +220,7 @@ class Composition:
             Dropped(runner, self._input_errors, streams.topics, self._queries, self._zenoh_session),
             self._recent_events,
             PeerStatus(runner, clock=self._clock, unix_s=dates.unix_s),
+            lost_contact,
         )
         report = Report(sections, dates)
         return Status(

@@ -293,7 +293,12 @@ class Gateway:
     async def _join(self, node: PreparedNode, zenoh_session: ZenohSession) -> GatewaySession:
         try:
             return Composition(
-                node, zenoh_session, self._dialects, about=self._about(), notify=self._notify
+                node,
+                zenoh_session,
+                self._dialects,
+                about=self._about(),
+                notify=self._notify,
+                lost_contact=self.config.lost_contact,
             ).session()
         except BaseException:
             await zenoh_session.close()
@@ -313,7 +318,10 @@ class Gateway:
         journal = self._parts.journal
         if not (journal is None or isinstance(journal, MemoryJournal)):
             return ""
-        return forgotten(self.config.table, self.config.address)
+        lines = [forgotten(self.config.table, self.config.address)]
+        if self.config.lost_contact:
+            lines.append("lost_contact without a journal: each start begins the countdown anew")
+        return "; ".join(filter(None, lines))
 
 
 def _zenoh_config(config: Config) -> zenoh.Config:

@@ -325,6 +325,26 @@ class PeerBack(Notice, frozen=True, kw_only=True, tag="found"):
         return [f"found     {self.address} {self.name}".rstrip()]
 
 
+class LostContactNotice(Notice, frozen=True, kw_only=True, tag="lost_contact"):
+    """An entry of `lost_contact`: contact is lost, the action fails or is done, contact is back."""
+
+    name: str
+    """Name of the entry."""
+    state: str
+    """`lost`, `unanswered`, `acted` or `restored`."""
+    detail: str
+    """What is done, and how it went, one line."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Whether contact is lost."""
+        return self.state != "restored"
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"contact   {self.name} {self.state}: {self.detail}"]
+
+
 class Subscribed(Notice, frozen=True, kw_only=True, tag="subscribers"):
     """The subscribers of an on-demand topic of this node have changed."""
 

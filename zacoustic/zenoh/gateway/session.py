@@ -13,6 +13,7 @@ from zacoustic.run.node import PreparedNode
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
+from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
@@ -31,6 +32,7 @@ class GatewaySession:
         handlers: Take requests to the gateway itself.
         status: Publishes the gateway's status.
         dispatcher: Takes the events of the engine.
+        lost_contact: Acts when contact is lost.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class GatewaySession:
         handlers: Handlers,
         status: Status,
         dispatcher: EventDispatcher,
+        lost_contact: LostContactActions,
     ) -> None:
         self.runner = runner
         self.network = network
@@ -52,6 +55,7 @@ class GatewaySession:
         self._handlers = handlers
         self._status = status
         self._dispatcher = dispatcher
+        self._lost_contact = lost_contact
         self._is_closing = False
         self._ended = asyncio.Event()
 
@@ -75,6 +79,7 @@ class GatewaySession:
         self._is_closing = True
         self.network.queries.close()
         self._streams.close()
+        self._lost_contact.close()
         self._status.close()
         try:
             await self.network.settle()
@@ -123,9 +128,11 @@ class GatewaySession:
 
     def _declare(self) -> None:
         self._status.feed.declare()
+        self._lost_contact.declare()
         self._streams.services.watch(self.network.redundant.address)
         self._handlers.declare(self.network.zenoh_session, self.network.queries)
 
     def _undeclare(self) -> None:
         self._status.feed.undeclare()
+        self._lost_contact.undeclare()
         self._handlers.undeclare()

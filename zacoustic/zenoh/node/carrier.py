@@ -15,6 +15,8 @@ from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.engine.events import (
     CallFailure,
     ClockStateChanged,
+    ContactLost,
+    ContactRestored,
     DeadlineMissed,
     DeliveryEnded,
     EngineRestarted,
@@ -61,6 +63,8 @@ NodeEvent = (
     | PeerSeen
     | PeerLost
     | PeerFound
+    | ContactLost
+    | ContactRestored
     | SubscribersChanged
     | DeadlineMissed
     | StreamsDiffer

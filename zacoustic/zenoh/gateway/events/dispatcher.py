@@ -7,6 +7,8 @@ from zacoustic.core.base.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.engine.events import (
     CallFailed,
     CommandHandled,
+    ContactLost,
+    ContactRestored,
     DeliveryEnded,
     DeliveryStored,
     EngineRestarted,
@@ -26,6 +28,7 @@ from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
+from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
@@ -53,6 +56,7 @@ class EventDispatcher:
         network: Sees engines restart, and peers go and come.
         status: Records the rest, and emits notices.
         notices: Makes the notices.
+        lost_contact: Acts when contact is lost.
     """
 
     def __init__(
@@ -62,6 +66,7 @@ class EventDispatcher:
         network: LocalNetwork,
         status: Status,
         notices: EventNotices,
+        lost_contact: LostContactActions,
     ) -> None:
         self._streams = streams
         self._handlers = handlers
@@ -83,6 +88,8 @@ class EventDispatcher:
             PeerSeen: (status.note_peer, self._tell),
             PeerLost: (self._tell, network.note_peer),
             PeerFound: (self._tell, network.note_peer),
+            ContactLost: (lost_contact.lost,),
+            ContactRestored: (lost_contact.restored,),
             EngineRestarted: (self._tell, network.go_on),
         }
         forgotten = set(get_args(Event)) - self._takers.keys()

@@ -38,6 +38,10 @@ class Dates:
         """Return the current instant for storage, s since 1970."""
         return (self._clock() + self._began_ns) / NS_PER_S
 
+    def of(self, instant: int) -> float:
+        """Return the date of an instant for storage, s since 1970; the same each time."""
+        return round((instant + self._began_ns) / NS_PER_S, 3)
+
     def now_unix_s(self) -> float:
         """Return the current instant as in documents, s since 1970."""
         return self.unix_s() + self._set_by_ns / NS_PER_S

@@ -21,8 +21,9 @@ than `BYTES_PER_S` of each, and as answer to a `get`:
 ``clock``     the time here; as answer to a `get`, and put when somebody has set the clock
 ============  =====================================================================================
 
-and the peer status by `peer_status`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``,
-``…/position``, ``…/direction``, ``modem``.
+``contact/NAME`` for each entry of ``lost_contact``, by `lostcontact`, and the peer status by
+`peer_status`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``, ``…/position``, ``…/direction``,
+``modem``.
 
 The keys begin with ``@``: no wildcard of an application and no stream covers them, so they never
 cross the channel. A change arms the only timer, once: an idle gateway has none.

@@ -228,6 +228,8 @@ class Node(EndpointMaker):
         - `StreamOverridden`: a command overrides the settings of a topic.
         - `PeerSeen`, `PeerLost`, `PeerFound`: a peer is heard for the first time, or has restarted;
           it is lost, or heard again, if the configuration has `lost_after_s`.
+        - `ContactLost`, `ContactRestored`: nobody was heard for the time of an entry of
+          `lost_contact`, or somebody is again. A gateway acts then; a node only says so.
         - `SubscribersChanged`: nodes subscribe to an on-demand topic of this node, or unsubscribe.
         - `DeadlineMissed`: no sample of a topic with `deadline_s` was published, or came, in time.
         - `StreamsDiffer`: a peer defines streams differently.

@@ -18,9 +18,11 @@ from zacoustic.app.tools.design.check import desert
 from zacoustic.app.tools.design.check.bits import SampleBits, sample_bits
 from zacoustic.channel.profiles import DEFAULT_PROFILE, ModemProfile, profile_named
 from zacoustic.config import Config
+from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.schedule.access import ClockedSpec, DelegatedSpec, PollingSpec, choose
+from zacoustic.core.schedule.silence import QuietWindow
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
@@ -34,6 +36,7 @@ from zacoustic.text.safetext import without_secrets
 
 _ID_BYTES = 1
 _CALL_BYTES = 1
+_DAY_NS = seconds_to_ns(24 * 3600)
 
 
 class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -132,6 +135,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """What a restart forgets without a journal; empty: nothing relevant."""
     notes: tuple[str, ...]
     """Valid settings that deserve attention."""
+    lost_contact: tuple[str, ...] = ()
+    """What the gateway of this node does when it hears nobody, one line each."""
     misfits: tuple[str, ...] = ()
     """Streams that can never cross, each with a setting that would help."""
 
@@ -174,6 +179,7 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
         journal=str(journal_in(config.journal, config.address).path) if config.journal else "",
         forgotten="" if config.journal else forgotten(config.table, config.address),
         unsaid=unsaid,
+        lost_contact=tuple(_lost_contact(config)),
         notes=tuple(_notes(config, links, rows, profile)),
         misfits=() if on_desert else tuple(_misfits(config, rows, profile)),
     )
@@ -316,9 +322,49 @@ def _notes(
     if config.journal is not None and not _is_writable(config.journal):
         yield f"journal: this user cannot write {config.journal}: the node would not start"
     yield from _access_notes(config, profile)
+    yield from _lost_contact_notes(config)
     if config.ros is not None:
         ids = ", ".join(map(str, sorted(config.ros.streams)))
         yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
+
+
+def _lost_contact(config: Config) -> Iterator[str]:
+    for each in config.lost_contact:
+        nodes = " and ".join(
+            f"{address} ({config.nodes[address]})" if address in config.nodes else str(address)
+            for address in each.rule.nodes
+        )
+        doing = f"{'call' if each.is_call else 'publish'} {each.key}"
+        yield (
+            f"lost contact {each.rule.name}: {each.rule.lost_after_s:g} s without a frame of "
+            f"{nodes or 'any other node'}: {doing}"
+        )
+
+
+def _lost_contact_notes(config: Config) -> Iterator[str]:
+    if config.lost_contact and config.journal is None:
+        yield (
+            "lost_contact without a journal: a restart of the gateway begins the countdown anew, "
+            "and a gateway that restarts all the time never acts"
+        )
+    longest_quiet_s = max((_length_s(each) for each in config.rules.quiet), default=0.0)
+    for each in config.lost_contact:
+        name, after_s = each.rule.name, each.rule.lost_after_s
+        if each.heard_every_s is None:
+            yield (
+                f"lost contact {name}: none of its nodes has a heartbeat_s, so one that is there "
+                f"and sends nothing for {after_s:g} s counts as lost"
+            )
+        if longest_quiet_s + (each.heard_every_s or 0.0) >= after_s:
+            yield (
+                f"lost contact {name}: quiet hours last {longest_quiet_s:g} s and do not stop the "
+                f"countdown of {after_s:g} s: if the other nodes keep them too, this node acts in "
+                "them"
+            )
+
+
+def _length_s(window: QuietWindow) -> float:
+    return ns_to_seconds((window.ends_ns - window.begins_ns) % _DAY_NS)
 
 
 def _misfits(config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:

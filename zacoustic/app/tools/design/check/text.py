@@ -38,6 +38,7 @@ def _paragraphs(report: Report) -> Iterator[str]:
         yield f"journal {report.journal}"
     if report.forgotten:
         yield report.forgotten
+    yield from map(one_line, report.lost_contact)
     if report.streams:
         rows = [_stream_cells(row, report.nodes) for row in report.streams]
         yield ""

@@ -28,8 +28,8 @@ from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.asking.goals import ActionKey
 
 _DOCUMENTS: Final = (
-    "node", "link", "link/*", "ledger", "peers", "peer/*/*", "modem", "modem/*", "streams",
-    "objects", "channel", "journal", "dropped", "events", "clock",
+    "node", "link", "link/*", "ledger", "peers", "peer/*/*", "contact/*", "modem", "modem/*",
+    "streams", "objects", "channel", "journal", "dropped", "events", "clock",
 )  # fmt: skip
 """Documents of the health report, by the end of their keys: a query of them changes nothing."""
 _MOST_KEYS: Final = 256
@@ -88,6 +88,7 @@ def grants_of(config: Config, beside: tuple[int, ...] = ()) -> tuple[Grant, ...]
     granted: dict[Grant, None] = {}
     for stream in config.table:
         granted |= dict.fromkeys(found.of(stream))
+    granted |= dict.fromkeys(_of_lost_contact(config))
     granted |= dict.fromkeys(_of_network(config))
     return tuple(granted)
 
@@ -214,6 +215,22 @@ def _of_news(key: str, is_here: bool) -> Iterator[Grant]:
     yield from _subscribes(Role.PROGRAM, key, is_cached=True)
     if is_here:
         yield from _subscribes(Role.GATEWAY, key, is_cached=True)
+
+
+def _of_lost_contact(config: Config) -> Iterator[Grant]:
+    """Yield the permissions for what the gateway does when it hears nobody any more.
+
+    Programs may publish such a key as well: it belongs to the local network.
+    """
+    for each in config.lost_contact:
+        if each.stream_id is not None:
+            continue  # a stream, with permissions of its own
+        if each.is_call:
+            yield from _of_service(each.key, is_here=True)
+        else:
+            for role in (Role.GATEWAY, Role.PROGRAM):
+                yield from _publishes(role, each.key, is_cached=False)
+            yield from _subscribes(Role.PROGRAM, each.key, is_cached=False)
 
 
 def _of_network(config: Config) -> Iterator[Grant]:
