@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from zacoustic.core.base.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
     from zacoustic.core.base.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.engine.events import (
+        AccessStateChanged,
         ClockStateChanged,
         DeadlineMissed,
         DeadlineSide,
@@ -78,6 +79,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "AccessStateChanged",
     "ActionClient",
     "ActionServer",
     "Bounds",
@@ -155,6 +157,7 @@ __all__ = [
 _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.engine.events": (
+        "AccessStateChanged",
         "ClockStateChanged",
         "DeadlineMissed",
         "DeadlineSide",

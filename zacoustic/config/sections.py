@@ -183,8 +183,8 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     """Wire profile."""
     allowed_topics: str | None = None
     """rmw_desert's file of topics and ids, relative to this file; default: the streams have ids."""
-    access: dict[str, Any] | None = None
-    """Medium access, read by `zacoustic.config.access`; default: the link's."""
+    access: dict[str, Any] | str | None = None
+    """Medium access, read by `zacoustic.config.access`, or "auto", the default."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air on this link; default: the section's."""
     port: int | None = None
