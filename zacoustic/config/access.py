@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from typing import Any, Final
 
 from zacoustic.config.problems import Place, shown
+from zacoustic.config.sections import ALLOWED
 from zacoustic.core.schedule.access.spec import (
     METHODS,
     AccessSpec,
@@ -42,7 +43,7 @@ def read_access(
         return None
     if isinstance(written, str):
         if written != _AUTO:
-            place.refuse(shown(written), allowed=f'"{_AUTO}", or a table with method')
+            place.refuse(shown(written), allowed=ALLOWED["access"])
         return AutoSpec()
     method = written.get("method")
     if method is None:

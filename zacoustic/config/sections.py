@@ -37,7 +37,7 @@ ALLOWED: Final = {
     "wire": ", ".join(f'"{profile.value}"' for profile in WireProfile),
     "allowed_topics": "a text, rmw_desert's file of topics, such as ros_allowed_topics.conf",
     "access": '{ method: "aloha" | "carrier_sense" | "tdma" | "schedule" | "polling" | '
-    '"delegated", … }',
+    '"delegated" | "auto", … }; or "auto"',
     "method": "the name of a medium access",
     "slots": "a list of addresses; of a schedule, of { owners, for_s, range_m }",
     "owners": "a list of addresses",

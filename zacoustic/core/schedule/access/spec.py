@@ -336,13 +336,13 @@ AccessSpec: TypeAlias = (
 )
 
 METHODS: Final[dict[str, type[AccessSpec]]] = {
-    "auto": AutoSpec,
     "aloha": AlohaSpec,
     "carrier_sense": CarrierSenseSpec,
     "tdma": TdmaSpec,
     "schedule": ScheduleSpec,
     "polling": PollingSpec,
     "delegated": DelegatedSpec,
+    "auto": AutoSpec,
 }
 """The policies by their names in the config."""
 
