@@ -200,11 +200,11 @@ class Slotted:
 
     def _trace(self, record: TraceRecord) -> None:
         if record.what == "transmit" and record.frame is not None:
-            airtime_s = LINK.airtime_ns(len(record.frame)) / NS_PER_S
+            airtime_s = LINK.airtime_ns(len(record.frame) // 2) / NS_PER_S  # hexadecimal
             self.sent.append(Sent(self.now_s, airtime_s, record.node))
 
     def _deliver(self, address: int, event: Event) -> None:
         if isinstance(event, SampleReceived):
             self.delivered.append((self.now_s, event.source, address))
         elif isinstance(event, AccessStateChanged):
-            self.states.setdefault(address, []).append((self.now_s, event.state))
+            self.states.setdefault(address, []).append((event.changed_at / NS_PER_S, event.state))

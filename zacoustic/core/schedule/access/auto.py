@@ -4,10 +4,11 @@ Slots are worth most and need a clock; carrier sense and ALOHA need none and are
 So a node with a schedule in its file uses it while it knows the time and has a slot, and falls back
 to what the link offers by itself while it does not: no node is silent for want of a clock.
 
-A node without any time falls back at once. A node whose time has jumped, or that is alone with its
-time among nodes that keep to the schedule, waits for some cycles first: it knows that others use
-the slots, and a jump is often over by then. When the clock is good again, the schedule has it back
-at once; it listens for a cycle, as ever, before it uses its slots.
+A node without any time falls back at once. A node whose time has jumped waits for some cycles first:
+a jump is often over by then. A node that is alone with its time among nodes that keep to the
+schedule knows that others use the slots; it is silent, emergencies apart, until its clock is right
+or it hears them no longer. When the clock is good again, the schedule has it back at once; it
+listens for a cycle, as ever, before it uses its slots.
 
 Beside nodes on the schedule, a node that has fallen back is a stranger: it waits while it hears
 them, but what it sends may meet what it does not hear yet. `AccessState` says which node that is.
@@ -38,7 +39,8 @@ class Auto(MediumAccess):
         self._method = method
         self._why = "the time is not known yet"
         self._doubted_at: int | None = None
-        """Since when a known time is in doubt, ns; None: it is not, or none was known."""
+        """Since when a known time is in this doubt, ns; None: it is not, or none was known."""
+        self._doubt = ""
         self._was_sure = False
 
     @property
@@ -51,6 +53,8 @@ class Auto(MediumAccess):
         self._review(now)
         if not self._why:
             return self._schedule.ready_at(wanted, now)
+        if self._schedule.is_alone(now) and not wanted.is_urgent:
+            return wanted.earliest(now) + self._schedule.cycle_ns
         if self._doubted_at is not None and not wanted.is_urgent:
             patient_until = self._doubted_at + _PATIENCE_CYCLES * self._schedule.cycle_ns
             if now < patient_until:
@@ -113,8 +117,10 @@ class Auto(MediumAccess):
     def _review(self, now: int) -> None:
         """Choose, by what is known now."""
         doubt = self._schedule.clock_doubt(now)
+        is_new = doubt != self._doubt
+        self._doubt = doubt
         self._why = doubt or self._schedule.slot_doubt(now)
         if not doubt:
             self._was_sure, self._doubted_at = True, None
-        elif self._was_sure and self._doubted_at is None:
+        elif self._was_sure and is_new:
             self._doubted_at = now

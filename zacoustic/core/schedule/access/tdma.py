@@ -99,7 +99,7 @@ class Tdma(MediumAccess):
         sure_at = self._time.sure_at
         if sure_at is not None:
             return sure_at if sure_at > now else None
-        if self._watch is not None and self._watch.is_own_wrong(now) and not self._is_reference:
+        if self.is_alone(now):
             return None
         windows = self._usable(now)
         if not windows:
@@ -147,7 +147,7 @@ class Tdma(MediumAccess):
             return (
                 "UTC is not known" if who is None else f"node {who} has not announced the time yet"
             )
-        if self._watch is not None and self._watch.is_own_wrong(now) and not self._is_reference:
+        if self._watch is not None and self.is_alone(now):
             nodes = ", ".join(map(str, sorted(self._watch.outside(now))))
             return f"frames of nodes {nodes} do not come in their slots by the clock of this node"
         error_ns = self._time.error_at(now)
@@ -190,6 +190,11 @@ class Tdma(MediumAccess):
         if not self._usable(now):
             return "the guards around every slot of this node are too short, and no slot is open"
         return ""
+
+    def is_alone(self, now: int) -> bool:
+        """Return whether others keep to the slots by another time than this node's."""
+        is_alone = self._watch is not None and self._watch.is_own_wrong(now)
+        return is_alone and not self._is_reference
 
     @property
     def cycle_ns(self) -> int:
