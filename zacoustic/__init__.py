@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from zacoustic.core.base.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
     from zacoustic.core.base.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.engine.events import (
+        AccessStateChanged,
         ClockStateChanged,
         ContactLost,
         ContactRestored,
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "AccessStateChanged",
     "ActionClient",
     "ActionServer",
     "Bounds",
@@ -159,6 +161,7 @@ __all__ = [
 _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.engine.events": (
+        "AccessStateChanged",
         "ClockStateChanged",
         "ContactLost",
         "ContactRestored",

@@ -6,13 +6,15 @@ it opens, in `zacoustic.core.schedule.access.choose`.
 
 from collections.abc import Mapping
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, Final
 
 from zacoustic.config.problems import Place, shown
+from zacoustic.config.sections import ALLOWED
 from zacoustic.core.schedule.access.spec import (
     METHODS,
     AccessSpec,
     AlohaSpec,
+    AutoSpec,
     CarrierSenseSpec,
     DelegatedSpec,
     PollingSpec,
@@ -20,17 +22,18 @@ from zacoustic.core.schedule.access.spec import (
     TdmaSpec,
 )
 
+_AUTO: Final = "auto"
 _METHODS_SHOWN = ", ".join(f'"{method}"' for method in METHODS)
 
 
 def read_access(
-    place: Place, written: Mapping[str, Any] | None, nodes: Mapping[int, str]
+    place: Place, written: Mapping[str, Any] | str | None, nodes: Mapping[int, str]
 ) -> AccessSpec | None:
     """Read the table at `place`.
 
     Args:
         place: Place of the table.
-        written: Its content; None: there is no table.
+        written: Its content, or the word "auto"; None: there is no table.
         nodes: Name of each node by address; empty if the fleet is not listed.
 
     Raises:
@@ -38,6 +41,10 @@ def read_access(
     """
     if written is None:
         return None
+    if isinstance(written, str):
+        if written != _AUTO:
+            place.refuse(shown(written), allowed=ALLOWED["access"])
+        return AutoSpec()
     method = written.get("method")
     if method is None:
         place.at("method").refuse("is missing", allowed=_METHODS_SHOWN)
@@ -45,7 +52,8 @@ def read_access(
         close = get_close_matches(str(method), METHODS, 1)
         hint = f'did you mean "{close[0]}"?' if close else ""
         place.at("method").refuse(shown(method), allowed=_METHODS_SHOWN, hint=hint)
-    if method in ("tdma", "schedule") and written.get("clock_error_s") is None:
+    has_slots = method in ("tdma", "schedule") or (method == _AUTO and written.get("slots"))
+    if has_slots and written.get("clock_error_s") is None:
         place.at("clock_error_s").refuse(
             "is missing, and slots need clocks whose error is known",
             allowed="seconds, 0 or more",
@@ -57,7 +65,7 @@ def read_access(
             _check_nodes(place.at("slots"), spec.slots, nodes)
             if spec.clock is not None:
                 _check_node(place.at("clock"), spec.clock, nodes)
-        case ScheduleSpec():
+        case ScheduleSpec() | AutoSpec():
             for index, slot in enumerate(spec.slots):
                 _check_nodes(place.at("slots").at(index).at("owners"), slot.owners, nodes)
             if spec.clock is not None:

@@ -4,7 +4,7 @@ from typing import Final
 
 from zacoustic.config.problems import Place, shown
 from zacoustic.config.sections import Section
-from zacoustic.core.schedule.access.spec import AccessSpec, ClockedSpec, PollingSpec
+from zacoustic.core.schedule.access.spec import AccessSpec, PollingSpec, slots_of
 from zacoustic.core.streams.wireprofile import WireProfile
 
 _WIRE: Final = f'wire: "{WireProfile.RMW_DESERT.value}"'
@@ -55,9 +55,10 @@ def check_access(place: Place, access: AccessSpec | None) -> None:
             f'"polling" with {_WIRE}: its turns are told in frames of the native wire',
             allowed='"aloha", "carrier_sense", "tdma", "delegated"',
         )
-    if isinstance(access, ClockedSpec) and access.clock is not None:
+    slots = slots_of(access)
+    if slots is not None and slots.clock is not None:
         place.at("clock").refuse(
-            f"{access.clock} with {_WIRE}: the time is told in frames of the native wire",
+            f"{slots.clock} with {_WIRE}: the time is told in frames of the native wire",
             allowed="none, UTC then",
         )
 

@@ -37,7 +37,7 @@ ALLOWED: Final = {
     "wire": ", ".join(f'"{profile.value}"' for profile in WireProfile),
     "allowed_topics": "a text, rmw_desert's file of topics, such as ros_allowed_topics.conf",
     "access": '{ method: "aloha" | "carrier_sense" | "tdma" | "schedule" | "polling" | '
-    '"delegated", … }',
+    '"delegated" | "auto", … }; or "auto"',
     "method": "the name of a medium access",
     "slots": "a list of addresses; of a schedule, of { owners, for_s, range_m }",
     "owners": "a list of addresses",
@@ -188,8 +188,8 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     """Wire profile."""
     allowed_topics: str | None = None
     """rmw_desert's file of topics and ids, relative to this file; default: the streams have ids."""
-    access: dict[str, Any] | None = None
-    """Medium access, read by `zacoustic.config.access`; default: the link's."""
+    access: dict[str, Any] | str | None = None
+    """Medium access, read by `zacoustic.config.access`, or "auto", the default."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air on this link; default: the section's."""
     port: int | None = None

@@ -54,6 +54,7 @@ from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateCh
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import AccessState
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.silence import Silence
@@ -405,6 +406,14 @@ class Engine:
         return None if earliest is None else max(earliest, now)
 
     # Getters
+
+    def access_state(self, link: str | None = None) -> AccessState | None:
+        """Return what the schedule of a link does at present; None: it has none.
+
+        Args:
+            link: Name of the link; None: the first.
+        """
+        return self._stack(link).transmitter.access_state(self._now)
 
     @property
     def seal_failure(self) -> str:

@@ -16,7 +16,7 @@ from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.protocols import ProtocolEvent
 from zacoustic.core.schedule.hosttime import ClockStateChanged
 from zacoustic.core.schedule.silence import SilenceChanged
-from zacoustic.core.schedule.transmitter import NothingHeard
+from zacoustic.core.schedule.transmitter import AccessStateChanged, NothingHeard
 from zacoustic.core.transport.actions.events import (
     ActionEvent,
     CancelAnswered,
@@ -45,6 +45,7 @@ from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
 
 __all__ = [
+    "AccessStateChanged",
     "ActionEvent",
     "CallFailed",
     "CallFailure",
@@ -147,6 +148,7 @@ Event = (
     | StreamOverridden
     | CommandHandled
     | KeyDelivered
+    | AccessStateChanged
     | ClockStateChanged
     | NothingHeard
     | LinkStateChanged

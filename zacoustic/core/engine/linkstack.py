@@ -19,6 +19,7 @@ from zacoustic.core.base.linktypes import (
     Transmission,
     TransmitReport,
 )
+from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.trace import Tracer
 from zacoustic.core.peers.sealing import Inside, Refusal
 from zacoustic.core.profiles.native.protocols import Protocols
@@ -239,6 +240,7 @@ class LinkStack:
     def _receive(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         self._hear(opened, frame, port, now)
         streams = self.protocols.receive(opened, frame, port, now)
+        port.arrived(opened.source, frame, now, is_urgent=any(map(self._is_urgent, streams)))
         self._trace.note(
             now,
             "receive",
@@ -247,6 +249,11 @@ class LinkStack:
             streams=streams,
             link=self.name,
         )
+
+    def _is_urgent(self, stream_id: int) -> bool:
+        """Return whether payloads of a stream go at once."""
+        stream = self._context.table.get(stream_id)
+        return stream is not None and stream.qos.priority is Priority.REAL_TIME
 
     def _hear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Record that a node was heard."""

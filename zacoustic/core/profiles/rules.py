@@ -7,7 +7,7 @@ from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.profiles.entities import DiscoverySpec
-from zacoustic.core.schedule.access.spec import AccessSpec, ClockedSpec
+from zacoustic.core.schedule.access.spec import AccessSpec, ClockedSpec, slots_of
 from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.schedule.silence import QuietWindow
 from zacoustic.core.transport.objects.limits import ObjectLimits
@@ -96,8 +96,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def schedule(self) -> ClockedSpec | None:
         """The TDMA schedule of the first link that has one; None: none has."""
-        slots = (each.access for each in self.of_links)
-        return next((each for each in slots if isinstance(each, ClockedSpec)), None)
+        slots = (slots_of(each.access) for each in self.of_links)
+        return next((each for each in slots if each is not None), None)
 
     @property
     def clock_error_s(self) -> float:

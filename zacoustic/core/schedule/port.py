@@ -32,6 +32,7 @@ from zacoustic.core.base.parts import Part
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choose
+from zacoustic.core.schedule.access.base import Arrival
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.wire.access import ANYBODY, AccessControl, Turn
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
@@ -76,14 +77,18 @@ class LinkPort:
         self.access: MediumAccess = choose(access, capabilities, address, rng)
         self.listening = Listening(capabilities)
         """The pauses of this node and of others."""
-        # A device that hears while it sends can always be reached; so can one whose airtime is
-        # waiting.
-        self._listens = capabilities.half_duplex and not self.access.is_scheduled
         self._address = address
         self._measurements = measurements or Measurements(Peers())
         self._outstanding: dict[int, tuple[Part, ...]] = {}
         self._gap_until = 0
         self._last_frame: dict[int, tuple[bytes, int]] = {}
+
+    @property
+    def _listens(self) -> bool:
+        """Whether frames keep to listen windows."""
+        # A device that hears while it sends can always be reached; so can one whose airtime is
+        # waiting.
+        return self.capabilities.half_duplex and not self.access.is_scheduled
 
     def peer_forgotten(self, address: int, now: int) -> None:
         """Forget a node."""
@@ -242,6 +247,25 @@ class LinkPort:
         """Record a frame from `source`, for this node or another one."""
         self.access.handle_heard(source, now)
         self.listening.heard_frame(source, self.capabilities.airtime_ns(size_bytes), now)
+
+    def arrived(self, source: int, frame: ReceivedFrame, now: int, *, is_urgent: bool) -> None:
+        """Record when an authentic frame of `source` for this node or all has arrived."""
+        # A piece of a byte stream has no instant of its own.
+        if source == UNKNOWN_SOURCE or not self.capabilities.framed:
+            return
+        airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
+        way_ns, error_ns = self._way(source, frame, now)
+        self.access.handle_arrival(
+            Arrival(
+                source=source,
+                began_at=frame.received_at - airtime_ns,
+                airtime_ns=airtime_ns,
+                way_ns=way_ns,
+                way_error_ns=error_ns,
+                is_urgent=is_urgent,
+            ),
+            now,
+        )
 
     def handle_control(
         self, source: int, control: AccessControl, frame: ReceivedFrame, now: int

@@ -18,7 +18,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.stats import LinkStats
-from zacoustic.core.schedule.access import Wanted
+from zacoustic.core.schedule.access import AccessState, Wanted
 from zacoustic.core.schedule.airtime import AirtimeCaps
 from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.port import LinkPort
@@ -40,6 +40,17 @@ class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
     """Instant at which the link came up, ns."""
     changed_at: int
     """Instant of the event, ns."""
+    link: str = ONE_LINK
+    """Name of the link."""
+
+
+class AccessStateChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """A schedule does not hold, is not in use, or is as it should be again."""
+
+    state: AccessState
+    """What medium access does now."""
+    changed_at: int
+    """Instant of the change, ns."""
     link: str = ONE_LINK
     """Name of the link."""
 
@@ -95,7 +106,7 @@ class Transmitter:
         replies: The reply budget of the node.
         stats: The link's counters.
         make_port: Makes the link's port from its capabilities and envelope.
-        emit: Takes `NothingHeard`.
+        emit: Takes `NothingHeard` and `AccessStateChanged`.
     """
 
     def __init__(
@@ -107,7 +118,7 @@ class Transmitter:
         replies: ReplyBudget,
         stats: LinkStats,
         make_port: Callable[[LinkCapabilities, Envelope], LinkPort],
-        emit: Callable[[NothingHeard], None],
+        emit: Callable[[NothingHeard | AccessStateChanged], None],
     ) -> None:
         self.link = link
         """Name of the link."""
@@ -124,6 +135,7 @@ class Transmitter:
         self._make_port = make_port
         self._offset_ns: int | None = None
         self._emit = emit
+        self._access_kind: tuple[object, ...] | None = None
         self._up_at = 0
         self._frames_at_up: tuple[int, int] | None = None
         """Frames sent and heard when the link came up; None: it is not up, something was heard
@@ -166,7 +178,8 @@ class Transmitter:
             self.port.access.handle_timeout(now)
 
     def review(self, now: int) -> None:
-        """Emit an event if nothing is heard."""
+        """Emit an event if nothing is heard, or medium access has changed."""
+        self._review_access(now)
         if self._frames_at_up is None:
             return
         sent = self._stats.frames_transmitted - self._frames_at_up[0]
@@ -241,7 +254,20 @@ class Transmitter:
             return self._silence.clock_doubt
         return self._silence.clock_doubt or self.port.access.clock_doubt(now)
 
+    def access_state(self, now: int) -> AccessState | None:
+        """Return what a schedule does at present; None: there is none, or no link yet."""
+        return None if self.port is None else self.port.access.state(now)
+
     # Below the methods above
+
+    def _review_access(self, now: int) -> None:
+        state = self.access_state(now)
+        if state is None or state.kind == self._access_kind:
+            return
+        is_first = self._access_kind is None
+        self._access_kind = state.kind
+        if state.is_trouble or not is_first:
+            self._emit(AccessStateChanged(state=state, changed_at=now, link=self.link))
 
     def _tell_access(self, port: LinkPort, now: int) -> None:
         """Tell a new policy what is known of UTC, or else what the host says."""

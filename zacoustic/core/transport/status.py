@@ -13,7 +13,13 @@ import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds
 from zacoustic.core.base.journal import LIFE_KEY, VOLATILE_KEY
-from zacoustic.core.schedule.access.spec import AccessSpec, PollingSpec, ScheduleSpec, TdmaSpec
+from zacoustic.core.schedule.access.spec import (
+    AccessSpec,
+    AutoSpec,
+    PollingSpec,
+    ScheduleSpec,
+    TdmaSpec,
+)
 from zacoustic.core.schedule.context import NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.streams.status import STATUS_STREAM_ID, JournalStatus, NodeStatus
@@ -122,6 +128,8 @@ def schedule_digest(access: AccessSpec | None) -> int:
             shared: tuple[object, ...] = (
                 access.slots, access.slot_s, access.max_range_m, access.guard_s, access.clock
             )  # fmt: skip
+        case AutoSpec():
+            return schedule_digest(access.schedule)
         case ScheduleSpec():
             shared = (access.slots, access.clock)
         case PollingSpec():

@@ -235,6 +235,44 @@ class ClockChanged(Notice, frozen=True, kw_only=True, tag="clock"):
         ]
 
 
+class AccessChanged(Notice, frozen=True, kw_only=True, tag="access"):
+    """A schedule does not hold or is not in use; or it is as it should be again."""
+
+    method: str
+    """The method in use."""
+    why: str
+    """Why it is not the schedule, or no slot can be used; empty: neither."""
+    faults: tuple[tuple[int, str, float], ...] = ()
+    """Where the schedule does not hold: address, word of a `Trouble`, and by how much, s."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Whether something is not as the schedule has it."""
+        return bool(self.why or self.faults)
+
+    def lines(self) -> list[str]:
+        """One line for the method, and one for each node."""
+        told = [f"access    {self.method}: {self.why}"] if self.why else []
+        told += [
+            f"access    node {node} {trouble_text(word, by)}" for node, word, by in self.faults
+        ]
+        return told or [f"access    {self.method}"]
+
+
+def trouble_text(word: str, by_s: float) -> str:
+    """Return what is wrong between the schedule and a node, in words.
+
+    Args:
+        word: Word of a `Trouble`.
+        by_s: By how much, s.
+    """
+    return {
+        "outside": f"transmits {by_s:.2f} s outside its slots: its clock is wrong or it has others",
+        "far": f"is {by_s:.2f} s farther away than a guard: the own slot is used that much less",
+        "shared": "owns a slot of this node and is heard: they use it in turns",
+    }[word]
+
+
 class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):
     """A bug has ended the engine; a new one continues from the journal."""
 

@@ -13,6 +13,7 @@ import msgspec
 from zacoustic.core.base.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.engine.events import (
+    AccessStateChanged,
     CallFailure,
     ClockStateChanged,
     ContactLost,
@@ -58,6 +59,7 @@ NodeEvent = (
     | JournalDoubted
     | SealAlarm
     | ClockStateChanged
+    | AccessStateChanged
     | NothingHeard
     | EngineRestarted
     | PeerSeen

@@ -3,6 +3,7 @@
 One file per policy, all with the interface of `zacoustic.core.schedule.access.base.MediumAccess`:
 
 =================  =================================================================================
+`auto`             by the schedule while the clock is good, else as the link can
 `delegated`        the modem, or what is behind it, decides
 `aloha`            at once, or at the next slot; a back-off after losses
 `carriersense`     not while another node is heard; a back-off after that
@@ -10,7 +11,8 @@ One file per policy, all with the interface of `zacoustic.core.schedule.access.b
 `polling`          when one node gives this node the turn
 =================  =================================================================================
 
-`spec` has the settings; `choose` makes a policy from them, or picks one by the link's capabilities.
+`spec` has the settings; `choose` makes a policy from them, or picks one by the link's capabilities,
+and `choice` says which and why. `slotwatch` tells from arrivals whether a schedule holds.
 `listening` applies to all policies without turns: pauses in which others are heard. `networktime`
 is the clock of slots; the controls of policies are in `zacoustic.core.wire.access`.
 """
@@ -20,7 +22,14 @@ import random
 from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.schedule.access.aloha import Aloha
-from zacoustic.core.schedule.access.base import MediumAccess, Wanted
+from zacoustic.core.schedule.access.auto import Auto
+from zacoustic.core.schedule.access.base import (
+    AccessState,
+    MediumAccess,
+    SlotFault,
+    Trouble,
+    Wanted,
+)
 from zacoustic.core.schedule.access.carriersense import CarrierSense
 from zacoustic.core.schedule.access.delegated import Delegated
 from zacoustic.core.schedule.access.listening import Listening
@@ -28,6 +37,7 @@ from zacoustic.core.schedule.access.polling import polling
 from zacoustic.core.schedule.access.spec import (
     AccessSpec,
     AlohaSpec,
+    AutoSpec,
     CarrierSenseSpec,
     ClockedSpec,
     DelegatedSpec,
@@ -35,13 +45,17 @@ from zacoustic.core.schedule.access.spec import (
     ScheduledSlot,
     ScheduleSpec,
     TdmaSpec,
+    slots_of,
 )
 from zacoustic.core.schedule.access.tdma import Tdma
 from zacoustic.errors import ConfigError
 
 __all__ = [
+    "AccessState",
     "Aloha",
     "AlohaSpec",
+    "Auto",
+    "AutoSpec",
     "CarrierSense",
     "CarrierSenseSpec",
     "ClockedSpec",
@@ -52,10 +66,14 @@ __all__ = [
     "PollingSpec",
     "ScheduleSpec",
     "ScheduledSlot",
+    "SlotFault",
     "Tdma",
     "TdmaSpec",
+    "Trouble",
     "Wanted",
+    "choice",
     "choose",
+    "slots_of",
 ]
 
 
@@ -65,8 +83,7 @@ def choose(
     """Make the policy of a link.
 
     Args:
-        spec: The settings of the config; None: delegated where the device controls access, else
-            carrier sense where it senses a carrier, else ALOHA.
+        spec: The settings of the config; None: "auto" without a schedule.
         capabilities: The link's.
         address: Address of this node.
         rng: For the back-off.
@@ -74,8 +91,13 @@ def choose(
     Raises:
         ConfigError: The choice cannot work on this link; says why.
     """
-    if spec is None:
+    if spec is None or isinstance(spec, AutoSpec):
+        schedule = _schedule_for(spec, capabilities, address)
         spec = _natural(capabilities)
+        if isinstance(schedule, ScheduleSpec):
+            otherwise = choose(spec, capabilities, address, rng)
+            method = str(spec.__struct_config__.tag)
+            return Auto(Tdma(schedule, capabilities, address), otherwise, method)
     elif capabilities.controls_access and not isinstance(spec, DelegatedSpec):
         raise ConfigError(
             f'access.method: "{spec.__struct_config__.tag}"; this link controls access by itself, '
@@ -106,7 +128,50 @@ def choose(
             return polling(spec, capabilities, address)
 
 
-def _natural(capabilities: LinkCapabilities) -> AccessSpec:
+def choice(spec: AutoSpec | None, capabilities: LinkCapabilities, address: int) -> tuple[str, str]:
+    """Return what "auto" chooses on a link, and why.
+
+    Args:
+        spec: The settings of the config; None: there are none.
+        capabilities: The link's.
+        address: Address of this node.
+    """
+    natural = _natural(capabilities)
+    method = str(natural.__struct_config__.tag)
+    schedule = _schedule_for(spec, capabilities, address)
+    if isinstance(schedule, ScheduleSpec):
+        clock = "UTC" if schedule.clock is None else f"the clock of node {schedule.clock}"
+        return "schedule", (
+            f"the file has one, with a cycle of {schedule.cycle_s:.1f} s, and this node has a slot "
+            f"in it; while {clock} is not known to {schedule.clock_error_s:g} s, it is {method}"
+        )
+    reasons = {
+        "delegated": "the link controls access itself",
+        "carrier_sense": "the modem tells when it hears another one",
+        "aloha": "the modem does not tell when it hears another one",
+    }
+    return method, f"{schedule}, and {reasons[method]}"
+
+
+def _schedule_for(
+    spec: AutoSpec | None, capabilities: LinkCapabilities, address: int
+) -> ScheduleSpec | str:
+    """Return the schedule that "auto" uses on a link, or why it uses none."""
+    schedule = spec.schedule if spec is not None else None
+    if schedule is None:
+        return "the file has no schedule"
+    if capabilities.controls_access:
+        return "no schedule works on this link"
+    if not schedule.has_slot(address):
+        return f"the schedule has no slot for node {address}"
+    try:
+        Tdma(schedule, capabilities, address)
+    except ConfigError as error:
+        return f"the schedule does not fit: {error.args[0]}"
+    return schedule
+
+
+def _natural(capabilities: LinkCapabilities) -> DelegatedSpec | CarrierSenseSpec | AlohaSpec:
     if capabilities.controls_access:
         return DelegatedSpec()
     return CarrierSenseSpec() if capabilities.senses_carrier else AlohaSpec()

@@ -9,8 +9,8 @@ A policy owns no timer. The engine asks `ready_at` again after every input, and 
 an instant that it returned.
 """
 
+import enum
 from abc import ABC, abstractmethod
-from typing import ClassVar
 
 import msgspec
 
@@ -38,10 +38,70 @@ class Wanted(msgspec.Struct, frozen=True):
         return max(self.due_at, now)
 
 
+class Arrival(msgspec.Struct, frozen=True, kw_only=True):
+    """A frame of another node, as it arrived here."""
+
+    source: int
+    """Its sender."""
+    began_at: int
+    """Instant at which it began to arrive, ns."""
+    airtime_ns: int
+    """Its airtime, ns."""
+    way_ns: int
+    """Propagation delay, ns: measured, or half of the longest one."""
+    way_error_ns: int
+    """The largest error of that, ns."""
+    is_urgent: bool = False
+    """Whether it carries a REAL_TIME payload, which goes at any instant."""
+
+
+class Trouble(enum.Enum):
+    """What is wrong between a schedule and another node."""
+
+    OUTSIDE = "outside"
+    """It transmits outside its slots."""
+    FAR = "far"
+    """Its frames reach into a slot of this node, or those of this node into its slot."""
+    SHARED = "shared"
+    """It shares a slot with this node, and is heard."""
+
+
+class SlotFault(msgspec.Struct, frozen=True, kw_only=True):
+    """A schedule that does not hold for another node."""
+
+    node: int
+    """Its address."""
+    trouble: Trouble
+    """What is wrong."""
+    by_s: float
+    """By how much, s, ≥ 0; 0 for a shared slot."""
+
+
+class AccessState(msgspec.Struct, frozen=True, kw_only=True):
+    """What a policy with a schedule does at present."""
+
+    method: str
+    """The method in use, a word of the config."""
+    why: str = ""
+    """Why it is not the schedule, or why the schedule has no slot for this node; or empty."""
+    faults: tuple[SlotFault, ...] = ()
+    """Where the schedule does not hold, by address."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Whether something is not as the schedule has it."""
+        return bool(self.why or self.faults)
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What makes two states differ, beyond figures."""
+        return self.method, self.why, tuple((each.node, each.trouble) for each in self.faults)
+
+
 class MediumAccess(ABC):
     """Decides when a frame may start."""
 
-    is_scheduled: ClassVar[bool] = False
+    is_scheduled: bool = False
     """Whether it gives all nodes turns, so that no node needs listen windows."""
     answers_to: int = BROADCAST
     """The node for which a frame of its own is meant, or `BROADCAST`."""
@@ -75,6 +135,13 @@ class MediumAccess(ABC):
 
     def handle_heard(self, source: int, now: int) -> None:  # noqa: B027  a policy may ignore it
         """Record a frame from `source`, whatever its content."""
+
+    def handle_arrival(self, arrival: Arrival, now: int) -> None:  # noqa: B027  as above
+        """Record when an authentic frame for this node or all has arrived."""
+
+    def state(self, now: int) -> AccessState | None:
+        """Return what a policy with a schedule does at present; None: it has none."""
+        return None
 
     def handle_outcome(self, arrived: bool, now: int) -> None:  # noqa: B027  as above
         """Record whether the other engine acknowledged a frame of this node in time."""

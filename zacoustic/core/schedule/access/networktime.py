@@ -76,6 +76,10 @@ class NetworkTime:
         self._offset_ns, self._error_ns, self._told_at = offset_ns, error_ns, now
         return True
 
+    def confirm(self) -> None:
+        """End the doubt after a jump: something else has shown that the new time is right."""
+        self._doubted_at = None
+
     def error_at(self, instant: int) -> int | None:
         """Return the largest error of network time at an instant, ns; None: unknown."""
         if self._offset_ns is None or self._doubted_at is not None:

@@ -238,6 +238,59 @@ class ScheduleSpec(
         return sum(slot.window_ns + slot.guard_ns for slot in self.timed_slots) / NS_PER_S
 
 
+class AutoSpec(
+    msgspec.Struct,
+    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="auto",
+):  # fmt: skip
+    """A schedule while the clock is good, else what needs no clock; without slots, only that."""
+
+    slots: tuple[ScheduledSlot, ...] = ()
+    """The slots of a cycle, in order; empty: there is no schedule."""
+    clock_error_s: float | None = None
+    """Largest error of a node's clock against the common one, s, ≥ 0; required with slots."""
+    clock: int | None = None
+    """The node whose clock is the common one, sent in its frames; None: UTC from each host."""
+    beacon_s: float | None = None
+    """How often that node sends the time when it has nothing else to send, s, > 0; None: only in
+    frames that go anyway."""
+    drift_ppm: float = _DRIFT_PPM
+    """Drift of a clock without statements, 1e-6, ≥ 0."""
+
+    def __post_init__(self) -> None:
+        """Check each value, and that there is a schedule for what belongs to one.
+
+        Raises:
+            ConfigError: States key, value and what is allowed.
+        """
+        if self.schedule is not None:
+            return
+        for key, value in (
+            ("clock_error_s", self.clock_error_s), ("clock", self.clock),
+            ("beacon_s", self.beacon_s),
+        ):  # fmt: skip
+            if value is not None:
+                raise ConfigError(f"{key}: {value:g} without slots; allowed: beside slots")
+
+    @property
+    def schedule(self) -> ScheduleSpec | None:
+        """The schedule; None: the file has none.
+
+        Raises:
+            ConfigError: It is wrong; states key, value and what is allowed.
+        """
+        if not self.slots:
+            return None
+        if self.clock_error_s is None:
+            raise ConfigError("clock_error_s: is missing; allowed: seconds, 0 or more")
+        return ScheduleSpec(
+            slots=self.slots,
+            clock_error_s=self.clock_error_s,
+            clock=self.clock,
+            beacon_s=self.beacon_s,
+            drift_ppm=self.drift_ppm,
+        )
+
+
 class PollingSpec(
     msgspec.Struct,
     frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="polling",
@@ -279,7 +332,7 @@ class PollingSpec(
 
 
 AccessSpec: TypeAlias = (
-    DelegatedSpec | AlohaSpec | CarrierSenseSpec | TdmaSpec | ScheduleSpec | PollingSpec
+    DelegatedSpec | AlohaSpec | CarrierSenseSpec | TdmaSpec | ScheduleSpec | AutoSpec | PollingSpec
 )
 
 METHODS: Final[dict[str, type[AccessSpec]]] = {
@@ -289,8 +342,16 @@ METHODS: Final[dict[str, type[AccessSpec]]] = {
     "schedule": ScheduleSpec,
     "polling": PollingSpec,
     "delegated": DelegatedSpec,
+    "auto": AutoSpec,
 }
 """The policies by their names in the config."""
+
+
+def slots_of(access: AccessSpec | None) -> ClockedSpec | None:
+    """Return the slots that a node with these settings uses while its clock is good, or None."""
+    if isinstance(access, AutoSpec):
+        return access.schedule
+    return access if isinstance(access, ClockedSpec) else None
 
 
 def _check_count(slots: Sized) -> None:

@@ -13,7 +13,12 @@ since no detour is shorter than the direct way.
 
 In a schedule an emergency goes at once, and may destroy one frame of another node: a cycle of forty
 nodes takes the better part of a minute. A slot without owners is for nodes that own none, such as
-one that has just joined; each uses it in about every second cycle, since two may want it.
+one that has just joined; each uses it in one of two cycles, since two nodes may want it.
+
+A schedule is also watched (`zacoustic.core.schedule.access.slotwatch`). A node that has just got
+the time, or another time, listens for a cycle before it uses its slots: if its clock is wrong,
+others in their slots show it. Own slots are used as far as arrivals and measured ranges say that
+they are safe; a node whose slots have no room left for a frame uses the open ones.
 
 This holds as long as every clock is within the stated error. So a node that is not sure of its
 clock is *muted*: its error, which grows by drift since the last statement, exceeds the stated one;
@@ -32,8 +37,9 @@ from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
-from zacoustic.core.schedule.access.base import MediumAccess, Wanted
+from zacoustic.core.schedule.access.base import AccessState, Arrival, MediumAccess, Wanted
 from zacoustic.core.schedule.access.networktime import NetworkTime
+from zacoustic.core.schedule.access.slotwatch import SlotWatch, Window
 from zacoustic.core.schedule.access.spec import ScheduleSpec, TdmaSpec, TimedSlot
 from zacoustic.core.wire.access import CLOCK_BYTES, CLOCK_TICK_NS, AccessControl, ClockTime
 from zacoustic.errors import ConfigError
@@ -64,10 +70,16 @@ class Tdma(MediumAccess):
         _check_room(spec, slots, self._largest_ns)
         self._address = address
         self._own = tuple(_windows_of(slots, (address,)))
-        self._open = () if self._own else tuple(_windows_of(slots, ()))
-        """Windows of slots without owners, if this node owns none."""
+        is_schedule = isinstance(spec, ScheduleSpec)
+        self._open = () if self._own and not is_schedule else tuple(_windows_of(slots, ()))
+        """Windows of slots without owners, for a node that owns none or cannot use its own."""
         self._cycle_ns = sum(slot.window_ns + slot.guard_ns for slot in slots)
-        self._is_urgent_at_once = isinstance(spec, ScheduleSpec)
+        self._watch = SlotWatch(slots, address, spec.error_limit_ns) if is_schedule else None
+        self._listens_until: int | None = None
+        """Until when this node only listens, since its time is new, ns; None: it need not."""
+        self._joined_at = 0
+        """Network time from which it counts the open slots, ns."""
+        self._is_urgent_at_once = is_schedule
         self._error_limit_ns = spec.error_limit_ns
         self._stated_s = spec.clock_error_s
         self._reference = spec.clock
@@ -87,7 +99,13 @@ class Tdma(MediumAccess):
         sure_at = self._time.sure_at
         if sure_at is not None:
             return sure_at if sure_at > now else None
-        ready_at = self._opening(earliest + offset_ns) - offset_ns
+        if self.is_alone(now):
+            return None
+        windows = self._usable(now)
+        if not windows:
+            return None
+        earliest = max(earliest, self._listens_until or earliest)
+        ready_at = self._opening(windows, earliest + offset_ns, now) - offset_ns
         # Whoever drives the engine states the time again before that instant, if possible.
         error_ns = self._time.error_at(now)
         return None if error_ns is None or error_ns > self._error_limit_ns else ready_at
@@ -118,7 +136,7 @@ class Tdma(MediumAccess):
             known_ns = self._time.offset_ns
             self._time.tell(offset_ns if known_ns is None else known_ns, 0, now)
         elif self._reference is None:
-            self._time.tell(offset_ns, error_ns, now)
+            self._tell(offset_ns, error_ns, now)
 
     def clock_doubt(self, now: int) -> str:
         """Return why this node does not use its slots for want of the time; empty: it does."""
@@ -129,6 +147,9 @@ class Tdma(MediumAccess):
             return (
                 "UTC is not known" if who is None else f"node {who} has not announced the time yet"
             )
+        if self._watch is not None and self.is_alone(now):
+            nodes = ", ".join(map(str, sorted(self._watch.outside(now))))
+            return f"frames of nodes {nodes} do not come in their slots by the clock of this node"
         error_ns = self._time.error_at(now)
         if error_ns is None:
             return "the clock has jumped"
@@ -144,27 +165,92 @@ class Tdma(MediumAccess):
             return
         if control.error_ns is not None:
             known_ns = control.error_ns + error_ns + CLOCK_TICK_NS
-            self._time.tell(control.time_ns - started_at, known_ns, now)
+            self._tell(control.time_ns - started_at, known_ns, now)
 
-    def _opening(self, network_ns: int) -> int:
+    def handle_arrival(self, arrival: Arrival, now: int) -> None:
+        """Compare the instant of a frame with the slots of its sender."""
+        if self._watch is None or self._time.offset_ns is None:
+            return
+        self._watch.hear(arrival, self._time.offset_ns, now)
+        if self._time.sure_at is not None and self._watch.agrees(now):
+            self._time.confirm()
+
+    def state(self, now: int) -> AccessState | None:
+        """Return where the schedule does not hold; None: these slots are not watched."""
+        if self._watch is None:
+            return None
+        return AccessState(
+            method="schedule", why=self.slot_doubt(now), faults=self._watch.faults(now)
+        )
+
+    def slot_doubt(self, now: int) -> str:
+        """Return why no slot of this node can be used, one line; empty: one can."""
+        if not (self._own or self._open):
+            return "there is no slot for this node, and no open one"
+        if not self._usable(now):
+            return "the guards around every slot of this node are too short, and no slot is open"
+        return ""
+
+    def is_alone(self, now: int) -> bool:
+        """Return whether others keep to the slots by another time than this node's."""
+        is_alone = self._watch is not None and self._watch.is_own_wrong(now)
+        return is_alone and not self._is_reference
+
+    @property
+    def cycle_ns(self) -> int:
+        """Length of a cycle, ns."""
+        return self._cycle_ns
+
+    # Below the methods above
+
+    def _tell(self, offset_ns: int, error_ns: int | None, now: int) -> None:
+        """Take a statement of the time; listen first if it makes the time another one."""
+        before_ns = self._time.offset_ns
+        self._time.tell(offset_ns, error_ns, now)
+        known_ns = self._time.offset_ns
+        if self._watch is None or known_ns is None:
+            return
+        if before_ns is None or abs(known_ns - before_ns) > self._error_limit_ns:
+            self._watch.forget()
+            self._listens_until = now + self._cycle_ns
+            self._joined_at = self._listens_until + known_ns
+
+    def _usable(self, now: int) -> tuple[Window, ...]:
+        """Return the windows for frames of this node, own ones first."""
+        if self._watch is None:
+            return self._own or self._open
+        safe = (self._watch.usable(window, now) for window in self._own)
+        own = tuple(window for window in safe if window[1] >= self._largest_ns)
+        return own or self._open
+
+    def _opening(self, windows: tuple[Window, ...], network_ns: int, now: int) -> int:
         """Return the first network time from `network_ns` on at which a frame may start, ns."""
         cycle = network_ns // self._cycle_ns
         while True:
-            for begins_ns, window_ns in self._own or self._open:
+            for window in windows:
+                begins_ns, window_ns = window
                 begins_at = cycle * self._cycle_ns + begins_ns
                 start_at = max(begins_at, network_ns)
                 fits = start_at + self._largest_ns <= begins_at + window_ns
-                if fits and (self._own or self._takes_open(cycle, begins_ns)):
+                if fits and (not self._is_in_turns(window, now) or self._takes(cycle, begins_ns)):
                     return start_at
             cycle += 1
 
-    def _takes_open(self, cycle: int, begins_ns: int) -> bool:
-        """Return whether this node uses an open slot of a cycle: in about every second one."""
-        drawn = hashlib.sha256(b"%d/%d/%d" % (self._address, cycle, begins_ns)).digest()
-        return drawn[0] % 2 == 0
+    def _is_in_turns(self, window: Window, now: int) -> bool:
+        """Return whether other nodes may use a window as well."""
+        if window in self._open:
+            return True
+        return self._watch is not None and self._watch.is_shared(now)
+
+    def _takes(self, cycle: int, begins_ns: int) -> bool:
+        """Return whether this node uses a common slot of a cycle: in one of each two."""
+        first = -((begins_ns - self._joined_at) // self._cycle_ns)
+        pair, place = divmod(cycle - first, 2)
+        drawn = hashlib.sha256(b"%d/%d/%d" % (self._address, first + 2 * pair, begins_ns)).digest()
+        return drawn[0] % 2 == place
 
 
-def _windows_of(slots: tuple[TimedSlot, ...], owners: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+def _windows_of(slots: tuple[TimedSlot, ...], owners: tuple[int, ...]) -> Iterator[Window]:
     """Yield where in the cycle each slot of an owner begins, and how long it may transmit, ns.
 
     Args:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from zacoustic.core.engine.events import (
+    AccessStateChanged,
     ClockStateChanged,
     DeadlineMissed,
     EngineRestarted,
@@ -27,6 +28,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.notices import (
+    AccessChanged,
     ClockChanged,
     EngineLost,
     EntityHeard,
@@ -113,6 +115,13 @@ class EventNotices:
     def _unheard(self, event: NothingHeard) -> Notice:
         return LinkUnheard(frames=event.frames)
 
+    def _access(self, event: AccessStateChanged) -> Notice:
+        return AccessChanged(
+            method=event.state.method,
+            why=event.state.why,
+            faults=tuple((each.node, each.trouble.value, each.by_s) for each in event.state.faults),
+        )
+
     def _clock(self, event: ClockStateChanged) -> Notice:
         return ClockChanged(doubt=event.doubt)
 
@@ -175,6 +184,7 @@ _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = 
     JournalDoubted: EventNotices._doubt,
     SealAlarm: EventNotices._seal,
     NothingHeard: EventNotices._unheard,
+    AccessStateChanged: EventNotices._access,
     ClockStateChanged: EventNotices._clock,
     PeerSeen: EventNotices._seen,
     PeerLost: EventNotices._lost,

@@ -236,6 +236,7 @@ class Node(EndpointMaker):
         - `PeerMeasured`, `ModemRead`: the modem has measured a peer, or reports its own values.
         - `DeliveryEnded`: a sample from before this node's restart has its outcome.
         - `ObjectProgress`: a large sample, outgoing or incoming, has progressed or ended.
+        - `AccessStateChanged`: a schedule does not hold, is not in use, or is as it should be.
         - `ClockStateChanged`, `NothingHeard`, `EngineRestarted`, `SealAlarm`, `RosEntitySeen`.
 
         The iteration ends with the node.

@@ -13,7 +13,7 @@ from typing import Final
 
 from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.access.spec import ClockedSpec, PollingSpec
+from zacoustic.core.schedule.access.spec import PollingSpec, slots_of
 from zacoustic.core.streams.table import StreamTable
 
 MOST_WALKED: Final = 32
@@ -37,7 +37,8 @@ def members_of(
     """
     own: dict[int, tuple[int, ...]] = {address: (address,) for address in settings}
     is_scheduled = any(
-        isinstance(each.access, ClockedSpec | PollingSpec) for each in rules.of_links
+        slots_of(each.access) is not None or isinstance(each.access, PollingSpec)
+        for each in rules.of_links
     )
     if len(own) <= MOST_WALKED or is_scheduled:
         return own

@@ -9,7 +9,7 @@ from typing import Final
 
 from zacoustic.app.tools.field.doctor.ntp import Offset
 from zacoustic.config import Config
-from zacoustic.core.schedule.access.spec import ClockedSpec
+from zacoustic.core.schedule.access.spec import slots_of
 from zacoustic.link.contract import Finding
 from zacoustic.run.hostclock import ask_kernel
 
@@ -62,8 +62,9 @@ def check_clock(
         offset: Its measured error; None: no time server was queried.
         synchronised: Tells whether something synchronises it.
     """
-    access = config.rules.access
-    slots = access if isinstance(access, ClockedSpec) and access.clock is None else None
+    slots = slots_of(config.rules.access)
+    if slots is not None and slots.clock is not None:
+        slots = None
     if slots is None and not config.rules.quiet:
         return
     if offset is None:

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 
+import msgspec
+
 from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.engine.engine import Engine
@@ -81,6 +83,7 @@ class LinkStatus:
             "detail": side.detail,
             "silent": bool(why_silent),
             "why_silent": why_silent,
+            **self._access(name),
             "capabilities": self._engine.capabilities_of(name),
             "diagnostics": side.link.diagnostics(),
             "frames_transmitted": stats.frames_transmitted,
@@ -90,6 +93,11 @@ class LinkStatus:
             "bytes_received": stats.bytes_received,
             "reports": stats.reports,
         }
+
+    def _access(self, name: str) -> dict[str, object]:
+        """Return what the schedule of a link does; nothing if it has none."""
+        state = self._engine.access_state(name)
+        return {} if state is None else {"access": msgspec.to_builtins(state)}
 
     def _why_silent(self) -> str:
         """Return why nothing is transmitted; empty: no command does it, and the time is known."""
