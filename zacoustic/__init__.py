@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from zacoustic.core.base.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
     from zacoustic.core.base.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.engine.events import (
+        BulkChanged,
         ClockStateChanged,
         DeadlineMissed,
         DeadlineSide,
@@ -81,6 +82,7 @@ __all__ = [
     "ActionClient",
     "ActionServer",
     "Bounds",
+    "BulkChanged",
     "CallContext",
     "CallTimeoutError",
     "Client",
@@ -155,6 +157,7 @@ __all__ = [
 _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.engine.events": (
+        "BulkChanged",
         "ClockStateChanged",
         "DeadlineMissed",
         "DeadlineSide",

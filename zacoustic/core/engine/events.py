@@ -38,6 +38,7 @@ from zacoustic.core.transport.deliveries import (
 )
 from zacoustic.core.transport.keydelivery import KeyDelivered
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, DeadlineSide
 from zacoustic.core.wire.calls import CallFailure, CallKey
@@ -45,6 +46,7 @@ from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
 
 __all__ = [
     "ActionEvent",
+    "BulkChanged",
     "CallFailed",
     "CallFailure",
     "CallKey",

@@ -14,6 +14,7 @@ from zacoustic.core.base.linktypes import (
     ONE_LINK,
     LinkCapabilities,
     LinkState,
+    Service,
     Transmission,
     TransmitReport,
 )
@@ -79,6 +80,12 @@ class FrameSource(Protocol):
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
         """Make a frame of one lane's payloads, or return None."""
+
+    def bulk_due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame of the bulk service should go, ns, or None."""
+
+    def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of the bulk service, or return None."""
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame with only the controls of medium access, or return None."""
@@ -196,6 +203,9 @@ class Transmitter:
             composed = source.compose(port, now)
         if composed is None and _is_over(self._speak_at(now), now):
             composed = source.speak(port, now)
+        service = Service.PLAIN
+        if composed is None and granted is None and _is_over(self._bulk_at(now), now):
+            composed, service = source.compose_bulk(port, now), Service.BULK
         if composed is None:
             return None
         transmission = Transmission(
@@ -204,10 +214,11 @@ class Transmitter:
             destination=composed.destination,
             acknowledge=composed.acknowledge,
             link=self.link,
+            service=service,
         )
         self._next_transmission_id += 1
-        port.transmit(transmission.transmission_id, composed.parts, now)
-        airtime_ns = port.capabilities.airtime_ns(len(composed.frame_bytes))
+        port.transmit(transmission.transmission_id, composed.parts, now, service)
+        airtime_ns = port.airtime_ns(len(composed.frame_bytes), service)
         self._stats.sent(len(composed.frame_bytes), airtime_ns)
         held = self.airtime.spend(composed.stream_bytes, airtime_ns, now)
         for stream_id, until in held.items():
@@ -231,6 +242,9 @@ class Transmitter:
         if granted is not None:
             return self._last_word_at(granted, now)
         transmit_at, speak_at = self._transmit_at(now), self._speak_at(now)
+        if self.port is not None and self.port.bulk is not None:
+            instants = (transmit_at, speak_at, self._bulk_at(now))
+            return min((at for at in instants if at is not None), default=None)
         if transmit_at is None or speak_at is None:
             return speak_at if transmit_at is None else transmit_at
         return min(transmit_at, speak_at)
@@ -281,6 +295,18 @@ class Transmitter:
         if self.link_state is not LinkState.UP or self.port is None:
             return None
         return self._after_silence(self.port.speak_at(now), now)
+
+    def _bulk_at(self, now: int) -> int | None:
+        """Return when a frame of the bulk service goes, ns, or None."""
+        port = self.port
+        if self.link_state is not LinkState.UP or port is None or not port.takes_bulk:
+            return None
+        if not self._source.may_speak:
+            return None
+        due_at = self._source.bulk_due_at(now)
+        if due_at is None:
+            return None
+        return self._after_silence(max(due_at, self.airtime.free_at(now)), now)
 
     def _after_silence(self, instant: int | None, now: int) -> int | None:
         silent_until = self._silence.until(now)

@@ -13,6 +13,7 @@ import msgspec
 from zacoustic.core.base.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.engine.events import (
+    BulkChanged,
     CallFailure,
     ClockStateChanged,
     DeadlineMissed,
@@ -57,6 +58,7 @@ NodeEvent = (
     | SealAlarm
     | ClockStateChanged
     | NothingHeard
+    | BulkChanged
     | EngineRestarted
     | PeerSeen
     | PeerLost

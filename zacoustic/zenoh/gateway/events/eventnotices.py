@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from zacoustic.core.engine.events import (
+    BulkChanged,
     ClockStateChanged,
     DeadlineMissed,
     EngineRestarted,
@@ -27,6 +28,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.notices import (
+    BulkRerouted,
     ClockChanged,
     EngineLost,
     EntityHeard,
@@ -113,6 +115,11 @@ class EventNotices:
     def _unheard(self, event: NothingHeard) -> Notice:
         return LinkUnheard(frames=event.frames)
 
+    def _bulk(self, event: BulkChanged) -> Notice:
+        return BulkRerouted(
+            address=event.address, name=self._node(event.address), works=event.works
+        )
+
     def _clock(self, event: ClockStateChanged) -> Notice:
         return ClockChanged(doubt=event.doubt)
 
@@ -175,6 +182,7 @@ _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = 
     JournalDoubted: EventNotices._doubt,
     SealAlarm: EventNotices._seal,
     NothingHeard: EventNotices._unheard,
+    BulkChanged: EventNotices._bulk,
     ClockStateChanged: EventNotices._clock,
     PeerSeen: EventNotices._seen,
     PeerLost: EventNotices._lost,

@@ -234,6 +234,7 @@ class Node(EndpointMaker):
         - `PeerMeasured`, `ModemRead`: the modem has measured a peer, or reports its own values.
         - `DeliveryEnded`: a sample from before this node's restart has its outcome.
         - `ObjectProgress`: a large sample, outgoing or incoming, has progressed or ended.
+        - `BulkChanged`: large samples to a node go by another service of the modem from now on.
         - `ClockStateChanged`, `NothingHeard`, `EngineRestarted`, `SealAlarm`, `RosEntitySeen`.
 
         The iteration ends with the node.
