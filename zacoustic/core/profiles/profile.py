@@ -163,6 +163,10 @@ class Profile(ABC):
         """Make a frame of the link's bulk service, or return None."""
         return None
 
+    def greet(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make the shortest frame to a node, or return None."""
+        return None
+
     @property
     def is_exclusive(self) -> bool:
         """Whether the transfer under way needs the channel to itself."""

@@ -12,7 +12,7 @@ from typing import Final
 from zacoustic.core.base.linktypes import BulkService, TransmitOutcome, TransmitReport
 from zacoustic.core.base.parts import Part
 
-_FIRST_WINDOW: Final = 6
+_FIRST_WINDOW: Final = 8
 _LATELY_TRAINS: Final = 8
 """A train counts for the window until this many later ones have been reported."""
 _SAME_TRAIN_NS: Final = 250_000_000

@@ -223,6 +223,10 @@ class Composer:
             in_vain.append(offer)
         return None
 
+    def greet(self, address: int, port: LinkPort, now: int) -> Composed:
+        """Make the shortest frame to a node."""
+        return self._controls(port, address, [(Cause.ACCESS, PADDING)], now)
+
     def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame of the bulk service that is worth most now, or return None.
 

@@ -52,6 +52,8 @@ _NO_PAUSE = 255
 # Longest time from one train of a bulk service to the next, as far as a waiting frame trusts that
 # there is one.
 _BULK_RUN_NS: Final = 12 * NS_PER_S
+# The same for an urgent frame.
+_LONGEST_TRAIN_NS: Final = 6 * NS_PER_S
 MOST_OUTSTANDING: Final = 1
 """The most transmissions of the plain service under way: as many as links of
 `zacoustic.link.contract` accept."""
@@ -98,6 +100,9 @@ class LinkPort:
         self._outstanding: dict[int, tuple[Part, ...]] = {}
         self._bulk_run_until = 0
         """Instant until which a node that sends this one much data is taken to go on, ns."""
+        self._bulk_heard = (0, 0)
+        """That node, and when its last frame came, ns."""
+        self._asked_for_pause_at: int | None = None
         self._gap_until = 0
         self._last_frame: dict[int, tuple[bytes, int]] = {}
 
@@ -134,8 +139,7 @@ class LinkPort:
         if self.is_full:
             return None
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
-        if not wanted.is_urgent:
-            due_at = max(due_at, self._bulk_run_until)  # its sender hears nothing between trains
+        due_at = max(due_at, self._free_of_bulk_at(is_urgent=wanted.is_urgent))
         if self._listens:
             due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
             follows = wanted.is_urgent or wanted.is_copy
@@ -150,6 +154,33 @@ class LinkPort:
             wanted, due_at=due_at, is_invited=is_invited, is_in_rhythm=self._is_in_rhythm(now)
         )
         return self.access.ready_at(wanted, now)
+
+    def _free_of_bulk_at(self, *, is_urgent: bool) -> int:
+        """Return the instant until which a node hears nothing that sends this one much data, ns."""
+        if not is_urgent or not self._bulk_run_until:
+            return self._bulk_run_until
+        # It knows of an urgent frame where that can be asked for; otherwise perhaps others hear it.
+        rides = self.bulk is not None and self.bulk.service.rides_back
+        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if rides else 0
+
+    def pause_asked_of(self, now: int) -> int | None:
+        """Return the node to ask for a pause, by a frame that starts now; None: none.
+
+        A frame of a bulk service has just come, so that a short one can ride back. A pause is asked
+        for once in a while: the node first sends what its device has.
+        """
+        address, heard_at = self._bulk_heard
+        rides = self.bulk is not None and self.bulk.service.rides_back
+        if not rides or not address or heard_at != now or self.is_full:
+            return None
+        asked_at = self._asked_for_pause_at
+        if asked_at is not None and now - asked_at < _BULK_RUN_NS:
+            return None
+        return address
+
+    def ask_for_pause(self, now: int) -> None:
+        """Record that a pause is asked for."""
+        self._asked_for_pause_at = now
 
     def _is_in_rhythm(self, now: int) -> bool:
         return self._listens and self.listening.keeps_rhythm(now)
@@ -216,9 +247,13 @@ class LinkPort:
         for part in parts:
             part.transmitted(now)
 
+    def is_bulk(self, report: TransmitReport) -> bool:
+        """Return whether a report is of a frame of the service for much data."""
+        return self.bulk is not None and report.transmission_id in self.bulk
+
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Record the end of a transmission; return False if the report fits none under way."""
-        if self.bulk is not None and report.transmission_id in self.bulk:
+        if self.bulk is not None and self.is_bulk(report):
             for part in self.bulk.take(report):
                 part.reported(report, now)
             return True
@@ -282,6 +317,7 @@ class LinkPort:
         if frame.service is Service.BULK:
             goes_on = call is ListenHint.NONE
             self._bulk_run_until = now + _BULK_RUN_NS if goes_on else 0
+            self._bulk_heard = (source, now) if goes_on else (0, 0)
             return
         if call is ListenHint.WINDOW:
             airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))

@@ -16,6 +16,7 @@ from zacoustic.core.base.linktypes import (
     LinkState,
     Service,
     Transmission,
+    TransmitOutcome,
     TransmitReport,
 )
 from zacoustic.core.base.stats import LinkStats
@@ -86,6 +87,9 @@ class FrameSource(Protocol):
 
     def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame of the bulk service, or return None."""
+
+    def greet(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make the shortest frame to a node, or return None."""
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame with only the controls of medium access, or return None."""
@@ -203,6 +207,8 @@ class Transmitter:
             composed = source.compose(port, now)
         if composed is None and _is_over(self._speak_at(now), now):
             composed = source.speak(port, now)
+        if composed is None and granted is None:
+            composed = self._ask_for_pause(port, now)
         service = Service.PLAIN
         if composed is None and granted is None and _is_over(self._bulk_at(now), now):
             composed, service = source.compose_bulk(port, now), Service.BULK
@@ -229,10 +235,25 @@ class Transmitter:
                 source.queue.hold_replies(composed.caused_by, even_at)
         return transmission, composed.streams
 
+    def _ask_for_pause(self, port: LinkPort, now: int) -> Composed | None:
+        """Ask a node that sends this one much data for a pause, if frames wait for one."""
+        address = port.pause_asked_of(now)
+        if address is None or self.link_state is not LinkState.UP or not self._source.may_speak:
+            return None
+        if not _is_over(self._source.due_at(now), now):
+            return None
+        if not _is_over(self._after_silence(now, now), now):
+            return None
+        port.ask_for_pause(now)
+        return self._source.greet(address, port, now)
+
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Record the end of a transmission; return False if the report fits none under way."""
+        is_bulk = self.port is not None and self.port.is_bulk(report)
         if self.port is None or not self.port.finish(report, now):
             return False
+        if is_bulk and report.outcome is TransmitOutcome.DELIVERED:
+            self._frames_at_up = None  # its device hears the other one, if the node does not
         self._stats.reported(report.outcome.value)
         return True
 

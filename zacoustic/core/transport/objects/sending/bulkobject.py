@@ -16,6 +16,7 @@ pauses as its pacer says, and sends what was lost again.
 
 import random
 from collections import Counter
+from typing import Final
 
 from zacoustic.core.base.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.transport.objects.code.code import Fragments
@@ -24,6 +25,8 @@ from zacoustic.core.transport.objects.sending.outgoing import OutgoingObject
 from zacoustic.core.transport.objects.sending.planning import LossEstimate
 from zacoustic.core.transport.objects.timing import Timing
 from zacoustic.core.wire.objects import Feedback, Fragment, ListenHint
+
+_FEW_LEFT: Final = 8
 
 
 class BulkObject(OutgoingObject):
@@ -91,7 +94,9 @@ class BulkObject(OutgoingObject):
         index = self._round.popleft()
         call = ListenHint.ANSWER
         if self._round:
-            call = ListenHint.WINDOW if pause_follows else ListenHint.NONE
+            # Not just before the round ends: then this node listens anyway.
+            is_worth_it = pause_follows and len(self._round) >= _FEW_LEFT
+            call = ListenHint.WINDOW if is_worth_it else ListenHint.NONE
         self.ends_run = call is ListenHint.WINDOW
         self._asks = call is ListenHint.ANSWER
         self._under_way[index] += 1

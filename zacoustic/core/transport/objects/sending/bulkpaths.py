@@ -13,7 +13,7 @@ _PATIENCE_UNHEARD: Final = 12
 """The same for a node that is not heard: it may be out of range, for this and every service."""
 _OFF_NS: Final = 600 * NS_PER_S
 _MOST_OFF_DOUBLINGS: Final = 4
-_FIRST_RUN_NS: Final = 8 * NS_PER_S
+_FIRST_RUN_NS: Final = 12 * NS_PER_S
 _LONGEST_RUN_NS: Final = 48 * NS_PER_S
 _GROWTH: Final = 3
 
@@ -90,7 +90,8 @@ class BulkRuns:
     """How long this node sends fragments without a pause in which it hears others.
 
     A pause costs the sound of a fragment or more, so it should be worth that. If somebody was heard
-    in the last one, the next comes soon; if nobody was, the run is longer each time.
+    in the last one, the next comes soon; if nobody was, the run is longer each time. The receiver
+    can ask for one: it is heard while a run is under way only if it sends something for that.
     """
 
     def __init__(self) -> None:
@@ -98,11 +99,17 @@ class BulkRuns:
         self._begun_at: int | None = None
         self._paused_at: int | None = None
 
-    def is_over(self, now: int) -> bool:
-        """Return whether a fragment that goes now should be the last before a pause."""
+    def is_over(self, receiver_heard_at: int, now: int) -> bool:
+        """Return whether a fragment that goes now should be the last before a pause.
+
+        Args:
+            receiver_heard_at: When the receiver was last heard, ns; -1 if never.
+            now: The instant.
+        """
         if self._begun_at is None:
             self._begun_at = now
-        return now - self._begun_at >= self._run_ns
+        is_asked = receiver_heard_at > self._begun_at
+        return is_asked or now - self._begun_at >= self._run_ns
 
     def pause(self, now: int) -> None:
         """Record that a pause begins."""

@@ -345,7 +345,9 @@ class OutgoingObjects:
         if outgoing.listens:
             self._give_up_listening(outgoing, now)
         self._bulk_runs.go_on(self._pacers.anybody_heard_at, now)
-        pause_follows = not sending.exclusive and self._bulk_runs.is_over(now)
+        pause_follows = not sending.exclusive and self._bulk_runs.is_over(
+            self._pacers.heard_at(outgoing.receiver), now
+        )
         fragment = outgoing.take_bulk(pause_follows=pause_follows)
         self._keep_progress(sending)
         return sending, fragment
