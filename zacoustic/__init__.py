@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from zacoustic.core.base.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.engine.events import (
         AccessStateChanged,
+        BulkChanged,
         ClockStateChanged,
         ContactLost,
         ContactRestored,
@@ -85,6 +86,7 @@ __all__ = [
     "ActionClient",
     "ActionServer",
     "Bounds",
+    "BulkChanged",
     "CallContext",
     "CallTimeoutError",
     "Client",
@@ -162,6 +164,7 @@ _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.engine.events": (
         "AccessStateChanged",
+        "BulkChanged",
         "ClockStateChanged",
         "ContactLost",
         "ContactRestored",

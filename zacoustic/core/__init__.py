@@ -18,7 +18,8 @@ Nine layers; each imports only from those below (import-linter checks that in `m
                 records until an answer, `deliveries` has the events of samples; `contract` is for
                 third-party transports
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
-                `composer` and `filling` to `port` to `transmitter`; `access`, `airtime`, `silence`
+                `composer` and `filling` to `port` (`bulkwindow`) to `transmitter`; `access`,
+                `airtime`, `silence`
                 and `hosttime` decide when a frame goes; `timing`, `pacers` and `copies` how often;
                 `replybudget` limits what another node causes;
                 `linkseal` closes a frame; `hearing` is what frames say about the medium; `sources`

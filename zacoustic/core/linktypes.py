@@ -3,6 +3,7 @@
 from zacoustic.core.base.linktypes import (
     BROADCAST,
     UNKNOWN_SOURCE,
+    BulkService,
     LinkCapabilities,
     LinkMetrics,
     LinkState,
@@ -10,6 +11,7 @@ from zacoustic.core.base.linktypes import (
     ModemRead,
     PeerMeasured,
     ReceivedFrame,
+    Service,
     Transmission,
     TransmitOutcome,
     TransmitReport,
@@ -18,6 +20,7 @@ from zacoustic.core.base.linktypes import (
 __all__ = [
     "BROADCAST",
     "UNKNOWN_SOURCE",
+    "BulkService",
     "LinkCapabilities",
     "LinkMetrics",
     "LinkState",
@@ -25,6 +28,7 @@ __all__ = [
     "ModemRead",
     "PeerMeasured",
     "ReceivedFrame",
+    "Service",
     "Transmission",
     "TransmitOutcome",
     "TransmitReport",

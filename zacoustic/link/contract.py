@@ -8,9 +8,13 @@ nothing about streams. The conformance battery (`zacoustic.testing.conformance`)
 - `transmit` returns at once. At most one transmission is outstanding. Exactly one `TransmitReport`
   follows each, also if the frame is empty, above the MTU, or comes while another one is outstanding
   (REJECTED, with the reason in `detail`), or if the link is lost or closed meanwhile (ABORTED).
+- A link with a *bulk service* (`LinkCapabilities.bulk`) takes beside that transmission several of
+  that service, up to its `most_outstanding`, and reports each by its id in whatever order. It keeps
+  them in its device as far as there is room, so that the device never waits for the next one.
 - `capabilities` are set before `state_changed(UP)`, and may differ at a later UP.
-- A link reports a lost device as DOWN first, then the outstanding transmission as ABORTED.
-- A link reconnects by itself and reports it (`LinkState`); it queues no frames.
+- A link reports a lost device as DOWN first, then outstanding transmissions as ABORTED.
+- A link reconnects by itself and reports it (`LinkState`); it queues no frames but
+  those of a bulk service.
 - After `close` has returned, a link calls nobody; `close` may be called again. A link that was
   closed, or whose `open` has raised, can be opened again: a node with several links does so.
 - The link stamps `received_at` where it reads the bytes; it never decreases.

@@ -64,10 +64,10 @@ class LinkSide:
         """What it waits for, by its last report."""
         self.is_busy = False
         """Another node is audible."""
-        self.on_air: Transmission | None = None
-        """Its present transmission."""
-        self.is_foreign_on_air = False
-        """That transmission is one of a former engine."""
+        self.on_air: dict[int, Transmission] = {}
+        """Its present transmissions, by id; more than one only on a bulk service."""
+        self.foreign: set[int] = set()
+        """Those of them that are of a former engine."""
         self.open_failure = ""
         """Why it could not be opened; the attempt is repeated."""
         self._runner = runner

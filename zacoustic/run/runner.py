@@ -285,11 +285,12 @@ class LinkRunner:
         """Give a report to the engine, and to the permit log."""
         if self.watch is not None:
             self.watch(report, self._instant())
-        sent, side.on_air = side.on_air, None
+        sent = side.on_air.pop(report.transmission_id, None)
         self._strictly(lambda: self._log_emission(sent, report))
-        if side.is_foreign_on_air:  # a former engine's transmission: the modem is free now
-            side.is_foreign_on_air = False
-            self._guarded(partial(self._connect_side, side), self._service)
+        if report.transmission_id in side.foreign:  # a former engine's transmission
+            side.foreign.discard(report.transmission_id)
+            if not side.foreign:  # the modem is free now
+                self._guarded(partial(self._connect_side, side), self._service)
             return
         self._guarded(
             lambda: self.engine.handle_transmit_report(report, self._instant(), *side.by),
@@ -346,7 +347,7 @@ class LinkRunner:
         transmission = None if self._is_closing else self.engine.poll_transmit(self._clocks.now)
         if transmission is not None:
             side = self.side(transmission.link)
-            side.on_air = transmission
+            side.on_air[transmission.transmission_id] = transmission
             if self.watch is not None:
                 self.watch(transmission, self._clocks.now)
             self._strictly(lambda: side.link.transmit(transmission))
@@ -447,7 +448,7 @@ class LinkRunner:
         """Give the engine up and start making the next one."""
         self._alarm.stop()
         for side in self.sides:
-            side.is_foreign_on_air = side.on_air is not None
+            side.foreign = set(side.on_air)
         pause_s = next_one.faults.note(error, self._instant(), frame=frame)
         trial = self._try if self._is_beginning else None
 
@@ -499,7 +500,7 @@ class LinkRunner:
         Raises:
             ConfigError: At the start: the first link cannot do what the config asks of it.
         """
-        if side.is_foreign_on_air and side.state is LinkState.UP:
+        if side.foreign and side.state is LinkState.UP:
             return
         capabilities = side.link.capabilities if side.state is LinkState.UP else None
         try:

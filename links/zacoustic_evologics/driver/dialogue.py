@@ -18,6 +18,7 @@ from typing import Final
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import (
     LinkCapabilities,
+    Service,
     Transmission,
     TransmitOutcome,
 )
@@ -34,6 +35,7 @@ from zacoustic_evologics.driver.events import (
     Event,
     OpeningHopeless,
 )
+from zacoustic_evologics.driver.sending.bursts import Bursts
 from zacoustic_evologics.driver.sending.sending import Sending
 from zacoustic_evologics.driver.sending.service import choose_carriage
 from zacoustic_evologics.driver.sending.states import HAS_FRAME
@@ -75,6 +77,7 @@ class AtDialogue:
         self._startup: StartupRun | None = None
         self._sending: Sending | None = None
         self._outbox = Outbox(self._session)
+        self._bursts = Bursts(self._channel, self._session)
         self._inquiries = Inquiries(self._channel, self._session, self._outbox.put)
         self._due_at: int | None = None
 
@@ -137,6 +140,8 @@ class AtDialogue:
         if self._sending is not None:
             self._sending.handle_timeout(now)
             self._collect(now)
+        self._bursts.handle_timeout(now)
+        self._collect_bursts(now)
         self._outbox.put(self._reception.handle_timeout(now))
         self._decoder.framing = self._channel.framing
 
@@ -144,7 +149,13 @@ class AtDialogue:
 
     def transmit(self, transmission: Transmission, now: int) -> None:
         """Send a frame; one `TransmissionEnded` follows."""
-        if self.state is State.SENDING:
+        if transmission.service is Service.BULK and self.state in UP:
+            refusal = self._bursts.refuse(transmission)
+            if refusal:
+                self._outbox.refuse(transmission, TransmitOutcome.REJECTED, refusal, now)
+            else:
+                self._bursts.transmit(transmission, now)
+        elif self.state is State.SENDING:
             self._outbox.refuse(
                 transmission, TransmitOutcome.REJECTED, "another frame is outstanding", now
             )
@@ -164,6 +175,8 @@ class AtDialogue:
         if self._sending is not None:
             self._sending.handle_lost("link closed", now)
             self._report(self._sending)
+        self._bursts.handle_lost("link closed", now)
+        self._collect_bursts(now)
         self._step(Input.CLOSED)
         self._clear(now)
         self._outbox.has_been_up = False
@@ -181,6 +194,7 @@ class AtDialogue:
     def poll_timeout(self) -> int | None:
         """Return when to call `handle_timeout`, ns; None: not before another input."""
         instants = [self._due_at, self._channel.due_at, self._reception.due_at, self._flush_at()]
+        instants += [self._bursts.due_at]
         instants += [each.due_at for each in (self._startup, self._sending) if each is not None]
         return min((instant for instant in instants if instant is not None), default=None)
 
@@ -224,6 +238,9 @@ class AtDialogue:
         elif sending is not None and ticket == sending.ticket:
             sending.handle_answer(answer, now)
             self._collect(now)
+        elif ticket == self._bursts.ticket:
+            self._bursts.handle_answer(answer, now)
+            self._collect_bursts(now)
         elif suspicion := self._inquiries.handle_answer(answer, now):
             self._give_up(suspicion, now)
 
@@ -238,6 +255,8 @@ class AtDialogue:
         if sending is not None:
             sending.handle_notification(record, now)
             self._collect(now)
+        self._bursts.handle_notification(record, now)
+        self._collect_bursts(now)
         on_deck = self._session.config.deck
         match record:
             case PhyOff():
@@ -310,6 +329,14 @@ class AtDialogue:
             self._inquiries.measure_delay(to, sending.report, sending.answer, now)
         self._inquiries.read_battery(now)
 
+    def _collect_bursts(self, now: int) -> None:
+        """Report the burst data that have ended."""
+        while (report := self._bursts.poll_report()) is not None:
+            self._outbox.report(report)
+        if self._bursts.must_check:
+            self._bursts.must_check = False
+            self._inquiries.check(now)
+
     def _give_up(self, reason: str, now: int, *, hint: str = "", is_hopeless: bool = False) -> None:
         """Give the connection up; reopen it at once, or later if that would not help."""
         self._session.count("restarts")
@@ -329,6 +356,8 @@ class AtDialogue:
         if sending is not None:
             sending.handle_lost(reason, now)
             self._report(sending)
+        self._bursts.handle_lost(reason, now)
+        self._collect_bursts(now)
 
     def _clear(self, now: int) -> None:
         """End the work of the state, and its timers."""

@@ -13,6 +13,7 @@ From the bottom up:
 """
 
 from zacoustic_evologics.emulator.fleet import EmulatedFleet, scenario_of
+from zacoustic_evologics.emulator.guesses import BurstGuess, burst_guess
 from zacoustic_evologics.emulator.hardware.chassis import Behaviour
 from zacoustic_evologics.emulator.observation import Observation, SignalArrived, SignalEmitted
 from zacoustic_evologics.emulator.station.faults import FaultKind, FaultPlan, ScriptedFault
@@ -26,6 +27,7 @@ from zacoustic_evologics.emulator.station.station import (
 
 __all__ = [
     "Behaviour",
+    "BurstGuess",
     "EmulatedFleet",
     "FaultKind",
     "FaultPlan",
@@ -38,5 +40,6 @@ __all__ = [
     "ScriptedFault",
     "SignalArrived",
     "SignalEmitted",
+    "burst_guess",
     "scenario_of",
 ]

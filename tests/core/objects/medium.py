@@ -29,6 +29,7 @@ from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest
 from zacoustic.core.transport.objects.objects import Objects
 from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.objects.sending.sending import Sending
 from zacoustic.core.transport.reliable.receiving.receiving import Claim
 from zacoustic.core.wire.objects import (
@@ -85,11 +86,15 @@ class Node:
             generators=Generators(random.Random(f"{medium.seed}/{address}/{epoch}")),
             admission=self,
             owner=self,
-            emit=self.progress.append,
+            emit=self.tell,
             journal=self.journal,
         )
         self.objects.restore(stored, lambda order: True)
         self.use_link(medium.capabilities)
+
+    def tell(self, event: ObjectProgress | BulkChanged) -> None:
+        assert isinstance(event, ObjectProgress)  # this medium has no bulk service
+        self.progress.append(event)
 
     def use_link(self, capabilities: LinkCapabilities) -> None:
         self.pacers.times = LinkTimes(capabilities)
@@ -214,7 +219,7 @@ class Medium:
         node = self.nodes[address] = Node(self, address, old.epoch + 1, old.entries)
         node.delivered = old.delivered
         node.progress = old.progress
-        node.objects._incoming._emit = node.objects._outgoing._emit = node.progress.append
+        node.objects._incoming._emit = node.objects._outgoing._emit = node.tell
         node.free_at = max(old.free_at, self.now)
         node.transmits = old.transmits
         self.service(node)

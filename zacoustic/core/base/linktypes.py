@@ -49,6 +49,52 @@ class TransmitOutcome(enum.Enum):
     at all."""
 
 
+class Service(enum.Enum):
+    """What a device offers to carry a frame; a link may offer more than one on one medium."""
+
+    PLAIN = "plain"
+    """One frame at a time, to one node or to all; every link has it."""
+    BULK = "bulk"
+    """Much data to one node, as `BulkService` describes."""
+
+
+class BulkService(msgspec.Struct, frozen=True, kw_only=True):
+    """A second service of a link, for much data to one node.
+
+    The device makes and holds the connection that it needs, repeats what is lost, and has the other
+    device acknowledge each frame: the link reports DELIVERED or NOT_DELIVERED for it, in whatever
+    order. Frames of the plain service go meanwhile, as the device allows.
+    """
+
+    mtu_bytes: int
+    """Largest frame, bytes, above that of the plain service."""
+    bit_rate_bps: float
+    """The bit rate to expect before any is known, > 0."""
+    preamble_s: float = 0.0
+    """The airtime that a frame takes beside its bits, s, ≥ 0."""
+    most_outstanding: int = 8
+    """How many frames the link takes before it has reported the first of them, 1…255."""
+
+    rides_back: bool = False
+    """Whether a short frame to the sender, given at once when a frame of this service has arrived,
+    goes with the device's acknowledgement, and so costs nothing."""
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ValueError: One is outside its range.
+        """
+        if not self.bit_rate_bps > 0:
+            raise ValueError(f"bit_rate_bps is {self.bit_rate_bps}; allowed: above 0")
+        if not 1 <= self.most_outstanding <= 255:
+            raise ValueError(f"most_outstanding is {self.most_outstanding}; allowed: 1..255")
+
+    def airtime_ns(self, frame_bytes: int) -> int:
+        """Return the airtime to expect of a frame of that size, ns, without repetitions."""
+        return seconds_to_ns(self.preamble_s + frame_bytes * 8 / self.bit_rate_bps)
+
+
 class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     """What a link can do; valid after it has opened."""
 
@@ -93,6 +139,9 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     transmission, so that ranges can be requested. Only where it `acknowledges`."""
     source_level_range_db: tuple[float, float] | None = None
     """Lowest and highest source level, dB re 1 µPa at 1 m, where it can be set."""
+    bulk: BulkService | None = None
+    """Its service for much data to one node; None: it has only the plain service, which the other
+    fields describe. Only where the link is `framed`."""
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -116,6 +165,11 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError(f"address_range is {self.address_range}; allowed: within 1..254")
         if self.measures_range and not self.acknowledges:
             raise ValueError("measures_range is True; allowed: only where the link acknowledges")
+        if self.bulk is not None and not (self.framed and self.bulk.mtu_bytes > self.mtu_bytes):
+            raise ValueError(
+                f"bulk has frames of {self.bulk.mtu_bytes} bytes; allowed: on a framed link, above "
+                f"its mtu_bytes, {self.mtu_bytes}"
+            )
 
     def airtime_ns(self, frame_bytes: int) -> int:
         """Return the airtime of a frame of that size, ns: preamble and bits, without the gap."""
@@ -197,6 +251,8 @@ class ReceivedFrame(msgspec.Struct, frozen=True, kw_only=True):
     """Address it was sent to; `BROADCAST` when unknown."""
     metrics: LinkMetrics = LinkMetrics()
     """The modem's measurements."""
+    service: Service = Service.PLAIN
+    """The service that carried it."""
 
 
 class Transmission(msgspec.Struct, frozen=True, kw_only=True):
@@ -205,7 +261,7 @@ class Transmission(msgspec.Struct, frozen=True, kw_only=True):
     transmission_id: int
     """Identifies the transmission in its report; counted by the engine for each link."""
     frame_bytes: bytes
-    """The frame, 1…mtu_bytes bytes."""
+    """The frame, 1…mtu_bytes bytes of its service."""
     destination: int = BROADCAST
     """Address, or `BROADCAST`."""
     acknowledge: bool = False
@@ -213,6 +269,8 @@ class Transmission(msgspec.Struct, frozen=True, kw_only=True):
     `LinkCapabilities.acknowledges`."""
     link: str = ONE_LINK
     """Name of the link that transmits it."""
+    service: Service = Service.PLAIN
+    """The service that carries it; `Service.BULK` only where the link has `bulk`, to one node."""
 
 
 class TransmitReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -39,6 +39,7 @@ from zacoustic.core.transport.deliveries import (
 )
 from zacoustic.core.transport.keydelivery import KeyDelivered
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, DeadlineSide
 from zacoustic.core.wire.calls import CallFailure, CallKey
@@ -47,6 +48,7 @@ from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
 __all__ = [
     "AccessStateChanged",
     "ActionEvent",
+    "BulkChanged",
     "CallFailed",
     "CallFailure",
     "CallKey",

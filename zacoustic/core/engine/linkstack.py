@@ -262,7 +262,7 @@ class LinkStack:
             self._context.node.lost_contact.heard(opened.source, now)
             measurements = self._context.node.measurements
             measurements.note(opened.source, frame.metrics, frame.received_at)
-        port.heard(opened.source, len(frame.frame_bytes), now)
+        port.heard(opened.source, len(frame.frame_bytes), now, frame.service)
 
     def _make_port(self, capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
         return LinkPort(

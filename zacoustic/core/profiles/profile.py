@@ -155,6 +155,18 @@ class Profile(ABC):
         """Make a frame with only the controls of medium access, or return None."""
         return None
 
+    def bulk_due_at(self, now: int) -> int | None:
+        """Return when a frame of the link's bulk service is due, ns; None: none."""
+        return None
+
+    def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of the link's bulk service, or return None."""
+        return None
+
+    def greet(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make the shortest frame to a node, or return None."""
+        return None
+
     @property
     def is_exclusive(self) -> bool:
         """Whether the transfer under way needs the channel to itself."""

@@ -40,6 +40,8 @@ from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES
 from zacoustic.core.wire.controls import EXTENSION_HEADER_BYTES, LONGEST_EXTENSION_BYTES
 from zacoustic.core.wire.frame import PADDING
 
+BULK_OVERHEAD_BYTES: Final = HELLO_BYTES
+"""What a frame of the bulk service has room for beside its fragment: an introduction."""
 _GIVE_WAY_PERIODS: Final = 2
 """For how many runs and pauses ranging gives way to a pressing payload, which is sent again in a
 pause."""
@@ -220,6 +222,67 @@ class Composer:
                 return composed
             in_vain.append(offer)
         return None
+
+    def greet(self, address: int, port: LinkPort, now: int) -> Composed:
+        """Make the shortest frame to a node."""
+        return self._controls(port, address, [(Cause.ACCESS, PADDING)], now)
+
+    def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the frame of the bulk service that is worth most now, or return None.
+
+        It has a fragment, and before that the introduction that its hearer needs: such a frame has
+        the room for it, and none of its own would get to the modem before it.
+        """
+        destination = self._objects.bulk_destination(now)
+        if destination is None:
+            return None
+        is_due = self._introductions.is_due(self._link, destination)
+        closing = self._seal.settle(destination, None, None, now, introduces=is_due)
+        room_bytes = port.bulk_room_bytes - self._seal.overhead_bytes
+        introduction = b""
+        if is_due or self._introduces_bulk(destination, now):
+            self._introductions.begin_frame(destination)
+            introduction = self._introductions.introduction(
+                self._link, destination, BULK_OVERHEAD_BYTES, now
+            )
+        taken = self._objects.take_bulk(room_bytes - BULK_OVERHEAD_BYTES, now)
+        if taken is None:
+            return None
+        if taken.is_first:
+            count(self._stats.transmitted, taken.stream_id)
+        data_bytes = len(taken.record) - taken.header_bytes
+        cause = Cause.REPAIR if taken.is_repair else Cause.PAYLOAD
+        self._stats.attribute(NO_STREAM, Cause.HELLO, len(introduction))
+        self._stats.attribute(taken.stream_id, Cause.HEADER, taken.header_bytes)
+        self._stats.attribute(taken.stream_id, cause, data_bytes)
+        closed = self._seal.close(
+            introduction + taken.record,
+            destination,
+            closing,
+            now,
+            needs_no_table=bool(introduction),
+        )
+        frame_bytes = port.envelope.wrap(closed, destination)
+        added_bytes = len(closed) - len(introduction) - len(taken.record)
+        self._stats.attribute(NO_STREAM, Cause.SEAL, added_bytes)
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(closed))
+        beat = Part(transmitted=partial(self._heartbeats.transmitted, destination))
+        return Composed(
+            destination=destination,
+            frame_bytes=frame_bytes,
+            object_stream=taken.stream_id,
+            acknowledge=True,
+            parts=(taken.part, beat),
+        )
+
+    def _introduces_bulk(self, destination: int, now: int) -> bool:
+        """Return whether this node must introduce itself in a frame of the bulk service."""
+        if not self._introductions.is_unconfirmed(destination, now):
+            return False
+        self._since_introduction += 1
+        return self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
+            self._link, destination
+        )
 
     def _best(self, now: int, in_vain: list[Offer]) -> Offer | None:
         """Return the best offer, except for those that made no frame."""

@@ -41,6 +41,8 @@ class Pacers(PerPeer[Pacer]):
         """``(address, now)``: everything that waits for a node is due."""
         self._introduce = introduce
         self._heard_at = PerPeer(peers, int)
+        self.anybody_heard_at = -1
+        """When any node was last heard, ns; -1 if never."""
         self._repeating: deque[Callable[[int], None]] = deque()
         self._repeated_at = -1
 
@@ -72,7 +74,7 @@ class Pacers(PerPeer[Pacer]):
 
     def heard(self, source: int, now: int) -> None:
         """Record a frame from a node; if repetitions to it had become rare, make them due."""
-        self._heard_at[source] = now
+        self._heard_at[source] = self.anybody_heard_at = now
         pacer = self.get(source)
         if pacer is not None and pacer.heard():
             self._release(source, now)

@@ -12,6 +12,11 @@ The distance of the other nodes decides when a frame must start to arrive in a l
 of the longest distance is wrong by a second at 1500 m. A modem may measure the delay of each frame.
 Otherwise the last measurement of that node is used, with a growing error; without one, half of the
 longest delay.
+
+A link may have a second service, for much data to one node. Its device decides when the sound of
+such a frame begins, so none of the three applies to it: only how many frames the link takes
+(`BulkWindow`). It gets no further ones while a plain frame is under way, since the device may have
+to empty its buffer before it sends that one. Where nodes have turns by schedule, it is not used.
 """
 
 import random
@@ -25,6 +30,7 @@ from zacoustic.core.base.linktypes import (
     UNKNOWN_SOURCE,
     LinkCapabilities,
     ReceivedFrame,
+    Service,
     TransmitOutcome,
     TransmitReport,
 )
@@ -34,6 +40,7 @@ from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choose
 from zacoustic.core.schedule.access.base import Arrival
 from zacoustic.core.schedule.access.spec import AccessSpec
+from zacoustic.core.schedule.bulkwindow import BulkWindow
 from zacoustic.core.wire.access import ANYBODY, AccessControl, Turn
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
 from zacoustic.core.wire.objects import ListenHint
@@ -43,8 +50,14 @@ _STAMP_ERROR_NS = NS_PER_S // 1000
 # A remembered distance becomes wrong as fast as two vehicles approach: 4 m/s in 1500 m/s.
 _WAY_DRIFT = 4 / 1500
 _NO_PAUSE = 255
+# Longest time from one train of a bulk service to the next, as far as a waiting frame trusts that
+# there is one.
+_BULK_RUN_NS: Final = 12 * NS_PER_S
+# The same for an urgent frame.
+_LONGEST_TRAIN_NS: Final = 6 * NS_PER_S
 MOST_OUTSTANDING: Final = 1
-"""The most transmissions under way: as many as links of `zacoustic.link.contract` accept."""
+"""The most transmissions of the plain service under way: as many as links of
+`zacoustic.link.contract` accept."""
 
 
 class LinkPort:
@@ -79,7 +92,15 @@ class LinkPort:
         """The pauses of this node and of others."""
         self._address = address
         self._measurements = measurements or Measurements(Peers())
+        has_bulk = capabilities.bulk is not None and not self.access.is_scheduled
+        self.bulk = BulkWindow(capabilities.bulk) if has_bulk and capabilities.bulk else None
+        """The frames of the service for much data; None: there is none, or nodes have turns."""
         self._outstanding: dict[int, tuple[Part, ...]] = {}
+        self._bulk_run_until = 0
+        """Instant until which a node that sends this one much data is taken to go on, ns."""
+        self._bulk_heard = (0, 0)
+        """That node, and when its last frame came, ns."""
+        self._asked_for_pause_at: int | None = None
         self._gap_until = 0
         self._last_frame: dict[int, tuple[bytes, int]] = {}
 
@@ -98,7 +119,20 @@ class LinkPort:
     @property
     def is_busy(self) -> bool:
         """Whether a transmission is under way."""
-        return bool(self._outstanding)
+        return bool(self._outstanding) or (self.bulk is not None and bool(self.bulk))
+
+    @property
+    def takes_bulk(self) -> bool:
+        """Whether a frame of the service for much data may be given to the link."""
+        return self.bulk is not None and not self.bulk.is_full and not self._outstanding
+
+    @property
+    def bulk_room_bytes(self) -> int:
+        """The largest content of a frame of that service without envelope, bytes; 0: none."""
+        if self.bulk is None:
+            return 0
+        extra_bytes = self.bulk.service.mtu_bytes - self.capabilities.mtu_bytes
+        return self.envelope.room_bytes + extra_bytes
 
     @property
     def is_full(self) -> bool:
@@ -110,6 +144,7 @@ class LinkPort:
         if self.is_full:
             return None
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
+        due_at = max(due_at, self._free_of_bulk_at(is_urgent=wanted.is_urgent))
         if self._listens:
             due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
             follows = wanted.is_urgent or wanted.is_copy
@@ -124,6 +159,33 @@ class LinkPort:
             wanted, due_at=due_at, is_invited=is_invited, is_in_rhythm=self._is_in_rhythm(now)
         )
         return self.access.ready_at(wanted, now)
+
+    def _free_of_bulk_at(self, *, is_urgent: bool) -> int:
+        """Return the instant until which a node hears nothing that sends this one much data, ns."""
+        if not is_urgent or not self._bulk_run_until:
+            return self._bulk_run_until
+        # It knows of an urgent frame where that can be asked for; otherwise perhaps others hear it.
+        rides = self.bulk is not None and self.bulk.service.rides_back
+        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if rides else 0
+
+    def pause_asked_of(self, now: int) -> int | None:
+        """Return the node to ask for a pause, by a frame that starts now; None: none.
+
+        A frame of a bulk service has just come, so that a short one can ride back. A pause is asked
+        for once in a while: the node first sends what its device has.
+        """
+        address, heard_at = self._bulk_heard
+        rides = self.bulk is not None and self.bulk.service.rides_back
+        if not rides or not address or heard_at != now or self.is_full:
+            return None
+        asked_at = self._asked_for_pause_at
+        if asked_at is not None and now - asked_at < _BULK_RUN_NS:
+            return None
+        return address
+
+    def ask_for_pause(self, now: int) -> None:
+        """Record that a pause is asked for."""
+        self._asked_for_pause_at = now
 
     def _is_in_rhythm(self, now: int) -> bool:
         return self._listens and self.listening.keeps_rhythm(now)
@@ -166,15 +228,40 @@ class LinkPort:
         sound_s = comfort_ns / NS_PER_S - self.capabilities.preamble_s
         return max(0, int(sound_s * self.capabilities.bit_rate_bps / 8))
 
-    def transmit(self, transmission_id: int, parts: tuple[Part, ...], now: int) -> None:
+    def airtime_ns(self, frame_bytes: int, service: Service) -> int:
+        """Return the airtime of a frame of a service, ns."""
+        bulk = self.capabilities.bulk
+        if service is Service.BULK and bulk is not None:
+            return bulk.airtime_ns(frame_bytes)
+        return self.capabilities.airtime_ns(frame_bytes)
+
+    def transmit(
+        self,
+        transmission_id: int,
+        parts: tuple[Part, ...],
+        now: int,
+        service: Service = Service.PLAIN,
+    ) -> None:
         """Record a transmission that begins, and inform its parts."""
-        self._outstanding[transmission_id] = parts
-        self.listening.handle_started(now)
+        if service is Service.BULK:
+            assert self.bulk is not None
+            self.bulk.give(transmission_id, parts)
+        else:
+            self._outstanding[transmission_id] = parts
+            self.listening.handle_started(now)
         for part in parts:
             part.transmitted(now)
 
+    def is_bulk(self, report: TransmitReport) -> bool:
+        """Return whether a report is of a frame of the service for much data."""
+        return self.bulk is not None and report.transmission_id in self.bulk
+
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Record the end of a transmission; return False if the report fits none under way."""
+        if self.bulk is not None and self.is_bulk(report):
+            for part in self.bulk.take(report):
+                part.reported(report, now)
+            return True
         parts = self._outstanding.pop(report.transmission_id, None)
         if parts is None:
             return False
@@ -190,6 +277,8 @@ class LinkPort:
     def close(self, now: int) -> None:
         """Close the port and report the transmissions under way as aborted."""
         outstanding, self._outstanding = self._outstanding, {}
+        if self.bulk is not None:
+            outstanding |= self.bulk.take_all()
         for transmission_id, parts in outstanding.items():
             report = TransmitReport(
                 transmission_id=transmission_id,
@@ -230,6 +319,11 @@ class LinkPort:
 
     def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:
         """Learn from a fragment of `source` when it will listen."""
+        if frame.service is Service.BULK:
+            goes_on = call is ListenHint.NONE
+            self._bulk_run_until = now + _BULK_RUN_NS if goes_on else 0
+            self._bulk_heard = (source, now) if goes_on else (0, 0)
+            return
         if call is ListenHint.WINDOW:
             airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
             way_ns, _ = self._way(source, frame, now)
@@ -243,10 +337,13 @@ class LinkPort:
         self.access.handle_carrier(busy, now)
         self.listening.handle_carrier(busy, now)
 
-    def heard(self, source: int, size_bytes: int, now: int) -> None:
+    def heard(
+        self, source: int, size_bytes: int, now: int, service: Service = Service.PLAIN
+    ) -> None:
         """Record a frame from `source`, for this node or another one."""
         self.access.handle_heard(source, now)
-        self.listening.heard_frame(source, self.capabilities.airtime_ns(size_bytes), now)
+        if service is Service.PLAIN:
+            self.listening.heard_frame(source, self.capabilities.airtime_ns(size_bytes), now)
 
     def arrived(self, source: int, frame: ReceivedFrame, now: int, *, is_urgent: bool) -> None:
         """Record when an authentic frame of `source` for this node or all has arrived."""
@@ -308,5 +405,5 @@ class LinkPort:
             return False  # one piece of a byte stream may hold several equal frames
         last_bytes, last_at = self._last_frame.get(source, (b"", 0))
         self._last_frame[source] = (frame.frame_bytes, frame.received_at)
-        airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
+        airtime_ns = self.airtime_ns(len(frame.frame_bytes), frame.service)
         return last_bytes == frame.frame_bytes and frame.received_at - last_at < airtime_ns

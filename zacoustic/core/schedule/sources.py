@@ -80,6 +80,12 @@ class ObjectSource(Source, Protocol):
     def take_fragment(self, room_bytes: int, now: int, frames_before_pause: int) -> Taken | None:
         """Take the fragment of `offer`, if it fits."""
 
+    def bulk_destination(self, now: int) -> int | None:
+        """Return the receiver of the fragment that is due on the bulk service, or None."""
+
+    def take_bulk(self, room_bytes: int, now: int) -> Taken | None:
+        """Take the fragment of `bulk_destination`, if it fits."""
+
     def hold(self, stream_id: int, until: int) -> None:
         """Hold the fragments of a stream until an instant, ns."""
 

@@ -14,7 +14,9 @@ from zacoustic.core.base.linktypes import (
     ONE_LINK,
     LinkCapabilities,
     LinkState,
+    Service,
     Transmission,
+    TransmitOutcome,
     TransmitReport,
 )
 from zacoustic.core.base.stats import LinkStats
@@ -90,6 +92,15 @@ class FrameSource(Protocol):
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
         """Make a frame of one lane's payloads, or return None."""
+
+    def bulk_due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame of the bulk service should go, ns, or None."""
+
+    def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of the bulk service, or return None."""
+
+    def greet(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make the shortest frame to a node, or return None."""
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame with only the controls of medium access, or return None."""
@@ -209,6 +220,11 @@ class Transmitter:
             composed = source.compose(port, now)
         if composed is None and _is_over(self._speak_at(now), now):
             composed = source.speak(port, now)
+        if composed is None and granted is None:
+            composed = self._ask_for_pause(port, now)
+        service = Service.PLAIN
+        if composed is None and granted is None and _is_over(self._bulk_at(now), now):
+            composed, service = source.compose_bulk(port, now), Service.BULK
         if composed is None:
             return None
         transmission = Transmission(
@@ -217,10 +233,11 @@ class Transmitter:
             destination=composed.destination,
             acknowledge=composed.acknowledge,
             link=self.link,
+            service=service,
         )
         self._next_transmission_id += 1
-        port.transmit(transmission.transmission_id, composed.parts, now)
-        airtime_ns = port.capabilities.airtime_ns(len(composed.frame_bytes))
+        port.transmit(transmission.transmission_id, composed.parts, now, service)
+        airtime_ns = port.airtime_ns(len(composed.frame_bytes), service)
         self._stats.sent(len(composed.frame_bytes), airtime_ns)
         held = self.airtime.spend(composed.stream_bytes, airtime_ns, now)
         for stream_id, until in held.items():
@@ -231,10 +248,25 @@ class Transmitter:
                 source.queue.hold_replies(composed.caused_by, even_at)
         return transmission, composed.streams
 
+    def _ask_for_pause(self, port: LinkPort, now: int) -> Composed | None:
+        """Ask a node that sends this one much data for a pause, if frames wait for one."""
+        address = port.pause_asked_of(now)
+        if address is None or self.link_state is not LinkState.UP or not self._source.may_speak:
+            return None
+        if not _is_over(self._source.due_at(now), now):
+            return None
+        if not _is_over(self._after_silence(now, now), now):
+            return None
+        port.ask_for_pause(now)
+        return self._source.greet(address, port, now)
+
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Record the end of a transmission; return False if the report fits none under way."""
+        is_bulk = self.port is not None and self.port.is_bulk(report)
         if self.port is None or not self.port.finish(report, now):
             return False
+        if is_bulk and report.outcome is TransmitOutcome.DELIVERED:
+            self._frames_at_up = None  # its device hears the other one, if the node does not
         self._stats.reported(report.outcome.value)
         return True
 
@@ -244,6 +276,9 @@ class Transmitter:
         if granted is not None:
             return self._last_word_at(granted, now)
         transmit_at, speak_at = self._transmit_at(now), self._speak_at(now)
+        if self.port is not None and self.port.bulk is not None:
+            instants = (transmit_at, speak_at, self._bulk_at(now))
+            return min((at for at in instants if at is not None), default=None)
         if transmit_at is None or speak_at is None:
             return speak_at if transmit_at is None else transmit_at
         return min(transmit_at, speak_at)
@@ -307,6 +342,18 @@ class Transmitter:
         if self.link_state is not LinkState.UP or self.port is None:
             return None
         return self._after_silence(self.port.speak_at(now), now)
+
+    def _bulk_at(self, now: int) -> int | None:
+        """Return when a frame of the bulk service goes, ns, or None."""
+        port = self.port
+        if self.link_state is not LinkState.UP or port is None or not port.takes_bulk:
+            return None
+        if not self._source.may_speak:
+            return None
+        due_at = self._source.bulk_due_at(now)
+        if due_at is None:
+            return None
+        return self._after_silence(max(due_at, self.airtime.free_at(now)), now)
 
     def _after_silence(self, instant: int | None, now: int) -> int | None:
         silent_until = self._silence.until(now)

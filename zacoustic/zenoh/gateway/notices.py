@@ -307,6 +307,29 @@ class LinkUnheard(Notice, frozen=True, kw_only=True, tag="unheard"):
         return [f"unheard   {self.frames} frames sent and none heard; ask zacoustic doctor"]
 
 
+class BulkRerouted(Notice, frozen=True, kw_only=True, tag="bulk"):
+    """Large samples to a node go another way from now on."""
+
+    address: int
+    """Its address."""
+    name: str
+    """Its name, or empty."""
+    works: bool
+    """Whether they go by the modem's service for much data; else by the one for short frames."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """If it does not work."""
+        return not self.works
+
+    def lines(self) -> list[str]:
+        """One line."""
+        node = f"{self.name} ({self.address})" if self.name else str(self.address)
+        if self.works:
+            return [f"bulk      large samples to {node} go fast again"]
+        return [f"bulk      fast data do not get through to {node}; large samples go slowly"]
+
+
 class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
     """A node was heard for the first time, or has restarted."""
 

@@ -14,6 +14,7 @@ from zacoustic.core.base.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.engine.events import (
     AccessStateChanged,
+    BulkChanged,
     CallFailure,
     ClockStateChanged,
     ContactLost,
@@ -61,6 +62,7 @@ NodeEvent = (
     | ClockStateChanged
     | AccessStateChanged
     | NothingHeard
+    | BulkChanged
     | EngineRestarted
     | PeerSeen
     | PeerLost

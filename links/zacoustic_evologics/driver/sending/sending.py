@@ -58,7 +58,7 @@ from zacoustic_evologics.driver.sending.service import (
     remedy_for,
 )
 from zacoustic_evologics.driver.sending.states import HAS_FRAME, TRANSITIONS, Phase, Word
-from zacoustic_evologics.driver.sending.times import BUSY_PAUSE_S, Timetable
+from zacoustic_evologics.driver.sending.times import BURSTS_BUSY_S, BUSY_PAUSE_S, Timetable
 from zacoustic_evologics.driver.session.session import ModemSession
 
 _STIRRING: Final = (RecvEnd, RecvFailed, SendEnd, Status)
@@ -182,6 +182,8 @@ class Sending:
         if self.due_at is None or now < self.due_at:
             return
         end_at = self._times.busy_until if self.phase is Phase.PAUSING else self._limit_at
+        if self.phase is Phase.PAUSING and self._session.has_bursts:
+            end_at += seconds_to_ns(BURSTS_BUSY_S)  # it may have to send those first
         self._step(Word.EXPIRED if now >= end_at else Word.DUE, now)
 
     def handle_lost(self, reason: str, now: int) -> None:
@@ -237,7 +239,10 @@ class Sending:
             case Phase.PAUSING:
                 self._evidence.forget()
                 pause_ns = seconds_to_ns(self._session.rng.uniform(*BUSY_PAUSE_S))
-                self.due_at = min(now + pause_ns, self._times.busy_until)
+                end_at = self._times.busy_until
+                if self._session.has_bursts:
+                    end_at += seconds_to_ns(BURSTS_BUSY_S)
+                self.due_at = min(now + pause_ns, end_at)
             case Phase.MENDING:
                 self._evidence.forget()
                 self._mended.add(self._remedy)

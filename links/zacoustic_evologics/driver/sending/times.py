@@ -9,6 +9,9 @@ from zacoustic_evologics.driver.session.session import OWED_S, ModemSession
 BUSY_PAUSE_S: Final = (0.5, 1.5)
 """Random pause between two queries whether the modem has time, s; the vendor's middleware waits
 1 s. Nodes that all heard the same sound would otherwise keep sending at the same instants."""
+BURSTS_BUSY_S: Final = 50.0
+"""How much longer than `busy_s` a message may wait while the modem has burst data, s: it may have
+to send all of them first, up to 16 KiB."""
 LEAVING_MARGIN_S: Final = 0.02
 """Error of the straight line through the published airtimes, s: 14 ms at most, and some margin."""
 LEAVING_POLL_S: Final = 0.05

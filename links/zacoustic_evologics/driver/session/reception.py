@@ -17,7 +17,7 @@ Three choices:
 from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.linktypes import BROADCAST, LinkMetrics, ReceivedFrame
+from zacoustic.core.linktypes import BROADCAST, LinkMetrics, ReceivedFrame, Service
 from zacoustic_evologics.at.notifications import (
     AsyncError,
     DropCount,
@@ -143,7 +143,8 @@ class Reception:
         if record.destination not in (session.address, BROADCAST):
             session.count("for_others")
             return events
-        if isinstance(record, RecvIm) and record.flag is ImFlag.ACK:
+        is_asking = isinstance(record, RecvIm) and record.flag is ImFlag.ACK
+        if is_asking or isinstance(record, Recv):
             session.note_owed(record.source, now)
         if self._is_repetition(record, now):
             session.count("repetitions")
@@ -171,6 +172,7 @@ class Reception:
     def _frame(self, record: Received, now: int) -> ReceivedFrame:
         session = self._session
         delay_us = getattr(record, "propagation_us", None)
+        is_bulk = isinstance(record, Recv) and session.has_bulk
         propagation_s = delay_us / 1e6 if delay_us and delay_us > 0 else None
         if delay_us:
             session.note_delay(record.source, delay_us)
@@ -179,6 +181,7 @@ class Reception:
             received_at=now,
             source=record.source,
             destination=record.destination,
+            service=Service.BULK if is_bulk else Service.PLAIN,
             metrics=LinkMetrics(
                 received_level_db=float(record.rssi_db),
                 integrity=float(record.integrity),

@@ -7,7 +7,8 @@ import random
 from typing import Final
 
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.linktypes import LinkCapabilities, TransmitOutcome
+from zacoustic.core.linktypes import BulkService, LinkCapabilities, TransmitOutcome
+from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
@@ -33,6 +34,16 @@ CLOCK_TRUST_NS: Final = 30 * NS_PER_S
 OWED_S: Final = 0.11
 """From the end of a message to the modem's acknowledgement of it, s."""
 
+_BULK: Final = BulkService(
+    mtu_bytes=BURST_LIMIT_BYTES,
+    bit_rate_bps=6900.0,
+    preamble_s=0.1,
+    most_outstanding=32,
+    rides_back=True,
+)
+"""Burst data. Its bit rate is the middle one of three that captures have. The modem's buffer holds
+16 KiB as it is delivered; the driver keeps what it has no room for. A piggyback message goes with
+the acknowledgement of a train."""
 _CLOCK_SPAN_US: Final = 2**32
 RELATIVE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
 """Source levels by number, relative to the loudest, dB; the last one is for air."""
@@ -94,6 +105,8 @@ class ModemSession:
         """The modem has reported the sound of its own acknowledgement."""
         self.has_piggyback = False
         """The modem may hold a piggyback message."""
+        self.has_bursts = False
+        """The modem has burst data of the bulk service."""
         self.may_fill = True
         """The probe may use its filler: it has not, since the modem last answered."""
         self.counts: dict[str, int] = {}
@@ -114,6 +127,11 @@ class ModemSession:
         repeats_as_told = self.retries in (None, self.config.retries)
         return self.config.service not in ("ims", "pbm") and repeats_as_told
 
+    @property
+    def has_bulk(self) -> bool:
+        """Frames above an instant message go as burst data of a service of their own."""
+        return self.config.service == "auto" and self.config.mtu <= IM_LIMIT_BYTES
+
     def hear(self, now: int) -> None:
         """Note that the modem sends something, perhaps after a restart."""
         self.may_repeat |= self._has_been_silent(now)
@@ -124,7 +142,7 @@ class ModemSession:
         return self.retries is not None and (self.may_repeat or self._has_been_silent(now))
 
     def capabilities(self) -> LinkCapabilities:
-        """Return the capabilities; bursts also get the airtime of instant messages."""
+        """Return the capabilities; with a larger `mtu`, bursts get the airtime of messages."""
         return LinkCapabilities(
             mtu_bytes=self.config.mtu,
             bit_rate_bps=BIT_RATE_BPS,
@@ -143,6 +161,7 @@ class ModemSession:
             reports=frozenset({"received_level_db", "integrity", "range_rate_m_s"}),
             measures=self._measures(),
             measures_range=self.acknowledges,
+            bulk=_BULK if self.has_bulk else None,
         )
 
     def note_owed(self, address: int, now: int) -> None:

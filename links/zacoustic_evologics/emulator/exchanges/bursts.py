@@ -11,6 +11,7 @@ while.
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from zacoustic.core.clock import seconds_to_ns
 from zacoustic_evologics.at.commands import SendBurst
 from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.messages import RawData
@@ -40,8 +41,8 @@ from zacoustic_evologics.emulator.hardware.chassis import (
 from zacoustic_evologics.emulator.hardware.signals import BurstPacket, Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.hardware.transducer import Transducer
 
-BIT_RATES_BPS: Final = ((30.0, 13_900), (15.0, 6900), (-1000.0, 2400))
-"""Least SNR, dB, of each proposed bit rate; rates from captures, limits ours."""
+_SLOWEST_BPS: Final = 2400
+"""The bit rate if none has been proposed."""
 
 
 class Bursts:
@@ -62,6 +63,7 @@ class Bursts:
         self._train: tuple[Queued, ...] = ()
         self._peer: int | None = None
         self._wanted: int | None = None
+        self._held_until: int | None = None
         self._last_trains: dict[int, int] = {}
 
     @property
@@ -115,7 +117,8 @@ class Bursts:
 
     def proposed_bps(self, snr_db: float) -> int:
         """Return the bit rate for a modem received with this SNR."""
-        return next(rate for least_db, rate in BIT_RATES_BPS if snr_db >= least_db)
+        rates_bps = self._chassis.behaviour.burst_rates_bps
+        return next(rate for least_db, rate in rates_bps if snr_db >= least_db)
 
     def look(self, now: int) -> None:
         """Advance if an awaited event has happened."""
@@ -125,6 +128,8 @@ class Bursts:
         if now < self._transducer.backoff_until:
             return
         target = self.pool.next_destination or self._wanted
+        if self._must_wait(now):
+            return
         if target is None:
             self._close()
         elif target != self._peer:
@@ -134,6 +139,22 @@ class Bursts:
         else:
             self._wanted = None
             self._close()
+
+    @property
+    def is_sending(self) -> bool:
+        """Whether it sends, or has data to send."""
+        return self._exchange is not None or bool(self.pool)
+
+    def _must_wait(self, now: int) -> bool:
+        """Return whether a connection without data stays, and see to its end."""
+        hold_ns = seconds_to_ns(self._chassis.behaviour.hold_s)
+        if self._peer is None or self.pool or self._wanted is not None or not hold_ns:
+            self._held_until = None
+            return False
+        if self._held_until is None:
+            self._held_until = now + hold_ns
+            self._chassis.agenda.push(self._held_until, self.look, self._held_until)
+        return now < self._held_until
 
     def handle_sent(self, signal: Signal, now: int) -> None:
         """Note that a signal has left."""
@@ -187,7 +208,7 @@ class Bursts:
         """Discard all state except the delivered packets."""
         self.pool = TransmitPool(lambda: self._chassis.store["ZL"])
         self._exchange = None
-        self._peer = self._wanted = None
+        self._peer = self._wanted = self._held_until = None
 
     def _ask(self, destination: int, now: int) -> None:
         self._close()
@@ -218,8 +239,12 @@ class Bursts:
             self._lose(destination, now)
 
     def _send_train(self, destination: int, now: int) -> None:
-        rate_bps = self._chassis.measured.local_bps or BIT_RATES_BPS[-1][1]
-        self._train = self.pool.train(self._chassis.store["ZC"], rate_bps)
+        if self._chassis.behaviour.im_in_train == "taken":
+            self._instant.look(now)  # a message goes between two trains
+        rate_bps = self._chassis.measured.local_bps or _SLOWEST_BPS
+        self._train = self.pool.train(
+            self._chassis.store["ZC"], rate_bps, seconds_to_ns(self._chassis.behaviour.train_s)
+        )
         packets = tuple(item.packet for item in self._train)
         signal = Signal(
             kind=SignalKind.TRAIN,
@@ -268,7 +293,8 @@ class Bursts:
         self._peer = self._wanted = None
         self._chassis.say(Status("OFFLINE", "CONNECTION_FAILED"))
         self._fail(lost)
-        pause_ns = round(self._chassis.rng.random() * self._chassis.store["RT"] * 1e6)
+        longest_ns = self._chassis.behaviour.backoff_share * self._chassis.store["RT"] * 1e6
+        pause_ns = round(self._chassis.rng.random() * longest_ns)
         self._transducer.backoff_until = now + pause_ns
         self._chassis.say(Status("BACKOFF", "CONNECTION_FAILED"))
         over_at = self._transducer.backoff_until
@@ -288,6 +314,7 @@ class Bursts:
                 self._chassis.say(report, item.port_id)
 
     def _close(self) -> None:
+        self._held_until = None
         if self._peer is not None:
             self._peer = None
             self._chassis.say(Status("OFFLINE", "CLOSED"))

@@ -4,6 +4,7 @@ There is one slot for instant messages, whose state `AT?DI` reports, one for a s
 that waits for its instant, and for each address one for a piggyback message.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 from zacoustic.channel.agenda import Entry
@@ -54,6 +55,8 @@ class InstantMessages:
         self._transducer = transducer
         self._exchange: Exchange | None = None
         self._owner: int | None = None
+        self.has_bursts: Callable[[], bool] = lambda: False
+        """Returns whether burst data are under way; set by the modem."""
         self._scheduled: tuple[Signal, int, Entry] | None = None
         self._piggybacks: dict[int, tuple[int, Piggyback]] = {}
 
@@ -81,7 +84,7 @@ class InstantMessages:
             force=command.flag is ImFlag.FORCE,
             ended=self._end,
         )
-        self._exchange.look(now)
+        self.look(now)
         return Accepted()
 
     def send_ims(self, origin: Origin, command: SendIms, now: int) -> Accepted | Refused:
@@ -141,8 +144,15 @@ class InstantMessages:
 
     def look(self, now: int) -> None:
         """Advance if an awaited event has happened."""
-        if self._exchange is not None:
+        if self._exchange is not None and not self._waits_for_bursts():
             self._exchange.look(now)
+
+    def _waits_for_bursts(self) -> bool:
+        """Return whether the message that has not begun waits until burst data are through."""
+        exchange = self._exchange
+        has_begun = exchange is not None and exchange.state is not ExchangeState.WAITING
+        is_queued = self._chassis.behaviour.im_in_train == "queued"
+        return is_queued and self.has_bursts() and not has_begun
 
     def drop(self) -> None:
         """`ATZ3`: drop messages under way or waiting, and report them."""
@@ -164,6 +174,8 @@ class InstantMessages:
         if self._exchange is not None and behaviour.second_im == "busy":
             return DELIVERING
         if flag is not ImFlag.FORCE:
+            if behaviour.im_in_train == "refused" and self.has_bursts():
+                return BACKOFF
             transducer = self._transducer
             is_occupied = transducer.is_receiving or transducer.owed > 0
             if is_occupied and behaviour.while_receiving == "busy":

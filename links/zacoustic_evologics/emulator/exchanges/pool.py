@@ -9,8 +9,6 @@ import msgspec
 from zacoustic_evologics.emulator.hardware.airtime import burst_airtime_ns
 from zacoustic_evologics.emulator.hardware.signals import BurstPacket
 
-TRAIN_LIMIT_NS: Final = 2_000_000_000
-"""A train that would be longer has only one packet, ns."""
 PACKETS_LIMIT: Final = 1024
 """Most packets in the buffer, whatever their size."""
 
@@ -67,13 +65,19 @@ class TransmitPool:
         self.queued_bytes += len(packet.payload)
         return True
 
-    def train(self, packets_limit: int, bit_rate_bps: int) -> tuple[Queued, ...]:
-        """Return the packets at the front that form one train."""
+    def train(self, packets_limit: int, bit_rate_bps: int, limit_ns: int) -> tuple[Queued, ...]:
+        """Return the packets at the front that form one train.
+
+        Args:
+            packets_limit: Most packets of a train.
+            bit_rate_bps: Its bit rate.
+            limit_ns: Its longest duration, ns, if it has more than one packet.
+        """
         train: list[Queued] = []
         total_bytes = 0
         for item in self._queue:
             total_bytes += len(item.packet.payload)
-            is_long = burst_airtime_ns(total_bytes, bit_rate_bps) > TRAIN_LIMIT_NS
+            is_long = burst_airtime_ns(total_bytes, bit_rate_bps) > limit_ns
             is_full = len(train) >= packets_limit
             if train and (item.destination != train[0].destination or is_long or is_full):
                 break

@@ -54,6 +54,20 @@ class Behaviour(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Settings require an earlier `AT@CTRL`; otherwise only if another port has sent it."""
     restart_s: float = 4.0
     """Duration of a restart by `ATZ0`, s."""
+    burst_rates_bps: tuple[tuple[float, int], ...] = (
+        (30.0, 13_900), (15.0, 6900), (-1000.0, 2400),
+    )  # fmt: skip
+    """Least SNR, dB, of each bit rate that a modem proposes for burst data, falling. The rates are
+    from captures, the limits ours."""
+    train_s: float = 2.0
+    """Longest train of burst packets, s; one that would be longer has only one packet."""
+    hold_s: float = 0.0
+    """How long a connection without data stays, s."""
+    backoff_share: float = 1.0
+    """Longest back-off after a failed connection, in parts of the retry timeout."""
+    im_in_train: Literal["taken", "queued", "refused"] = "taken"
+    """An instant message while burst data are under way: it goes before the next train, or when the
+    buffer is empty, or BUSY."""
     reach_s: float = 3500.0 / 1500.0
     """Longest propagation delay for which a modem waits, s; at least the published range."""
 

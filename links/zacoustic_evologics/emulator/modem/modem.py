@@ -78,6 +78,7 @@ class EmulatedModem:
         self._transducer = Transducer(self._chassis, self._handle_sent)
         self._instant = InstantMessages(self._chassis, self._transducer)
         self._bursts = Bursts(self._chassis, self._transducer, self._instant)
+        self._instant.has_bursts = lambda: self._bursts.is_sending
         self._head = UsblHead(self._chassis)
         self._listener = Listener(
             self._chassis,

@@ -20,7 +20,7 @@ from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.composer import Composed, Composer, Ingredients
+from zacoustic.core.schedule.composer import BULK_OVERHEAD_BYTES, Composed, Composer, Ingredients
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import LaneKey
@@ -33,6 +33,7 @@ from zacoustic.core.transport.calls.services import Services
 from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed
 from zacoustic.core.transport.topics.publication import Publication
@@ -48,6 +49,7 @@ ProtocolEvent = (
     | CallEvent
     | ActionEvent
     | ObjectProgress
+    | BulkChanged
     | SubscribersChanged
     | DeadlineMissed
     | RangeMeasured
@@ -205,6 +207,18 @@ class Protocols(Profile):
         self.topics.copied.begin_frame(now)
         return self.composer.compose(port, now)
 
+    def bulk_due_at(self, now: int) -> int | None:
+        """Return when a frame of the link's bulk service is due, ns; None: none."""
+        return self.objects.bulk_due_at(now)
+
+    def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of the link's bulk service, or return None."""
+        return self.composer.compose_bulk(port, now)
+
+    def greet(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make the shortest frame to a node: it learns that this one is there."""
+        return self.composer.greet(address, port, now)
+
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
         """Make a frame of one lane's payloads, or return None."""
         return self.composer.compose_only(port, lane, now)
@@ -267,7 +281,10 @@ class Protocols(Profile):
             each.use_link(capabilities, now)
         seal, room_bytes = self._context.seal, port.envelope.room_bytes
         fragment_bytes = room_bytes - seal.fragment_overhead_bytes
-        self.objects.use_link(capabilities, fragment_bytes, port.listening.pause_ns, now)
+        bulk_bytes = port.bulk_room_bytes - BULK_OVERHEAD_BYTES - seal.overhead_bytes
+        self.objects.use_link(
+            capabilities, fragment_bytes, port.listening.pause_ns, now, bulk_bytes=bulk_bytes
+        )
         oversized = self.queue.limit(room_bytes - (seal.overhead_bytes or TAG_BYTES))
         self.topics.sending.dropped(oversized, now)
         for _ in oversized:

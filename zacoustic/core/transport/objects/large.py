@@ -30,6 +30,7 @@ from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest
 from zacoustic.core.transport.objects.objects import Objects
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.objects.sending.sending import Sending
 from zacoustic.core.transport.objects.stored import StoredObject
 from zacoustic.core.transport.reliable.receiving.receiving import Claim, ReliableReceiving
@@ -87,7 +88,7 @@ class LargeSamples:
         self._slots: LargeSlots = sending.slots
         self._receiving = receiving
         self._stats = context.stats
-        self._emit: Callable[[ObjectProgress | DeliveryEvent], None] = context.emit
+        self._emit: Callable[[ObjectProgress | BulkChanged | DeliveryEvent], None] = context.emit
         self._now = 0
         self._given_up: list[StoredObject] = []
         self.objects = Objects(
@@ -412,8 +413,10 @@ class LargeSamples:
         self._given_up.append(order)
         return False
 
-    def _progress(self, progress: ObjectProgress) -> None:
+    def _progress(self, progress: ObjectProgress | BulkChanged) -> None:
         self._emit(progress)
+        if isinstance(progress, BulkChanged):
+            return
         outcome = _OUTCOMES.get(progress.state)
         if progress.object_id is not None and outcome is not None:
             self._slots.ended(

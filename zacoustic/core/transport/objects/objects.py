@@ -30,6 +30,8 @@ from zacoustic.core.transport.objects.manifest import Manifest, decode_manifest
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.receiving.receiving import IncomingObjects
 from zacoustic.core.transport.objects.receiving.replies import TransferKey
+from zacoustic.core.transport.objects.sending.bulkobject import BulkObject
+from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.objects.sending.sending import OutgoingObjects, Owner, Sending
 from zacoustic.core.transport.objects.stored import (
     StoredObject,
@@ -60,7 +62,7 @@ class Objects:
         generators: Provide one random generator for each component.
         admission: Knows the table and whose turn it is; takes complete objects, once each.
         owner: Gets events of outgoing objects, and knows whose turn it is.
-        emit: Takes progress events.
+        emit: Takes events about their progress and their way.
         journal: Holds what must survive a restart.
     """
 
@@ -74,7 +76,7 @@ class Objects:
         generators: Generators,
         admission: AdmissionControl,
         owner: Owner,
-        emit: Callable[[ObjectProgress], None],
+        emit: Callable[[ObjectProgress | BulkChanged], None],
         journal: JournalPort,
     ) -> None:
         self._limits = limits
@@ -100,7 +102,13 @@ class Objects:
         self._last_fragment_at = 0
 
     def use_link(
-        self, capabilities: LinkCapabilities, room_bytes: int, pause_ns: int, now: int
+        self,
+        capabilities: LinkCapabilities,
+        room_bytes: int,
+        pause_ns: int,
+        now: int,
+        *,
+        bulk_bytes: int = 0,
     ) -> None:
         """Derive the durations from the link.
 
@@ -109,11 +117,15 @@ class Objects:
             room_bytes: Room for records in a frame, bytes.
             pause_ns: Length of a listen window, ns.
             now: The instant.
+            bulk_bytes: Room for records in a frame of the bulk service, bytes; 0 or less: none.
         """
         self._timing = Timing.of(capabilities, capabilities.mtu_bytes - room_bytes, pause_ns)
         self._fragment_bytes = room_bytes - FRAGMENT_HEADER_BYTES
         if self._fragment_bytes >= 1:
-            self._outgoing.use_link(self._fragment_bytes, now)
+            bulk_fragment_bytes = bulk_bytes - FRAGMENT_HEADER_BYTES
+            if bulk_fragment_bytes <= self._fragment_bytes:
+                bulk_fragment_bytes = 0
+            self._outgoing.use_link(self._fragment_bytes, bulk_fragment_bytes, now)
 
     def restore(
         self, stored: Mapping[str, bytes], accept: Callable[[StoredObject], bool]
@@ -198,7 +210,7 @@ class Objects:
             instance,
             encoding,
             payload,
-            self._fragment_bytes,
+            self._outgoing.fragment_bytes(receivers, now),
             receivers,
             priority,
             exclusive,
@@ -348,6 +360,46 @@ class Objects:
             part=Part(reported=partial(self._fragment_reported, sending)),
         )
 
+    def bulk_due_at(self, now: int) -> int | None:
+        """Return the instant at which a fragment is due on the bulk service, ns, or None."""
+        if self._timing is None:
+            return None
+        sending, at = self._outgoing.next(now, bulk=True)
+        return at if sending is not None else None
+
+    def bulk_destination(self, now: int) -> int | None:
+        """Return the receiver of the fragment that is due on the bulk service, or None."""
+        sending, at = self._outgoing.next(now, bulk=True)
+        return sending.outgoing.destination if sending is not None and at <= now else None
+
+    def take_bulk(self, room_bytes: int, now: int) -> Taken | None:
+        """Take the fragment of `bulk_destination`, if it fits.
+
+        Args:
+            room_bytes: Room for it in the frame, bytes.
+            now: The instant.
+        """
+        sending, at = self._outgoing.next(now, bulk=True)
+        if sending is None or at > now:
+            return None
+        if FRAGMENT_HEADER_BYTES + sending.outgoing.fragment_bytes > room_bytes:
+            return None
+        taken = self._outgoing.take_bulk(now)
+        if taken is None:
+            return None
+        sending, fragment = taken
+        outgoing = sending.outgoing
+        assert isinstance(outgoing, BulkObject)
+        reported = partial(self._bulk_reported, sending, outgoing, fragment.index)
+        return Taken(
+            stream_id=sending.stream_id,
+            record=fragment.encode(),
+            header_bytes=FRAGMENT_HEADER_BYTES,
+            is_first=fragment.index == 0 and outgoing.transmitted == 1,
+            is_repair=outgoing.is_repair(fragment.index),
+            part=Part(reported=reported),
+        )
+
     def hold(self, stream_id: int, until: int) -> None:
         """Hold the fragments of a stream until an instant, ns: its airtime is used up."""
         self._outgoing.held[stream_id] = until
@@ -405,6 +457,12 @@ class Objects:
     def _fragment_reported(self, sending: Sending, report: TransmitReport, now: int) -> None:
         assert self._timing is not None
         self._outgoing.transmitted(sending, report.finished_at, self._timing)
+
+    def _bulk_reported(
+        self, sending: Sending, outgoing: BulkObject, index: int, report: TransmitReport, now: int
+    ) -> None:
+        assert self._timing is not None
+        self._outgoing.bulk_reported(sending, outgoing, index, report, self._timing, now)
 
     def _feedback_reported(self, place: TransferKey, report: TransmitReport, now: int) -> None:
         assert self._timing is not None

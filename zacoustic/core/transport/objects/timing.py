@@ -4,12 +4,17 @@ No number of seconds here belongs to one modem: a *slot* is the time from the st
 to the start of the next, and the other durations follow from slots and the propagation delay.
 """
 
+from typing import Final
+
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.schedule.access.otherruns import RUN_LIMIT_NS
 from zacoustic.core.wire.objects import FEEDBACK_BYTES
+
+_BULK_PAUSE_MARGIN_S: Final = 0.5
+"""Time of devices and computers in a pause on the bulk service, s."""
 
 
 class Timing(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,6 +30,8 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
     """Assumed propagation delay, one way."""
     pause_ns: int
     """Length of a listen window."""
+    bulk_pause_ns: int = 0
+    """Length of a pause between runs on the bulk service."""
     senses_carrier: bool = True
     """Whether two nodes that start at once hear each other, except within a propagation delay."""
 
@@ -38,6 +45,10 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
             feedback_ns=capabilities.airtime_ns(feedback_bytes),
             propagation_ns=seconds_to_ns(capabilities.propagation_s),
             pause_ns=pause_ns,
+            # The receiver knows of it and begins at once; others do when they hear nothing.
+            bulk_pause_ns=seconds_to_ns(capabilities.gap_s)
+            + capabilities.airtime_ns(capabilities.mtu_bytes // 2)
+            + seconds_to_ns(_BULK_PAUSE_MARGIN_S),
             senses_carrier=capabilities.senses_carrier,
         )
 

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from zacoustic.core.engine.events import (
     AccessStateChanged,
+    BulkChanged,
     ClockStateChanged,
     DeadlineMissed,
     EngineRestarted,
@@ -29,6 +30,7 @@ from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.notices import (
     AccessChanged,
+    BulkRerouted,
     ClockChanged,
     EngineLost,
     EntityHeard,
@@ -122,6 +124,11 @@ class EventNotices:
             faults=tuple((each.node, each.trouble.value, each.by_s) for each in event.state.faults),
         )
 
+    def _bulk(self, event: BulkChanged) -> Notice:
+        return BulkRerouted(
+            address=event.address, name=self._node(event.address), works=event.works
+        )
+
     def _clock(self, event: ClockStateChanged) -> Notice:
         return ClockChanged(doubt=event.doubt)
 
@@ -185,6 +192,7 @@ _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = 
     SealAlarm: EventNotices._seal,
     NothingHeard: EventNotices._unheard,
     AccessStateChanged: EventNotices._access,
+    BulkChanged: EventNotices._bulk,
     ClockStateChanged: EventNotices._clock,
     PeerSeen: EventNotices._seen,
     PeerLost: EventNotices._lost,

@@ -237,6 +237,7 @@ class Node(EndpointMaker):
         - `DeliveryEnded`: a sample from before this node's restart has its outcome.
         - `ObjectProgress`: a large sample, outgoing or incoming, has progressed or ended.
         - `AccessStateChanged`: a schedule does not hold, is not in use, or is as it should be.
+        - `BulkChanged`: large samples to a node go by another service of the modem from now on.
         - `ClockStateChanged`, `NothingHeard`, `EngineRestarted`, `SealAlarm`, `RosEntitySeen`.
 
         The iteration ends with the node.

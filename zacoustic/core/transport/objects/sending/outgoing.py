@@ -65,6 +65,9 @@ class OutgoingObject:
         rng: Draws the pauses between unanswered requests.
     """
 
+    is_bulk = False
+    """Whether its fragments go by the link's bulk service."""
+
     def __init__(
         self,
         transfer: int,
@@ -196,6 +199,10 @@ class OutgoingObject:
             next_asks = left == 1 and not window_follows
             unasked = ListenHint.WINDOW if window_follows else ListenHint.NONE
             call = ListenHint.ANSWER_NEXT if next_asks else unasked
+        return self._mark(index, call)
+
+    def _mark(self, index: int, call: ListenHint) -> Fragment:
+        """Record that a fragment is taken for transmission."""
         layout = self.fragments.layout
         block = layout.block_of(index)
         if index == self.next_source < layout.fragments:
@@ -203,7 +210,7 @@ class OutgoingObject:
         for view in self.views.values():
             view.lacking.setdefault(block, layout.size(block))
             view.sent[block] = view.sent.get(block, 0) + 1
-        self.listens = not left
+        self.listens = call is ListenHint.ANSWER
         self.transmitted += 1
         return Fragment(self.transfer, call, index, self.fragments.fragment(index))
 

@@ -9,7 +9,7 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.linktypes import BROADCAST, TransmitOutcome, TransmitReport
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.pacers import Pacers
@@ -17,6 +17,8 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.code.code import MOST_FRAGMENTS, Fragments
 from zacoustic.core.transport.objects.manifest import Manifest, encode_object
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.sending.bulkobject import BulkObject
+from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged, BulkPaths, BulkRuns
 from zacoustic.core.transport.objects.sending.outgoing import OutgoingObject
 from zacoustic.core.transport.objects.sending.planning import LossEstimate
 from zacoustic.core.transport.objects.stored import StoredObject, StoredProgress, out_key, sent_key
@@ -82,7 +84,7 @@ class OutgoingObjects:
         pacers: Decide when to repeat to the receivers.
         timers: Withdraw expired objects.
         rng: Draws pauses.
-        emit: Takes progress events.
+        emit: Takes events about their progress and their way.
         owner: Gets their events, and knows whose turn it is.
         journal: Holds what must survive a restart.
     """
@@ -95,7 +97,7 @@ class OutgoingObjects:
         pacers: Pacers,
         timers: Timers,
         rng: random.Random,
-        emit: Callable[[ObjectProgress], None],
+        emit: Callable[[ObjectProgress | BulkChanged], None],
         owner: Owner,
         journal: JournalPort,
     ) -> None:
@@ -112,6 +114,9 @@ class OutgoingObjects:
         self.held: dict[int, int] = {}
         """Instant before which no fragment of a stream goes, ns, by stream."""
         self._off: set[int] = set()
+        self._plain_bytes = self._bulk_bytes = 0
+        self._bulk_paths = BulkPaths()
+        self._bulk_runs = BulkRuns()
         self._priorities: dict[int, Priority] = {}
         pacers.released.connect(self._released)
 
@@ -125,6 +130,7 @@ class OutgoingObjects:
     def peer_forgotten(self, address: int, now: int) -> None:
         """Forget the loss on the way to a node."""
         self._losses.pop(address, None)
+        self._bulk_paths.forget(address)
 
     # Commands
 
@@ -165,7 +171,7 @@ class OutgoingObjects:
         losses = {
             address: self._losses.setdefault(address, LossEstimate()) for address in order.receivers
         }
-        outgoing = OutgoingObject(transfer, losses, manifest, fragments, self._rng)
+        outgoing = self._make(transfer, losses, manifest, fragments)
         outgoing.due_at = now
         lifespan_ns = None if order.lifespan_s is None else seconds_to_ns(order.lifespan_s)
         sending = self._sendings[transfer] = Sending(
@@ -222,29 +228,34 @@ class OutgoingObjects:
 
     # Sending
 
-    def use_link(self, fragment_bytes: int, now: int) -> None:
-        """Cut the objects again whose fragments are too large for a link's frames."""
+    def fragment_bytes(self, receivers: tuple[int, ...], now: int) -> int:
+        """Return the size of the fragments of an object for these receivers, bytes."""
+        is_bulk = len(receivers) == 1 and not self._bulk_paths.is_off(receivers[0], now)
+        return self._bulk_bytes if is_bulk and self._bulk_bytes else self._plain_bytes
+
+    def use_link(self, fragment_bytes: int, bulk_bytes: int, now: int) -> None:
+        """Cut the objects again whose fragments are too large for a link's frames.
+
+        Args:
+            fragment_bytes: The largest fragment in a frame of the plain service, bytes.
+            bulk_bytes: The same for the bulk service; 0: there is none.
+            now: The instant.
+        """
+        self._plain_bytes, self._bulk_bytes = fragment_bytes, bulk_bytes
         for sending in list(self._sendings.values()):
             if sending.expires_at is None and sending.lifespan_ns is not None:
                 # Its age is unknown without a clock: its lifespan starts again.
                 self._expire_at(sending, now + sending.lifespan_ns)
             before = sending.outgoing
-            if before.fragments.layout.fragment_bytes <= fragment_bytes:
+            cut_bytes = before.fragments.layout.fragment_bytes
+            if cut_bytes <= fragment_bytes or (before.is_bulk and cut_bytes <= bulk_bytes):
                 continue
-            fragments = before.fragments.cut(fragment_bytes)
-            if fragments.layout.fragments > MOST_FRAGMENTS:
-                self._report(sending, ObjectState.CANCELLED, "too large for this link")
-                self._end(sending)
+            if cut_bytes <= bulk_bytes and len(before.views) == 1:
+                # It was restored before the link was known.
+                self._replace(sending, before.fragments, now)
+                sending.outgoing.resume(before.next_source, before.next_seeds())
                 continue
-            losses = {address: view.loss for address, view in before.views.items()}
-            sending.outgoing = OutgoingObject(
-                before.transfer, losses, before.manifest, fragments, self._rng
-            )
-            sending.outgoing.due_at = now
-            sending.source_journalled = sending.seed_journalled = sending.told_bytes = 0
-            if sending.keeps:
-                place = msgspec.msgpack.encode(StoredProgress(0, 0))
-                self._journal.write(sent_key(before.transfer), place)
+            self._cut(sending, fragment_bytes, now)
 
     def override(self, stream_id: int, priority: Priority, *, on: bool) -> None:
         """Set the priority of a stream's objects, or stop them."""
@@ -254,8 +265,13 @@ class OutgoingObjects:
             if sending.stream_id == stream_id:
                 sending.priority = priority
 
-    def next(self, now: int) -> tuple[Sending | None, int]:
-        """Return the object whose fragment is next, and the instant from which it may go, ns."""
+    def next(self, now: int, *, bulk: bool = False) -> tuple[Sending | None, int]:
+        """Return the object whose fragment is next, and the instant from which it may go, ns.
+
+        Args:
+            now: The instant.
+            bulk: By the bulk service; otherwise by the plain one.
+        """
         if not self._sendings:
             return None, now
         quiet_until = self.listens_until(now)
@@ -264,10 +280,17 @@ class OutgoingObjects:
         for sending in self._sendings.values():
             if not sending.may_go or sending.stream_id in self._off:
                 continue
-            at = sending.outgoing.next_at(partial(self._owner.is_turn, sending.object_id))
+            outgoing = sending.outgoing
+            is_bulk = isinstance(outgoing, BulkObject) and outgoing.needs_bulk
+            if is_bulk is not bulk:
+                continue
+            if isinstance(outgoing, BulkObject) and is_bulk:
+                at = outgoing.bulk_at
+            else:
+                at = outgoing.next_at(partial(self._owner.is_turn, sending.object_id))
             if at is None:
                 continue
-            if not sending.outgoing.listens:
+            if not outgoing.listens:
                 at = max(at, quiet_until, self.held.get(sending.stream_id, 0))
             at = max(at, self._ready_at(sending))
             place = (max(at, now), sending.rank)
@@ -311,6 +334,52 @@ class OutgoingObjects:
             )
         self._keep_progress(sending)
         return sending, fragment
+
+    def take_bulk(self, now: int) -> tuple[Sending, Fragment] | None:
+        """Take the next fragment for the bulk service."""
+        sending, at = self.next(now, bulk=True)
+        if sending is None or at > now:
+            return None
+        outgoing = sending.outgoing
+        assert isinstance(outgoing, BulkObject)
+        if outgoing.listens:
+            self._give_up_listening(outgoing, now)
+        self._bulk_runs.go_on(self._pacers.anybody_heard_at, now)
+        pause_follows = not sending.exclusive and self._bulk_runs.is_over(
+            self._pacers.heard_at(outgoing.receiver), now
+        )
+        fragment = outgoing.take_bulk(pause_follows=pause_follows)
+        self._keep_progress(sending)
+        return sending, fragment
+
+    def bulk_reported(
+        self,
+        sending: Sending,
+        outgoing: BulkObject,
+        index: int,
+        report: TransmitReport,
+        timing: Timing,
+        now: int,
+    ) -> None:
+        """Record the report of a fragment that went by the bulk service."""
+        is_last_of_run = outgoing.ends_run
+        is_in_vain = outgoing.reported(index, report, timing, self._silence_ns(sending))
+        if self._sendings.get(outgoing.transfer) is not sending or sending.outgoing is not outgoing:
+            return
+        address = outgoing.receiver
+        if report.outcome is TransmitOutcome.DELIVERED and self._bulk_paths.works(address):
+            self._emit(BulkChanged(address=address, works=True, changed_at=now))
+        if outgoing.listens:
+            self._pacers[address].await_answer(report.finished_at, outgoing.due_at)
+            self._bulk_runs.rest()
+        if is_last_of_run and outgoing.bulk_at is not None:
+            self._bulk_runs.pause(report.finished_at)
+            outgoing.pause_until(report.finished_at + timing.bulk_pause_ns)
+        if is_in_vain:
+            self._fail_bulk(sending, outgoing, report, now)
+        if outgoing.done_bytes > sending.told_bytes and not outgoing.is_withdrawn:
+            sending.told_bytes = outgoing.done_bytes
+            self._report(sending, ObjectState.UNDER_WAY, "")
 
     def next_bytes(self, sending: Sending, now: int) -> int:
         """Return the bytes of data in the next record of an object."""
@@ -389,6 +458,57 @@ class OutgoingObjects:
                 self._report(sending, state, ", ".join(refusals))
 
     # Below the methods above
+
+    def _make(
+        self,
+        transfer: int,
+        losses: dict[int, LossEstimate],
+        manifest: Manifest,
+        fragments: Fragments,
+    ) -> OutgoingObject:
+        """Make an object under way by the service that its fragments need."""
+        is_bulk = 0 < self._plain_bytes < fragments.layout.fragment_bytes
+        make = BulkObject if is_bulk and len(losses) == 1 else OutgoingObject
+        return make(transfer, losses, manifest, fragments, self._rng)
+
+    def _replace(self, sending: Sending, fragments: Fragments, now: int) -> None:
+        """Begin an object anew with other fragments, or by another service."""
+        before = sending.outgoing
+        losses = {address: view.loss for address, view in before.views.items()}
+        sending.outgoing = self._make(before.transfer, losses, before.manifest, fragments)
+        sending.outgoing.due_at = now
+
+    def _cut(self, sending: Sending, fragment_bytes: int, now: int) -> None:
+        """Begin an object anew with fragments of another size."""
+        fragments = sending.outgoing.fragments.cut(fragment_bytes)
+        if fragments.layout.fragments > MOST_FRAGMENTS:
+            self._report(sending, ObjectState.CANCELLED, "too large for this link")
+            self._end(sending)
+            return
+        self._replace(sending, fragments, now)
+        sending.source_journalled = sending.seed_journalled = sending.told_bytes = 0
+        if sending.keeps:
+            place = msgspec.msgpack.encode(StoredProgress(0, 0))
+            self._journal.write(sent_key(sending.outgoing.transfer), place)
+
+    def _fail_bulk(
+        self, sending: Sending, outgoing: BulkObject, report: TransmitReport, now: int
+    ) -> None:
+        """Pause after all that was under way was lost; then go another way if need be."""
+        address, times = outgoing.receiver, self._pacers.link_times
+        pacer = self._pacers[address]
+        pause_ns = pacer.pause_ns(times, 0, self._rng, sending.priority)
+        outgoing.pause_until(report.finished_at + pause_ns)
+        if report.outcome is TransmitOutcome.ABORTED:
+            return  # that was the own device
+        pacer.unanswered(now, times)
+        if not self._bulk_paths.fails(address, self._pacers.heard_at(address), now):
+            return
+        self._emit(BulkChanged(address=address, works=False, changed_at=now))
+        for each in list(self._sendings.values()):
+            other = each.outgoing
+            if isinstance(other, BulkObject) and other.receiver == address and other.needs_bulk:
+                self._cut(each, self._plain_bytes, now)
 
     def _released(self, address: int, now: int) -> None:
         """Make due what waits for a receiver."""
@@ -472,6 +592,8 @@ class OutgoingObjects:
     def _end(self, sending: Sending) -> None:
         transfer = sending.outgoing.transfer
         del self._sendings[transfer]
+        if not any(each.outgoing.is_bulk for each in self._sendings.values()):
+            self._bulk_runs.end()
         self._timers.cancel((Due.OBJECT, transfer))
         if sending.keeps:
             self.forget(transfer)

@@ -1,0 +1,290 @@
+"""The frames of the bulk service: as burst data in the modem's buffer, as many as it takes.
+
+The first frame that the modem does not have yet is given as follows; the others wait behind it::
+
+    IDLE ──► COUNTING ──AT?PC──► GIVING ──OK──► the modem has it; the next one
+               ▲  ▲                │ │
+               │  └──── PAUSING ◄──┘ └─no answer─► DOUBTING ─AT?PC─► it has it, or ABORTED
+               └─ MENDING ◄─ buffers are not empty, out of context
+
+`AT?PC` tells the number under which the modem will report the frame. A modem that is busy or has a
+full buffer is asked again when it reports anything that may have made room, at the latest after a
+pause; after `busy_s` in which it reports nothing at all the frame is rejected. A frame that the
+modem may have is never given again.
+
+A modem that reports none of its frames for long may have been restarted. The driver asks it; it
+also drops all of them after `BURST_LIMIT_S` without any report.
+"""
+
+import enum
+from collections import deque
+from typing import Final
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
+from zacoustic_evologics.at.commands import Act, Action, Query, SendBurst
+from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
+from zacoustic_evologics.at.notifications import (
+    Delivered,
+    Failed,
+    Notification,
+    RecvEnd,
+    RecvFailed,
+    Status,
+)
+from zacoustic_evologics.at.replies import Accepted, Number, Refused
+from zacoustic_evologics.driver.channel import Answer, CommandChannel
+from zacoustic_evologics.driver.sending.answers import said
+from zacoustic_evologics.driver.sending.service import Remedy, remedy_command, remedy_for
+from zacoustic_evologics.driver.sending.times import BURST_LIMIT_S, BUSY_PAUSE_S
+from zacoustic_evologics.driver.session.session import ModemSession
+
+MOST_OUTSTANDING: Final = 32
+"""Frames that the driver takes; those for which the modem's buffer has no room wait here."""
+_STIRRING: Final = (Delivered, Failed, Status, RecvEnd, RecvFailed)
+_DROP_BURSTS: Final = Act(Action.RESET, 1)
+
+
+class _Step(enum.Enum):
+    """What is being done for the first frame that the modem does not have."""
+
+    IDLE = "idle"
+    COUNTING = "counting"
+    GIVING = "giving"
+    DOUBTING = "doubting"
+    MENDING = "mending"
+    PAUSING = "pausing"
+
+
+class _Burst:
+    """One frame, and the instant from which it was given, ns."""
+
+    def __init__(self, transmission: Transmission, now: int) -> None:
+        self.transmission = transmission
+        self.called_at = now
+        self.given_at = now
+
+
+class Bursts:
+    """The frames of the bulk service that have not been reported.
+
+    Args:
+        channel: Takes commands.
+        session: State of the modem.
+    """
+
+    def __init__(self, channel: CommandChannel, session: ModemSession) -> None:
+        self.ticket: int | None = None
+        """Ticket of the awaited answer's command."""
+        self.due_at: int | None = None
+        """When to call `handle_timeout`, ns."""
+        self.must_check = False
+        """Whether the modem should be asked if it was restarted; the caller clears it."""
+        self._channel = channel
+        self._session = session
+        self._waiting: deque[_Burst] = deque()
+        self._given: dict[tuple[int, int], _Burst] = {}
+        self._step = _Step.IDLE
+        self._counter = 0
+        self._stirred_at = 0
+        self._paused_until = 0
+        self._early: Delivered | Failed | None = None
+        self._refusal = ""
+        self._has_cleared = False
+        self._reports: list[TransmitReport] = []
+
+    def __len__(self) -> int:
+        return len(self._waiting) + len(self._given)
+
+    def refuse(self, transmission: Transmission) -> str:
+        """Return why a frame cannot be sent as burst data; empty: it can."""
+        size, to, session = len(transmission.frame_bytes), transmission.destination, self._session
+        if not session.has_bulk:
+            return "burst data are switched off"
+        if not 1 <= size <= BURST_LIMIT_BYTES:
+            return f"frame of {size} bytes; allowed: 1..{BURST_LIMIT_BYTES}"
+        if not 1 <= to <= session.highest_address or to == session.address:
+            return (
+                f"destination {to}; allowed: 1..{session.highest_address} except {session.address}"
+            )
+        if len(self) >= MOST_OUTSTANDING:
+            return f"{MOST_OUTSTANDING} bursts are outstanding"
+        return ""
+
+    def transmit(self, transmission: Transmission, now: int) -> None:
+        """Take a frame."""
+        if not len(self):
+            self._stirred_at = now
+        self._waiting.append(_Burst(transmission, now))
+        self._go_on(now)
+
+    def handle_answer(self, answer: Answer, now: int) -> None:
+        """Take the answer to the command of `ticket`."""
+        self.ticket = None
+        reply = answer.reply
+        match self._step:
+            case _Step.COUNTING if isinstance(reply, Number):
+                self._counter = reply.value
+                self._ask_to_give(now)
+            case _Step.COUNTING | _Step.MENDING:
+                self._refusal = said(reply) if reply is not None else "no answer"
+                if self._step is _Step.MENDING and reply is not None:
+                    self._step = _Step.IDLE
+                    self._go_on(now)
+                else:
+                    self._pause(now)
+            case _Step.GIVING if isinstance(reply, Accepted):
+                self._has_it(now)
+            case _Step.GIVING if isinstance(reply, Refused):
+                self._refused(reply, now)
+            case _Step.GIVING:
+                self._doubt(now)
+            case _Step.DOUBTING if isinstance(reply, Number) and reply.value != self._counter:
+                self._has_it(now)
+            case _Step.DOUBTING:
+                text = said(reply) if reply is not None else "no answer"
+                self._end_first(TransmitOutcome.ABORTED, f"no answer; then AT?PC: {text}", now)
+            case _:
+                pass
+        self._arm(now)
+
+    def handle_notification(self, record: Notification, now: int) -> None:
+        """Take a message of the modem; most are about other matters."""
+        if isinstance(record, Delivered | Failed):
+            self._end_given(record, now)
+        if isinstance(record, _STIRRING) and len(self):
+            self._stirred_at = now
+            if self._step is _Step.PAUSING:
+                self._step = _Step.IDLE
+                self._go_on(now)
+        self._arm(now)
+
+    def handle_timeout(self, now: int) -> None:
+        """Handle the end of a pause, and the modem's silence."""
+        if self.due_at is None or now < self.due_at:
+            return
+        silent_ns = now - self._stirred_at
+        if self._given and silent_ns >= seconds_to_ns(BURST_LIMIT_S):
+            self._channel.ask(_DROP_BURSTS, now)
+            self._abort_given("the modem says nothing of its end; dropped", now)
+            self.must_check = True
+            self._stirred_at = now
+        elif self._step is _Step.PAUSING:
+            self._step = _Step.IDLE
+            busy_ns = seconds_to_ns(self._session.config.busy_s)
+            if not self._given and silent_ns >= busy_ns:
+                waited = f"{self._refusal}, {self._session.config.busy_s:g} s long"
+                self._stirred_at = now
+                self._end_first(TransmitOutcome.REJECTED, waited, now)
+            else:
+                self._go_on(now)
+        self._arm(now)
+
+    def handle_lost(self, reason: str, now: int) -> None:
+        """Handle the loss of the connection or the modem: report everything."""
+        self._abort_given(reason, now)
+        while self._waiting:
+            self._report(self._waiting.popleft(), TransmitOutcome.ABORTED, reason, now)
+        self._step = _Step.IDLE
+        self.ticket = self.due_at = None
+
+    def poll_report(self) -> TransmitReport | None:
+        """Return the next report."""
+        return self._reports.pop(0) if self._reports else None
+
+    # Below the methods above
+
+    def _go_on(self, now: int) -> None:
+        if self._step is _Step.IDLE and self._waiting:
+            self._step = _Step.COUNTING
+            self.ticket = self._channel.ask(Query("PC"), now)
+        self._arm(now)
+
+    def _ask_to_give(self, now: int) -> None:
+        self._step, self._early = _Step.GIVING, None
+        burst = self._waiting[0]
+        burst.given_at = now
+        made = burst.transmission
+        command = SendBurst(payload=made.frame_bytes, destination=made.destination)
+        self.ticket = self._channel.ask(command, now)
+
+    def _has_it(self, now: int) -> None:
+        burst = self._waiting.popleft()
+        older = self._given.pop((self._counter, burst.transmission.destination), None)
+        if older is not None:  # the modem's counter has wrapped, or it was restarted
+            self._report(older, TransmitOutcome.ABORTED, "the modem has never reported it", now)
+        self._given[self._counter, burst.transmission.destination] = burst
+        self._has_cleared = False
+        self._step = _Step.IDLE
+        early, self._early = self._early, None
+        if early is not None:
+            self._end_given(early, now)
+        self._go_on(now)
+
+    def _refused(self, reply: Refused, now: int) -> None:
+        self._refusal = said(reply)
+        remedy = remedy_for(reply)
+        if remedy is Remedy.ASK:
+            self._doubt(now)
+        elif remedy is Remedy.NONE:
+            self._end_first(TransmitOutcome.REJECTED, self._refusal, now)
+        elif remedy is Remedy.WAIT or self._given or self._has_cleared:
+            self._pause(now)  # what is in the buffer is ours: it will go
+        else:
+            self._has_cleared = True
+            self._step = _Step.MENDING
+            self.ticket = self._channel.ask(remedy_command(remedy), now)
+
+    def _doubt(self, now: int) -> None:
+        self._step = _Step.DOUBTING
+        self.ticket = self._channel.ask(Query("PC"), now)
+
+    def _pause(self, now: int) -> None:
+        self._step = _Step.PAUSING
+        self._paused_until = now + seconds_to_ns(self._session.rng.uniform(*BUSY_PAUSE_S))
+
+    def _arm(self, now: int) -> None:
+        instants = []
+        if self._step is _Step.PAUSING:
+            instants.append(self._paused_until)
+        if self._given:
+            instants.append(self._stirred_at + seconds_to_ns(BURST_LIMIT_S))
+        self.due_at = min(instants, default=None)
+        self._session.has_bursts = bool(self._given)
+
+    def _end_given(self, record: Delivered | Failed, now: int) -> None:
+        key = (record.counter, record.destination)
+        burst = self._given.pop(key, None)
+        if burst is None and self._step in (_Step.GIVING, _Step.DOUBTING) and self._waiting:
+            # The answer was lost, or is later than the report.
+            first = self._waiting[0]
+            if (self._counter, first.transmission.destination) == key:
+                self._early = record
+                return
+        if burst is None:
+            return
+        is_there = isinstance(record, Delivered)
+        outcome = TransmitOutcome.DELIVERED if is_there else TransmitOutcome.NOT_DELIVERED
+        self._report(burst, outcome, "", now)
+
+    def _end_first(self, outcome: TransmitOutcome, detail: str, now: int) -> None:
+        self._report(self._waiting.popleft(), outcome, detail, now)
+        self._step = _Step.IDLE
+        self._go_on(now)
+
+    def _abort_given(self, reason: str, now: int) -> None:
+        given, self._given = self._given, {}
+        for burst in given.values():
+            self._report(burst, TransmitOutcome.ABORTED, reason, now)
+        self._session.has_bursts = False
+
+    def _report(self, burst: _Burst, outcome: TransmitOutcome, detail: str, now: int) -> None:
+        self._reports.append(
+            TransmitReport(
+                transmission_id=burst.transmission.transmission_id,
+                outcome=outcome,
+                started_at=min(now, burst.given_at),
+                finished_at=now,
+                detail=detail,
+            )
+        )

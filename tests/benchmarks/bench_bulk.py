@@ -1,0 +1,361 @@
+"""What large samples get out of burst data, beside a raw client that fills the modem's own buffer.
+
+Two emulated S2C modems at the loudest source level, in virtual time. How a modem treats burst data
+is a guess (`zacoustic_evologics.emulator.burst_guess`), so every row is over several guesses; both
+clients get the same modems and the same loss, in one run. The raw client knows nothing but the AT
+commands: it gives 1024 bytes after 1024 bytes, waits when the buffer is full, gives again what
+FAILED names, and is ready when all of it has arrived. The engine is ready when the other engine has
+handed the sample to its application: agreement between the nodes, the digest, answers and pauses
+are in its time.
+
+- *goodput*: the share of the raw client's bit rate, mean and least.
+- *reports*: both nodes publish a report of 20 bytes every `--period` seconds meanwhile: how many
+  arrive, and their delay, beside the same without any large sample.
+- *real_time*: either node publishes a real_time sample now and then meanwhile: their delay.
+
+Must hold: in the mean 0.85 of the raw client, 0.7 in each guess; reports and real_time samples in
+6 s at the 95th percentile.
+
+    python tests/benchmarks/bench_bulk.py [--guesses N] [--kib N …] [--json] [--strict]
+"""
+
+import argparse
+import json
+import random
+import statistics
+import sys
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import msgspec
+
+from tests.links.evologics.driver.crew import CrewedSea, CrewNode
+from tests.links.evologics.emulator.sea import Host
+from tests.links.evologics.emulator.sea import Sea as HostSea
+from zacoustic.channel.faults.loss import LossSpec
+from zacoustic.channel.scenario import Scenario
+from zacoustic.core.base.qos import Priority, Qos, Reliability
+from zacoustic.core.clock import ns_to_seconds, seconds_to_ns
+from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic_evologics.at.notifications import Delivered, Failed, Recv
+from zacoustic_evologics.config import EvologicsConfig
+from zacoustic_evologics.emulator import BurstGuess, EmulatedFleet, burst_guess, scenario_of
+
+PHOTO, REPORT, URGENT = 10, 11, 12
+MEAN_LIMIT: Final = 0.85
+LEAST_LIMIT: Final = 0.7
+DELAY_LIMIT_S: Final = 6.0
+_PACKET_BYTES: Final = 1024
+_LIMIT_S: Final = 20_000.0
+
+
+class Goodput(msgspec.Struct, frozen=True, kw_only=True):
+    """One row: the two clients over all guesses."""
+
+    kib: int
+    distance_m: float
+    loss: float
+    raw_bit_per_s: list[float]
+    engine_bit_per_s: list[float]
+
+    @property
+    def shares(self) -> list[float]:
+        """The engine's part of the raw client's bit rate, by guess."""
+        pairs = zip(self.engine_bit_per_s, self.raw_bit_per_s, strict=True)
+        return [engine / raw for engine, raw in pairs]
+
+
+class Small(msgspec.Struct, frozen=True, kw_only=True):
+    """Small samples while a large one is under way, or without one."""
+
+    what: str
+    published: int
+    delays_s: list[float]
+
+    def percentile_s(self, share: float) -> float:
+        """Return a percentile of the delays, s."""
+        ordered = sorted(self.delays_s) or [float("nan")]
+        return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def main() -> int:
+    """Measure, print, and say whether the limits hold."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--guesses", type=int, default=30, help="drawn emulators")
+    parser.add_argument("--kib", type=int, nargs="*", default=[32, 256], help="sizes")
+    parser.add_argument("--distance", type=float, nargs="*", default=[500.0, 1500.0], help="m")
+    parser.add_argument("--loss", type=float, nargs="*", default=[0.0, 0.2], help="shares")
+    parser.add_argument("--period", type=float, default=30.0, help="of the reports, s")
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument("--strict", action="store_true", help="exit with 1 when a limit is missed")
+    arguments = parser.parse_args()
+    rows = [
+        goodput(kib, distance_m, loss, arguments.guesses)
+        for kib in arguments.kib
+        for distance_m in arguments.distance
+        for loss in arguments.loss
+    ]
+    small = [
+        each
+        for distance_m in arguments.distance
+        for each in small_samples(distance_m, arguments.guesses, arguments.period)
+    ]
+    verdicts = _judge(rows, small)
+    if arguments.json:
+        told = [msgspec.to_builtins(row) for row in (*rows, *small)]
+        print(json.dumps({"rows": told, "holds": verdicts}))
+    else:
+        report(rows, small, verdicts)
+    return 1 if arguments.strict and not all(verdicts.values()) else 0
+
+
+def _judge(rows: Sequence[Goodput], small: Sequence[Small]) -> dict[str, bool]:
+    shares = [share for row in rows for share in row.shares]
+    during = [each for each in small if "without" not in each.what]
+    return {
+        f"goodput: {MEAN_LIMIT:g} of the raw client in the mean": (
+            statistics.fmean(shares) >= MEAN_LIMIT
+        ),
+        f"goodput: {LEAST_LIMIT:g} in each guess": min(shares) >= LEAST_LIMIT,
+        f"small samples: p95 at most {DELAY_LIMIT_S:g} s": all(
+            each.percentile_s(0.95) <= DELAY_LIMIT_S for each in during
+        ),
+    }
+
+
+def report(rows: Sequence[Goodput], small: Sequence[Small], verdicts: dict[str, bool]) -> None:
+    """Print the tables."""
+    print(f"{'':24}{'raw bit/s':>11}{'engine':>9}{'mean':>7}{'least':>7}  least guesses")
+    for row in rows:
+        shares = row.shares
+        worst = sorted(range(len(shares)), key=shares.__getitem__)[:3]
+        print(
+            f"{row.kib:4d} KiB {row.distance_m:5.0f} m {row.loss:4.0%}  "
+            f"{statistics.fmean(row.raw_bit_per_s):11.0f}"
+            f"{statistics.fmean(row.engine_bit_per_s):9.0f}"
+            f"{statistics.fmean(shares):7.2f}{min(shares):7.2f}  "
+            + ", ".join(f"{guess}: {shares[guess]:.2f}" for guess in worst)
+        )
+    print(f"\n{'small samples':52}{'sent':>6}{'arrived':>9}{'p50 s':>8}{'p95 s':>8}")
+    for each in small:
+        arrived = len(each.delays_s) / max(1, each.published)
+        print(
+            f"{each.what:52}{each.published:6d}{arrived:9.0%}"
+            f"{each.percentile_s(0.5):8.1f}{each.percentile_s(0.95):8.1f}"
+        )
+    for limit, holds in verdicts.items():
+        print(f"{limit}: {'holds' if holds else 'MISSED'}")
+
+
+def goodput(kib: int, distance_m: float, loss: float, guesses: int) -> Goodput:
+    """Send one object with both clients, over all guesses."""
+    raw: list[float] = []
+    engine: list[float] = []
+    for seed in range(guesses):
+        scenario = _scenario(distance_m, loss, seed)
+        guess = burst_guess(seed)
+        content = random.Random(seed).randbytes(kib << 10)
+        raw.append(8 * len(content) / RawClient(scenario, guess, content).run())
+        engine.append(8 * len(content) / EngineClient(scenario, guess).send(content))
+    return Goodput(
+        kib=kib,
+        distance_m=distance_m,
+        loss=loss,
+        raw_bit_per_s=raw,
+        engine_bit_per_s=engine,
+    )
+
+
+def small_samples(distance_m: float, guesses: int, period_s: float) -> list[Small]:
+    """Publish reports and real_time samples with and without a large sample under way."""
+    results: list[Small] = []
+    for has_object in (False, True):
+        clients = []
+        for seed in range(guesses):
+            client = EngineClient(_scenario(distance_m, 0.0, seed), burst_guess(seed))
+            client.measure(
+                random.Random(seed).randbytes(128 << 10) if has_object else b"", period_s
+            )
+            clients.append(client)
+        suffix = "during a large sample" if has_object else "without a large sample"
+        for stream_id, name in ((REPORT, "reports"), (URGENT, "real_time")):
+            for source, end in ((1, "its publisher"), (2, "its subscriber")):
+                results.append(
+                    Small(
+                        what=f"{distance_m:.0f} m, {name} of {end}, {suffix}",
+                        published=sum(each.published[source, stream_id] for each in clients),
+                        delays_s=[
+                            delay for each in clients for delay in each.delays_s[source, stream_id]
+                        ],
+                    )
+                )
+    return results
+
+
+def _scenario(distance_m: float, loss: float, seed: int) -> Scenario:
+    scenario = scenario_of(2, spacing_m=distance_m, seed=seed + 1)
+    return msgspec.structs.replace(scenario, loss=LossSpec(frame=loss))
+
+
+class RawClient:
+    """Gives the content to the modem as the modem takes it.
+
+    Args:
+        scenario: The channel.
+        guess: How the modems treat burst data.
+        content: What to send.
+    """
+
+    def __init__(self, scenario: Scenario, guess: BurstGuess, content: bytes) -> None:
+        self._sea = HostSea(scenario, behaviour=guess.behaviour, settings=guess.settings)
+        self._near: Host = self._sea.host(1)
+        self._far: Host = self._sea.host(2)
+        step = _PACKET_BYTES - 4
+        self._packets = [
+            number.to_bytes(4, "big") + content[at : at + step]
+            for number, at in enumerate(range(0, len(content), step))
+        ]
+        self._waiting = list(range(len(self._packets)))[::-1]
+        self._given: dict[int, int] = {}
+        self._read = self._read_far = 0
+        self._arrived: set[bytes] = set()
+        self._retry_at = 0
+
+    def run(self) -> float:
+        """Return how long it takes, s."""
+        fleet = self._sea.fleet
+        self._fill()
+        while len(self._arrived) < len(self._packets):
+            due_at = fleet.poll_timeout()
+            if self._waiting and not self._given:
+                due_at = self._retry_at if due_at is None else min(due_at, self._retry_at)
+            assert due_at is not None
+            assert due_at < seconds_to_ns(_LIMIT_S)
+            fleet.handle_timeout(max(due_at, fleet.now))
+            self._sea.collect()
+            self._take()
+            self._fill()
+        return ns_to_seconds(fleet.now)
+
+    def _take(self) -> None:
+        for _, message in self._near.heard[self._read :]:
+            if isinstance(message, Delivered | Failed):
+                packet = self._given.pop(message.counter, None)
+                if packet is not None and isinstance(message, Failed):
+                    self._waiting.append(packet)
+        self._read = len(self._near.heard)
+        for _, message in self._far.heard[self._read_far :]:
+            if isinstance(message, Recv):
+                self._arrived.add(message.payload)
+        self._read_far = len(self._far.heard)
+
+    def _fill(self) -> None:
+        while self._waiting and self._sea.fleet.now >= self._retry_at:
+            counter = int(self._near.say(b"AT?PC\n")[0])
+            payload = self._packets[self._waiting[-1]]
+            command = b"AT*SEND,%d,2,%s\n" % (len(payload), payload)
+            if self._near.say(command)[0] != "OK":
+                self._retry_at = self._sea.fleet.now + seconds_to_ns(0.2)
+                return
+            self._given[counter] = self._waiting.pop()
+
+
+class EngineClient:
+    """Two engines on the driver.
+
+    Args:
+        scenario: The channel.
+        guess: How the modems treat burst data.
+    """
+
+    def __init__(self, scenario: Scenario, guess: BurstGuess) -> None:
+        self.published: dict[tuple[int, int], int] = {}
+        self.delays_s: dict[tuple[int, int], list[float]] = {}
+        for source in (1, 2):
+            for stream_id in (REPORT, URGENT):
+                self.published[source, stream_id] = 0
+                self.delays_s[source, stream_id] = []
+        self._has_arrived = self._has_ended = False
+        self._at: dict[tuple[int, int, bytes], int] = {}
+        fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
+        self.sea = CrewedSea(fleet, _table(), self._deliver, config=EvologicsConfig())
+        self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
+
+    def send(self, content: bytes) -> float:
+        """Publish an object; return how long it takes until the other end has it, s."""
+        begun_at = self.sea.now
+        self._publish(1, PHOTO, content)
+        self.sea.until(lambda: self._has_arrived, limit_s=_LIMIT_S)
+        return ns_to_seconds(self.sea.now - begun_at)
+
+    def measure(self, content: bytes, period_s: float) -> None:
+        """Publish small samples while an object is under way; empty: for as long as one takes."""
+        rng = random.Random(f"small/{period_s}")
+        for source in (1, 2):
+            self._repeat(source, REPORT, lambda: period_s, rng.uniform(0.0, period_s))
+            self._repeat(source, URGENT, lambda: rng.uniform(20.0, 60.0), rng.uniform(5.0, 30.0))
+        self.sea.run(90.0)  # the engines introduce themselves
+        for key in self.published:
+            self.published[key] = 0
+            self.delays_s[key].clear()
+        self._at.clear()
+        if content:
+            self.send(content)
+        else:
+            self.sea.run(300.0)
+        self._has_ended = True
+        self.sea.run(30.0)  # what was published before the end may still arrive
+
+    def _repeat(
+        self, source: int, stream_id: int, pause_s: Callable[[], float], first_s: float
+    ) -> None:
+        def publish() -> None:
+            if self._has_ended:
+                return
+            self.published[source, stream_id] += 1
+            number = self.published[source, stream_id].to_bytes(4, "big")
+            value = number + bytes(16 if stream_id == REPORT else 4)
+            self._at[source, stream_id, value] = self.sea.now
+            self._publish(source, stream_id, value)
+            self.sea.after(pause_s(), publish)
+
+        self.sea.after(first_s, publish)
+
+    def _publish(self, source: int, stream_id: int, value: bytes) -> None:
+        node = self.sea.crew[source - 1]
+        self.sea.apply(node, lambda engine, now: engine.publish(stream_id, value, now))
+
+    def _deliver(self, node: CrewNode, event: Event) -> None:
+        if not isinstance(event, SampleReceived):
+            return
+        if event.stream_id == PHOTO:
+            self._has_arrived = True
+            return
+        assert isinstance(event.value, bytes)
+        published_at = self._at.pop((event.source, event.stream_id, event.value), None)
+        if published_at is not None:
+            delay_s = ns_to_seconds(self.sea.now - published_at)
+            self.delays_s[event.source, event.stream_id].append(delay_s)
+
+
+def _table() -> StreamTable:
+    return StreamTable(
+        [
+            TopicSpec(
+                stream_id=PHOTO,
+                name="photo",
+                publishers=(1,),
+                subscribers=(2,),
+                qos=Qos(reliability=Reliability.RELIABLE, depth=2),
+            ),
+            TopicSpec(stream_id=REPORT, name="report", qos=Qos(depth=1)),
+            TopicSpec(stream_id=URGENT, name="urgent", qos=Qos(priority=Priority.REAL_TIME)),
+        ],
+        nodes={1: "shore", 2: "vehicle"},
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

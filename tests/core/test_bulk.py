@@ -1,0 +1,220 @@
+"""Large samples to one node by a bulk service: several frames under way, repair, pauses, fallback.
+
+The modem of `bulklink` sends 8 kbit/s in trains of three frames; each train costs a round trip.
+"""
+
+import itertools
+import random
+
+import msgspec
+import pytest
+
+from tests.core.bulklink import CAPABILITIES, BulkSea
+from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.engine.events import (
+    BulkChanged,
+    DeliveryEnded,
+    DeliveryOutcome,
+    ObjectProgress,
+    SampleReceived,
+)
+from zacoustic.core.linktypes import LinkState, Service
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+
+PHOTO, NAV = 1, 2
+KIB = random.Random("photo").randbytes(32 << 10)
+NODES = {1: "shore", 2: "auv", 3: "buoy"}
+
+
+def table(nodes: int = 2, *, subscribers: tuple[int, ...] = (2,)) -> StreamTable:
+    return StreamTable(
+        [
+            TopicSpec(
+                stream_id=PHOTO,
+                name="photo",
+                qos=Qos(reliability=Reliability.RELIABLE, depth=4),
+                publishers=(1,),
+                subscribers=subscribers,
+                journal=True,
+            ),
+            TopicSpec(stream_id=NAV, name="nav", qos=Qos(depth=1)),
+        ],
+        nodes={address: NODES[address] for address in range(1, nodes + 1)},
+    )
+
+
+def got(sea: BulkSea, address: int) -> list[object]:
+    events = sea.nodes[address].events
+    return [
+        each.value
+        for each in events
+        if isinstance(each, SampleReceived) and each.stream_id == PHOTO
+    ]
+
+
+def publish(sea: BulkSea, payload: bytes = KIB) -> None:
+    sea.nodes[1].engine.publish(PHOTO, payload, sea.now)
+    sea.nodes[1].serve()
+
+
+def is_delivered(sea: BulkSea) -> bool:
+    return any(
+        isinstance(each, DeliveryEnded) and each.outcome is DeliveryOutcome.DELIVERED
+        for each in sea.nodes[1].events
+    )
+
+
+def bulk_bytes(sea: BulkSea) -> int:
+    return sum(len(made.frame_bytes) for _, _, made in sea.given if made.service is Service.BULK)
+
+
+def test_large_sample_goes_by_the_bulk_service_as_fast_as_the_device_sends() -> None:
+    sea = BulkSea(table())
+    publish(sea)
+    lasted_s = sea.run(lambda: is_delivered(sea))
+    assert got(sea, 2) == [KIB]
+    # Eleven trains of 3.4 s and a round trip of 1.2 s, two pauses of a second, the answer.
+    assert lasted_s < 60.0
+    assert sea.nodes[1].most_outstanding > 3, "the buffer of the modem must not run dry"
+    assert bulk_bytes(sea) < 1.03 * len(KIB)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_only_what_was_reported_lost_is_sent_again(seed: int) -> None:
+    sea = BulkSea(table(), loss=0.5, seed=seed)
+    publish(sea)
+    sea.run(lambda: is_delivered(sea))
+    assert got(sea, 2) == [KIB]
+    # What the engine gives again is what failed with a connection, and a question or two.
+    failed = [made for _, _, made in sea.given if made.service is Service.BULK]
+    assert len(failed) <= 33 + 6 * 16
+
+
+def test_without_bulk_service_nothing_changes() -> None:
+    plain = msgspec.structs.replace(CAPABILITIES, bulk=None)
+    sea = BulkSea(table(), capabilities=plain)
+    publish(sea, KIB[:2000])
+    sea.run(lambda: is_delivered(sea))
+    assert got(sea, 2) == [KIB[:2000]]
+    assert not bulk_bytes(sea)
+
+
+def test_sample_for_several_nodes_goes_by_broadcast() -> None:
+    sea = BulkSea(table(3, subscribers=(2, 3)), (1, 2, 3))
+    publish(sea, KIB[:1000])
+    sea.run(lambda: is_delivered(sea))
+    assert got(sea, 2) == got(sea, 3) == [KIB[:1000]]
+    assert not bulk_bytes(sea)
+
+
+def test_other_end_is_heard_in_the_pauses_of_a_transfer() -> None:
+    sea = BulkSea(table())
+    big = KIB * 4
+
+    def report(address: int) -> None:
+        sea.nodes[address].engine.publish(NAV, b"position!", sea.now)
+        if not is_delivered(sea):
+            sea.at(15.0, lambda: report(address))
+
+    report(1)
+    report(2)
+    sea.run(lambda: sea.now > 60 * 10**9)
+    publish(sea, big)
+    for node in sea.nodes.values():
+        node.events.clear()
+    lasted_s = sea.run(lambda: is_delivered(sea))
+    assert got(sea, 2) == [big]
+    for address in (1, 2):
+        reports = [
+            each.received_at / 1e9
+            for each in sea.nodes[address].events
+            if isinstance(each, SampleReceived) and each.stream_id == NAV
+        ]
+        gaps_s = [later - before for before, later in itertools.pairwise(reports)]
+        assert len(reports) >= 0.7 * lasted_s / 15.0, (address, gaps_s)
+        assert max(gaps_s) < 45.0, (address, gaps_s)
+
+
+def test_where_bulk_data_do_not_get_through_the_plain_service_carries_them_with_an_event() -> None:
+    sea = BulkSea(table(), broken=True)
+
+    def report() -> None:
+        sea.nodes[2].engine.publish(NAV, b"position!", sea.now)
+        sea.at(20.0, report)
+
+    report()
+    publish(sea, KIB[:4000])
+    sea.run(lambda: is_delivered(sea))
+    assert got(sea, 2) == [KIB[:4000]]
+    [event] = [each for each in sea.nodes[1].events if isinstance(each, BulkChanged)]
+    assert (event.address, event.works) == (2, False)
+    # The next one does not try again, so soon.
+    trains = sea.trains[1]
+    sea.nodes[1].events.clear()
+    publish(sea, KIB[:500])
+    sea.run(lambda: is_delivered(sea))
+    assert sea.trains[1] == trains
+
+
+def test_node_out_of_range_costs_few_trains_and_gets_the_rest_when_it_is_back() -> None:
+    sea = BulkSea(table())
+    publish(sea)
+    sea.run(lambda: sea.now > 20 * 10**9)
+    sea.broken, sea.loss = True, 1.0
+    before = sea.trains[1]
+    sea.run(lambda: sea.now > 260 * 10**9)
+    assert sea.trains[1] - before <= 40  # ten connections, four times tried
+    sea.broken, sea.loss = False, 0.0
+    sea.run(lambda: is_delivered(sea), 300.0)
+    assert got(sea, 2) == [KIB]
+    assert not any(isinstance(each, BulkChanged) for each in sea.nodes[1].events)
+
+
+@pytest.mark.parametrize("killed", [1, 2])
+@pytest.mark.parametrize("at_s", [5.0, 17.0, 31.0, 40.0])
+def test_killed_and_resumed_it_sends_little_again(killed: int, at_s: float) -> None:
+    big = KIB * 3
+    sea = BulkSea(table())
+    publish(sea, big)
+    sea.run(lambda: sea.now > at_s * 10**9)
+    sea.restart(killed)
+    sea.run(
+        lambda: (
+            bool(got(sea, 2))
+            and any(isinstance(each, DeliveryEnded) for each in sea.nodes[1].events)
+        )
+    )
+    assert got(sea, 2) == [big]
+    window = 7 * 1024
+    assert bulk_bytes(sea) <= 1.05 * len(big) + window
+
+
+def test_progress_counts_what_the_other_modem_has() -> None:
+    sea = BulkSea(table())
+    publish(sea)
+    sea.run(lambda: sea.now > 25 * 10**9)
+    told = [each for each in sea.nodes[1].events if isinstance(each, ObjectProgress)][-1]
+    assert told.total_bytes == len(KIB)
+    arrived = [each for each in sea.nodes[2].events if isinstance(each, ObjectProgress)][
+        -1
+    ].done_bytes
+    assert abs(told.done_bytes - arrived) <= 6 * 1024
+
+
+def test_nothing_goes_while_the_link_is_down_and_the_rest_afterwards() -> None:
+    sea = BulkSea(table())
+    publish(sea)
+    sea.run(lambda: sea.now > 12 * 10**9)
+    node = sea.nodes[1]
+    node.engine.handle_link_state(LinkState.DOWN, sea.now)
+    node.serve()
+    before = [made for _, address, made in sea.given if address == 1]
+    sea.at(30.0, lambda: None)
+    sea.run(lambda: sea.now > 35 * 10**9)
+    given = [made for _, address, made in sea.given if address == 1]
+    assert given == before, "nothing goes while the link is down"
+    node.engine.handle_link_state(LinkState.UP, sea.now, sea.capabilities)
+    node.serve()
+    sea.run(lambda: is_delivered(sea))
+    assert got(sea, 2) == [KIB]

@@ -1,0 +1,182 @@
+"""The bulk service: burst data in the buffer of the modem, over the guesses at what it does."""
+
+import random
+from collections import Counter
+
+import msgspec
+import pytest
+
+from tests.links.evologics.driver.sea import Sea
+from tests.links.evologics.emulator.test_instant import lossy
+from zacoustic.channel.scenario import Scenario
+from zacoustic.core.linktypes import (
+    BROADCAST,
+    LinkState,
+    Service,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic_evologics.config import EvologicsConfig
+from zacoustic_evologics.driver.sending.bursts import MOST_OUTSTANDING
+from zacoustic_evologics.emulator import Behaviour, EmulatedFleet, burst_guess, scenario_of
+
+FRAME = random.Random("burst").randbytes(1024)
+
+
+def sea_of(
+    scenario: Scenario | None = None,
+    *,
+    behaviour: Behaviour | None = None,
+    settings: dict[str, int] | None = None,
+) -> Sea:
+    scenario = scenario or scenario_of(2, spacing_m=500.0)
+    fleet = EmulatedFleet(scenario, behaviour=behaviour, settings={"L": 0} | (settings or {}))
+    sea = Sea(scenario, fleet=fleet)
+    sea.make_ready()
+    return sea
+
+
+def give(sea: Sea, number: int, *, to: int = 2, content: bytes | None = None) -> int:
+    """Give a frame of the bulk service to the first node; return its id."""
+    node = sea[1]
+    node.transmissions += 1
+    content = number.to_bytes(4, "big") + FRAME[4:] if content is None else content
+    made = Transmission(
+        transmission_id=node.transmissions,
+        frame_bytes=content,
+        destination=to,
+        acknowledge=True,
+        service=Service.BULK,
+    )
+    node.dialogue.transmit(made, sea.now)
+    sea.after(0.0, lambda: None)
+    sea._serve(node)
+    sea._deliver()
+    return node.transmissions
+
+
+def reports(sea: Sea) -> dict[int, TransmitReport]:
+    told = sea[1].reports
+    assert max(Counter(each.transmission_id for each in told).values(), default=1) == 1
+    return {each.transmission_id: each for each in told}
+
+
+def numbers(sea: Sea) -> list[int]:
+    frames = [each for each in sea[2].frames if each.service is Service.BULK]
+    return [int.from_bytes(each.frame_bytes[:4], "big") for each in frames]
+
+
+def test_capabilities_tell_the_service_unless_the_settings_exclude_it() -> None:
+    bulk = sea_of()[1].dialogue.capabilities.bulk
+    assert bulk is not None
+    assert (bulk.mtu_bytes, bulk.most_outstanding) == (1024, MOST_OUTSTANDING)
+    for config in (EvologicsConfig(service="im"), EvologicsConfig(mtu=1024)):
+        sea = Sea(scenario_of(2), config=config)
+        assert sea[1].dialogue.capabilities.bulk is None
+        sea.make_ready()
+        give(sea, 1)
+        assert reports(sea)[1].outcome is TransmitOutcome.REJECTED
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_many_are_outstanding_and_each_is_reported_once_and_arrives_in_order(seed: int) -> None:
+    guess = burst_guess(seed)
+    sea = sea_of(behaviour=guess.behaviour, settings=guess.settings)
+    for number in range(20):
+        give(sea, number)
+    assert not reports(sea), "all of them are under way"
+    sea.until(lambda: len(reports(sea)) == 20, limit_s=400.0)
+    assert {each.outcome for each in reports(sea).values()} == {TransmitOutcome.DELIVERED}
+    assert numbers(sea) == list(range(20))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_lost_is_reported_and_what_is_reported_delivered_has_arrived(seed: int) -> None:
+    guess = burst_guess(seed)
+    scenario = msgspec.structs.replace(lossy(0.45, back=0.45, seed=seed))
+    sea = sea_of(scenario, behaviour=guess.behaviour, settings=guess.settings)
+    for number in range(12):
+        give(sea, number)
+    sea.until(lambda: len(reports(sea)) == 12, limit_s=2000.0)
+    arrived = numbers(sea)
+    for transmission_id, told in reports(sea).items():
+        if told.outcome is TransmitOutcome.DELIVERED:
+            assert transmission_id - 1 in arrived
+    sea[1].reports.clear()
+    give(sea, 99)
+    sea.until(lambda: bool(sea[1].reports), limit_s=600.0)  # the service goes on
+
+
+@pytest.mark.parametrize("fate", ["taken", "queued", "refused"])
+def test_instant_message_goes_while_burst_data_are_under_way(fate: str) -> None:
+    behaviour = Behaviour(im_in_train=fate)  # type: ignore[arg-type]
+    sea = sea_of(behaviour=behaviour)
+    for number in range(12):
+        give(sea, number)
+    sea.run(1.5)
+    report = sea.send(1, b"position", BROADCAST)
+    assert report.outcome is TransmitOutcome.SENT
+    sea.until(lambda: len(reports(sea)) == 13)
+    if fate == "taken":
+        assert report.finished_at < max(each.finished_at for each in sea[1].reports)
+    sea.run(1.0)
+    assert b"position" in [each.frame_bytes for each in sea[2].frames]
+    assert numbers(sea) == list(range(12))
+
+
+def test_small_buffer_is_kept_full_and_the_rest_waits_in_the_driver() -> None:
+    sea = sea_of(settings={"ZL": 8096})
+    for number in range(MOST_OUTSTANDING):
+        give(sea, number)
+    give(sea, 99)
+    assert reports(sea)[MOST_OUTSTANDING + 1].outcome is TransmitOutcome.REJECTED
+    sea.until(lambda: len(reports(sea)) == MOST_OUTSTANDING + 1, limit_s=300.0)
+    assert numbers(sea) == list(range(MOST_OUTSTANDING))
+
+
+@pytest.mark.parametrize(
+    ("to", "content"), [(BROADCAST, FRAME), (1, FRAME), (200, FRAME), (2, b""), (2, FRAME + b"x")]
+)
+def test_what_no_burst_can_carry_is_rejected(to: int, content: bytes) -> None:
+    sea = sea_of()
+    give(sea, 1, to=to, content=content)
+    assert reports(sea)[1].outcome is TransmitOutcome.REJECTED
+
+
+def test_nobody_there_fails_all_of_them_and_the_back_off_is_waited_for() -> None:
+    sea = sea_of(lossy(1.0), settings={"RC": 1})
+    for number in range(3):
+        give(sea, number)
+    sea.until(lambda: len(reports(sea)) == 3)
+    assert {each.outcome for each in reports(sea).values()} == {TransmitOutcome.NOT_DELIVERED}
+    give(sea, 4)  # the modem is in its back-off
+    sea.until(lambda: len(reports(sea)) == 4)
+    assert reports(sea)[4].outcome is TransmitOutcome.NOT_DELIVERED
+
+
+def test_lost_connection_reports_all_of_them_after_the_link_is_down() -> None:
+    sea = sea_of()
+    for number in range(10):
+        give(sea, number)
+    sea.run(2.0)
+    before = len(reports(sea))
+    sea.cut(1)
+    assert len(reports(sea)) == 10
+    aborted = [each.outcome for each in sea[1].reports[before:]]
+    assert set(aborted) == {TransmitOutcome.ABORTED}
+    assert sea[1].changes[-1][1] is LinkState.DOWN
+    sea.until(lambda: sea[1].is_ready, limit_s=60.0)
+    give(sea, 77)
+    sea.until(lambda: len(reports(sea)) == 11, limit_s=200.0)
+    assert 77 in numbers(sea)
+
+
+def test_data_of_another_program_in_the_buffer_do_not_stay_in_the_way() -> None:
+    sea = sea_of(lossy(0.0))
+    other = sea.fleet.open_port(1, now=sea.now)
+    sea.fleet.handle_bytes(other, b"AT*SEND,4,2,abcd\n", sea.now)
+    give(sea, 5)
+    sea.until(lambda: len(reports(sea)) == 1)
+    assert reports(sea)[1].outcome is TransmitOutcome.DELIVERED
+    assert 5 in numbers(sea)
