@@ -326,3 +326,8 @@ def test_replay_of_the_calls_gives_the_same_events() -> None:
     for each in calls:
         assert call_engine(again, each.name, each.arguments) == each.result
     assert again.lost_contact.countdowns() == engine.lost_contact.countdowns()
+
+
+def test_a_recording_has_the_rules() -> None:
+    written = rules(1, 2)
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(written), type=TransmitRules) == written
