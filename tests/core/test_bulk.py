@@ -115,7 +115,7 @@ def test_other_end_is_heard_in_the_pauses_of_a_transfer() -> None:
     def report(address: int) -> None:
         sea.nodes[address].engine.publish(NAV, b"position!", sea.now)
         if not is_delivered(sea):
-            sea.at(15.0, lambda: report(address))
+            sea.at(25.0, lambda: report(address))
 
     report(1)
     report(2)
@@ -132,8 +132,8 @@ def test_other_end_is_heard_in_the_pauses_of_a_transfer() -> None:
             if isinstance(each, SampleReceived) and each.stream_id == NAV
         ]
         gaps_s = [later - before for before, later in itertools.pairwise(reports)]
-        assert len(reports) >= 0.7 * lasted_s / 15.0, (address, gaps_s)
-        assert max(gaps_s) < 45.0, (address, gaps_s)
+        assert len(reports) >= 0.7 * lasted_s / 25.0, (address, gaps_s)
+        assert max(gaps_s) < 55.0, (address, gaps_s)
 
 
 def test_where_bulk_data_do_not_get_through_the_plain_service_carries_them_with_an_event() -> None:

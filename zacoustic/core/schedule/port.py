@@ -55,6 +55,8 @@ _NO_PAUSE = 255
 _BULK_RUN_NS: Final = 12 * NS_PER_S
 # The same for an urgent frame.
 _LONGEST_TRAIN_NS: Final = 6 * NS_PER_S
+BULK_PAUSE_MARGIN_NS: Final = 8 * NS_PER_S // 10
+"""Time of devices and computers in a pause between runs of a bulk service, ns."""
 MOST_OUTSTANDING: Final = 1
 """The most transmissions of the plain service under way: as many as links of
 `zacoustic.link.contract` accept."""
@@ -98,8 +100,10 @@ class LinkPort:
         self._outstanding: dict[int, tuple[Part, ...]] = {}
         self._bulk_run_until = 0
         """Instant until which a node that sends this one much data is taken to go on, ns."""
+        self._bulk_pause_until = 0
+        """Instant until which a frame may start in that node's present pause, ns."""
         self._bulk_heard = (0, 0)
-        """That node, and when its last frame came, ns."""
+        """That node, unless it pauses, and when its last frame came, ns."""
         self._asked_for_pause_at: int | None = None
         self._gap_until = 0
         self._last_frame: dict[int, tuple[bytes, int]] = {}
@@ -144,7 +148,8 @@ class LinkPort:
         if self.is_full:
             return None
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
-        due_at = max(due_at, self._free_of_bulk_at(is_urgent=wanted.is_urgent))
+        if now > self._bulk_pause_until:
+            due_at = max(due_at, self._free_of_bulk_at(is_urgent=wanted.is_urgent))
         if self._listens:
             due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
             follows = wanted.is_urgent or wanted.is_copy
@@ -320,9 +325,12 @@ class LinkPort:
     def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:
         """Learn from a fragment of `source` when it will listen."""
         if frame.service is Service.BULK:
-            goes_on = call is ListenHint.NONE
+            goes_on = call is not ListenHint.ANSWER
             self._bulk_run_until = now + _BULK_RUN_NS if goes_on else 0
-            self._bulk_heard = (source, now) if goes_on else (0, 0)
+            self._bulk_heard = (source if call is ListenHint.NONE else 0, now)
+            if call is ListenHint.WINDOW:
+                gap_ns = seconds_to_ns(self.capabilities.gap_s)
+                self._bulk_pause_until = now + gap_ns + BULK_PAUSE_MARGIN_NS
             return
         if call is ListenHint.WINDOW:
             airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))

@@ -4,17 +4,13 @@ No number of seconds here belongs to one modem: a *slot* is the time from the st
 to the start of the next, and the other durations follow from slots and the propagation delay.
 """
 
-from typing import Final
-
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.schedule.access.otherruns import RUN_LIMIT_NS
+from zacoustic.core.schedule.port import BULK_PAUSE_MARGIN_NS
 from zacoustic.core.wire.objects import FEEDBACK_BYTES
-
-_BULK_PAUSE_MARGIN_S: Final = 0.5
-"""Time of devices and computers in a pause on the bulk service, s."""
 
 
 class Timing(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,7 +44,7 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
             # The receiver knows of it and begins at once; others do when they hear nothing.
             bulk_pause_ns=seconds_to_ns(capabilities.gap_s)
             + capabilities.airtime_ns(capabilities.mtu_bytes // 2)
-            + seconds_to_ns(_BULK_PAUSE_MARGIN_S),
+            + BULK_PAUSE_MARGIN_NS,
             senses_carrier=capabilities.senses_carrier,
         )
 
