@@ -1,5 +1,6 @@
 """A schedule in which clocks go wrong, nodes go, come and move: the others lose nothing by it."""
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -57,7 +58,7 @@ def test_clock_that_is_wrong_by_ten_guards_destroys_no_frame_of_others_and_heals
         assert back_s <= 3 * fleet.cycle_s, seed
         for node in set(fleet.addresses) - {WRONG}:
             times = fleet.times(node, 100.0)
-            waits = [after - before for before, after in zip(times, times[1:], strict=False)]
+            waits = [after - before for before, after in itertools.pairwise(times)]
             assert max(waits) <= 3 * fleet.cycle_s, seed
 
 
@@ -82,9 +83,9 @@ def test_clock_that_creeps_away_is_noticed_before_it_destroys_anything(
         fleet.run(900)
         assert list(fleet.collisions(apart_from=(WRONG,))) == [], seed
         told = [state for _, state in fleet.states[WRONG]]
-        assert any(
-            fault.trouble is Trouble.OUTSIDE for state in told for fault in state.faults
-        ), seed
+        assert any(fault.trouble is Trouble.OUTSIDE for state in told for fault in state.faults), (
+            seed
+        )
 
 
 def test_two_nodes_go_and_one_joins(count: Callable[[int], int]) -> None:
@@ -103,14 +104,14 @@ def test_two_nodes_go_and_one_joins(count: Callable[[int], int]) -> None:
         assert fleet.times(6)[0] - 300.0 <= 3 * fleet.cycle_s + 6.0, seed
         for node in (2, 4, 5):
             times = fleet.times(node, 290.0)
-            assert max(b - a for a, b in zip(times, times[1:], strict=False)) <= 3 * fleet.cycle_s
+            assert max(b - a for a, b in itertools.pairwise(times)) <= 3 * fleet.cycle_s
 
 
 def test_guard_that_no_longer_reaches_is_told_and_kept(count: Callable[[int], int]) -> None:
     for seed in range(count(100)):
         fleet = Slotted(seed)
         first, second = fleet.spec.slots[0].owners[0], fleet.spec.slots[1].owners[0]
-        there = tuple(each + 900.0 for each in fleet.places[first][:2]) + (20.0,)
+        there = (*tuple(each + 900.0 for each in fleet.places[first][:2]), 20.0)
         fleet.run(200)
 
         fleet.network.move(first, there)  # type: ignore[arg-type]
@@ -133,7 +134,7 @@ def test_guard_that_no_longer_reaches_is_told_and_kept(count: Callable[[int], in
 def test_without_any_clock_auto_is_carrier_sense_and_comes_back() -> None:
     jumps = [{"at_s": 400.0, "by_s": 3.0e8}]
     unset = {"offset_s": -3.0e8, "jumps": jumps}
-    fleet = Slotted(3, auto=True, clocks={node: unset for node in range(1, 6)})
+    fleet = Slotted(3, auto=True, clocks=dict.fromkeys(range(1, 6), unset))
     fleet.run(900)
     for node in fleet.addresses:
         assert fleet.times(node)[0] < 60.0
