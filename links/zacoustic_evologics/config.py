@@ -28,6 +28,10 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     and are rejected if it does not. `burst`: burst data to one receiver. `auto`: instant messages
     up to 64 bytes, burst data above, and a piggyback message if that is sooner: to a modem that
     awaits an acknowledgement."""
+    bulk: bool = False
+    """Large samples to one node go as burst data, beside instant messages for all else; with
+    `service` `auto` and `mtu` up to 64. Off by default: on an emulated modem an emergency from the
+    receiver of a large sample arrives in 65…71 % of cases meanwhile, p95 34…36 s."""
     mtu: int = IM_LIMIT_BYTES
     """Largest frame, bytes, 16…64, with burst data up to 1024. Frames above 64 need one receiver:
     burst data has no broadcast."""
@@ -76,6 +80,11 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
         """
         limit = BURST_LIMIT_BYTES if self.service in ("auto", "burst") else IM_LIMIT_BYTES
         _check_range("mtu", self.mtu, 16, limit)
+        if self.bulk and (self.service != "auto" or self.mtu > IM_LIMIT_BYTES):
+            raise ValueError(
+                f"bulk is true with service {self.service} and mtu {self.mtu}; it needs service "
+                f"auto and an mtu of at most {IM_LIMIT_BYTES}"
+            )
         _check_range("baudrate", self.baudrate, 300, 4_000_000)
         _check_range("retries", self.retries, 0, _RETRIES_MAX)
         for name, value in (

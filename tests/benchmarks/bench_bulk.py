@@ -280,7 +280,7 @@ class EngineClient:
         self._has_arrived = self._has_ended = False
         self._at: dict[tuple[int, int, bytes], int] = {}
         fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
-        self.sea = CrewedSea(fleet, _table(), self._deliver, config=EvologicsConfig())
+        self.sea = CrewedSea(fleet, _table(), self._deliver, config=EvologicsConfig(bulk=True))
         self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
 
     def send(self, content: bytes) -> float:

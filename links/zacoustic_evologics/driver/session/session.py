@@ -130,7 +130,7 @@ class ModemSession:
     @property
     def has_bulk(self) -> bool:
         """Frames above an instant message go as burst data of a service of their own."""
-        return self.config.service == "auto" and self.config.mtu <= IM_LIMIT_BYTES
+        return self.config.bulk
 
     def hear(self, now: int) -> None:
         """Note that the modem sends something, perhaps after a restart."""

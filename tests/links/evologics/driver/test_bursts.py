@@ -32,7 +32,7 @@ def sea_of(
 ) -> Sea:
     scenario = scenario or scenario_of(2, spacing_m=500.0)
     fleet = EmulatedFleet(scenario, behaviour=behaviour, settings={"L": 0} | (settings or {}))
-    sea = Sea(scenario, fleet=fleet)
+    sea = Sea(scenario, fleet=fleet, config=EvologicsConfig(bulk=True))
     sea.make_ready()
     return sea
 
@@ -67,11 +67,11 @@ def numbers(sea: Sea) -> list[int]:
     return [int.from_bytes(each.frame_bytes[:4], "big") for each in frames]
 
 
-def test_capabilities_tell_the_service_unless_the_settings_exclude_it() -> None:
+def test_capabilities_tell_the_service_where_the_settings_ask_for_it() -> None:
     bulk = sea_of()[1].dialogue.capabilities.bulk
     assert bulk is not None
     assert (bulk.mtu_bytes, bulk.most_outstanding) == (1024, MOST_OUTSTANDING)
-    for config in (EvologicsConfig(service="im"), EvologicsConfig(mtu=1024)):
+    for config in (EvologicsConfig(), EvologicsConfig(service="im"), EvologicsConfig(mtu=1024)):
         sea = Sea(scenario_of(2), config=config)
         assert sea[1].dialogue.capabilities.bulk is None
         sea.make_ready()

@@ -77,3 +77,9 @@ def test_capabilities_are_the_published_ones() -> None:
     assert not told.controls_access
     unchecked = EvologicsLink.from_locator("tcp:a:1", EvologicsConfig(check=True), node_address=1)
     assert not unchecked.capabilities.checked
+
+
+@pytest.mark.parametrize("settings", [{"service": "im"}, {"mtu": "1024"}])
+def test_bulk_needs_messages_and_bursts_side_by_side(settings: dict[str, str]) -> None:
+    with pytest.raises(ConfigError, match="bulk is true"):
+        converted(bulk="true", **settings)
