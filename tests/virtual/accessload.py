@@ -17,8 +17,8 @@ from tests.virtual.throughput import carrier_sense_theory
 from zacoustic.app.tools.design.schedule import ScheduleWish, distance_of, make_schedule
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.base.qos import Qos
+from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access import (

@@ -122,9 +122,7 @@ class Slotted:
             [TopicSpec(stream_id=1, name="{node}/t", qos=Qos(depth=1))],
             nodes={node: f"n{node}" for node in self.addresses},
         )
-        access = (
-            AutoSpec(slots=self.spec.slots, clock_error_s=CLOCK_ERROR_S) if auto else self.spec
-        )
+        access = AutoSpec(slots=self.spec.slots, clock_error_s=CLOCK_ERROR_S) if auto else self.spec
         self.sent: list[Sent] = []
         self.delivered: list[tuple[float, int, int]] = []
         """Instant, s, sender and receiver of each sample."""

@@ -82,9 +82,9 @@ def test_clock_that_creeps_away_is_noticed_before_it_destroys_anything(
         fleet.run(900)
         assert list(fleet.collisions(apart_from=(WRONG,))) == [], seed
         told = [state for _, state in fleet.states[WRONG]]
-        assert any(
-            fault.trouble is Trouble.OUTSIDE for state in told for fault in state.faults
-        ), seed
+        assert any(fault.trouble is Trouble.OUTSIDE for state in told for fault in state.faults), (
+            seed
+        )
 
 
 def test_two_nodes_go_and_one_joins(count: Callable[[int], int]) -> None:
@@ -133,7 +133,7 @@ def test_guard_that_no_longer_reaches_is_told_and_kept(count: Callable[[int], in
 def test_without_any_clock_auto_is_carrier_sense_and_comes_back() -> None:
     jumps = [{"at_s": 400.0, "by_s": 3.0e8}]
     unset = {"offset_s": -3.0e8, "jumps": jumps}
-    fleet = Slotted(3, auto=True, clocks={node: unset for node in range(1, 6)})
+    fleet = Slotted(3, auto=True, clocks=dict.fromkeys(range(1, 6), unset))
     fleet.run(900)
     for node in fleet.addresses:
         assert fleet.times(node)[0] < 60.0
