@@ -22,13 +22,13 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access import (
-    AccessSpec,
     AlohaSpec,
     CarrierSenseSpec,
     PollingSpec,
     ScheduleSpec,
     TdmaSpec,
 )
+from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
