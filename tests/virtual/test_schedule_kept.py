@@ -1,8 +1,8 @@
 """A schedule in which clocks go wrong, nodes go, come and move: the others lose nothing by it."""
 
-import itertools
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -58,7 +58,7 @@ def test_clock_that_is_wrong_by_ten_guards_destroys_no_frame_of_others_and_heals
         assert back_s <= 3 * fleet.cycle_s, seed
         for node in set(fleet.addresses) - {WRONG}:
             times = fleet.times(node, 100.0)
-            waits = [after - before for before, after in itertools.pairwise(times)]
+            waits = [after - before for before, after in pairwise(times)]
             assert max(waits) <= 3 * fleet.cycle_s, seed
 
 
@@ -104,18 +104,19 @@ def test_two_nodes_go_and_one_joins(count: Callable[[int], int]) -> None:
         assert fleet.times(6)[0] - 300.0 <= 3 * fleet.cycle_s + 6.0, seed
         for node in (2, 4, 5):
             times = fleet.times(node, 290.0)
-            assert max(b - a for a, b in itertools.pairwise(times)) <= 3 * fleet.cycle_s
+            assert max(b - a for a, b in pairwise(times)) <= 3 * fleet.cycle_s
 
 
 def test_guard_that_no_longer_reaches_is_told_and_kept(count: Callable[[int], int]) -> None:
     for seed in range(count(100)):
         fleet = Slotted(seed)
         first, second = fleet.spec.slots[0].owners[0], fleet.spec.slots[1].owners[0]
-        there = (*tuple(each + 900.0 for each in fleet.places[first][:2]), 20.0)
+        x_m, y_m, _ = fleet.places[first]
+        there = (x_m + 900.0, y_m + 900.0, 20.0)
         fleet.run(200)
 
-        fleet.network.move(first, there)  # type: ignore[arg-type]
-        fleet.places[first] = there  # type: ignore[assignment]
+        fleet.network.move(first, there)
+        fleet.places[first] = there
         assert math.dist(fleet.places[first], fleet.places[second]) > fleet.spec.slots[0].range_m
         fleet.run(500)
         assert list(fleet.collisions(250.0)) == [], seed

@@ -2,10 +2,10 @@
 
 Slots are worth most and need a clock; carrier sense and ALOHA need none and are always safe to try.
 So a node with a schedule in its file uses it while it knows the time and has a slot, and falls back
-to what the link offers by itself while it does not: no node is silent for want of a clock.
+to what the link offers by itself while it does not.
 
-A node without any time falls back at once. One whose time has jumped waits for some cycles first:
-a jump is often over by then. A node that is alone with its time among nodes that keep to the
+A node without any time falls back at once. A node whose time has jumped waits for some cycles
+first: a jump is often over by then. A node that is alone with its time among nodes that keep to the
 schedule knows that others use the slots; it is silent, emergencies apart, until its clock is right
 or it hears them no longer. When the clock is good again, the schedule has it back at once; it
 listens for a cycle, as ever, before it uses its slots.

@@ -21,7 +21,14 @@ from zacoustic.config import Config
 from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Stamp
-from zacoustic.core.schedule.access import ClockedSpec, DelegatedSpec, PollingSpec, choose
+from zacoustic.core.schedule.access import (
+    AutoSpec,
+    ClockedSpec,
+    DelegatedSpec,
+    PollingSpec,
+    choice,
+    choose,
+)
 from zacoustic.core.schedule.silence import QuietWindow
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
@@ -421,6 +428,10 @@ def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
         controls_access=isinstance(access, DelegatedSpec),
         senses_carrier=True,
     )
+    if isinstance(access, AutoSpec):
+        method, why = choice(access, capabilities, config.address)
+        yield f'access "auto" is {method} with a modem like {profile.name}: {why}'
+        return
     try:
         choose(access, capabilities, config.address, random.Random(1))
     except ConfigError as error:
