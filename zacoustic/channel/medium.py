@@ -205,7 +205,6 @@ class Medium:
             faults=scenario.faults,
             gain_db=scenario.gain_db_between(site.address, other.address),
             propagation_s=scenario.delay_s,
-            recorded=scenario.recorded,
         )
 
 
