@@ -240,7 +240,7 @@ class Composer:
         closing = self._seal.settle(destination, None, None, now, introduces=is_due)
         room_bytes = port.bulk_room_bytes - self._seal.overhead_bytes
         introduction = b""
-        if is_due or self._introduces_bulk(destination, now):
+        if is_due or self._introduces_fragment(destination, now):
             self._introductions.begin_frame(destination)
             introduction = self._introductions.introduction(
                 self._link, destination, BULK_OVERHEAD_BYTES, now
@@ -275,15 +275,6 @@ class Composer:
             parts=(taken.part, beat),
         )
 
-    def _introduces_bulk(self, destination: int, now: int) -> bool:
-        """Return whether this node must introduce itself in a frame of the bulk service."""
-        if not self._introductions.is_unconfirmed(destination, now):
-            return False
-        self._since_introduction += 1
-        return self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
-            self._link, destination
-        )
-
     def _best(self, now: int, in_vain: list[Offer]) -> Offer | None:
         """Return the best offer, except for those that made no frame."""
         *others, payload = (source.offer(now) for source in self._sources)
@@ -312,7 +303,8 @@ class Composer:
             if not self._seal.is_known(hearers, now):
                 hello = self._introductions.introduction(self._link, hearers, room_bytes, now)
                 return self._controls(port, hearers, [(Cause.HELLO, hello)], now)
-        if self._introduces_fragment(port, destination, now):
+        # The last fragment of a run announces the pause to all nodes, so it goes first.
+        if not port.ends_run_now(now) and self._introduces_fragment(destination, now):
             hello = self._introductions.introduction(self._link, destination, room_bytes, now)
             return self._controls(port, destination, [(Cause.HELLO, hello)], now)
         taken = self._objects.take_fragment(room_bytes, now, port.frames_before_pause(now))
@@ -340,10 +332,9 @@ class Composer:
             parts=[taken.part],
         )
 
-    def _introduces_fragment(self, port: LinkPort, destination: int, now: int) -> bool:
-        """Return whether this node must introduce itself before a fragment goes."""
-        # The last fragment of a run announces the pause to all nodes, so it goes first.
-        if not self._introductions.is_unconfirmed(destination, now) or port.ends_run_now(now):
+    def _introduces_fragment(self, destination: int, now: int) -> bool:
+        """Return whether this node must introduce itself before a fragment, of either service."""
+        if not self._introductions.is_unconfirmed(destination, now):
             return False
         self._since_introduction += 1
         return self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
