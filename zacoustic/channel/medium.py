@@ -205,6 +205,7 @@ class Medium:
             faults=scenario.faults,
             gain_db=scenario.gain_db_between(site.address, other.address),
             propagation_s=scenario.delay_s,
+            recorded=scenario.recorded,
         )
 
 

@@ -43,11 +43,12 @@ from zacoustic.channel.faults.nodefaults import (
 from zacoustic.channel.problem import explain
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.propagation.position import Motion, Position, Waypoint, distance_m
+from zacoustic.channel.recorded import RecordedSpec, with_recording
 from zacoustic.channel.tracks import with_tracks
 from zacoustic.channel.traffic import Pattern, TrafficSpec
 from zacoustic.errors import ConfigError
 
-ChannelName = Literal["sea", "awgn", "none", "desert"]
+ChannelName = Literal["sea", "awgn", "none", "desert", "recorded"]
 """The channel models: see `zacoustic.channel.propagation.sea`."""
 
 CollisionRule = Literal["capture", "protocol", "sinr"]
@@ -153,6 +154,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Modem of the nodes that name none."""
     channel: ChannelName = "sea"
     """The channel model."""
+    recorded: RecordedSpec | None = None
+    """The recording, for the channel model ``recorded`` only."""
     collisions: CollisionRule = "capture"
     """Effect of an overlap on a frame."""
     loss: LossSpec = LossSpec()
@@ -181,6 +184,12 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         if self.delay_s is not None:
             check_range("delay_s", self.delay_s, 0.0, _MAX_DELAY_S)
         profile_named(self.profile)
+        if (self.channel == "recorded") != (self.recorded is not None):
+            there = "there" if self.recorded is not None else "missing"
+            raise ValueError(
+                f'recorded is {there} and channel is "{self.channel}"; '
+                'allowed: recorded with channel: "recorded"'
+            )
         self._check_nodes()
         self._check_links()
         addresses = {node.address for node in self.nodes}
@@ -263,7 +272,7 @@ def scenario_from_mapping(mapping: object, *, source: str, folder: Path | None =
     Args:
         mapping: Nested mappings, arrays, strings and numbers; anything else is an error.
         source: Name of the file for messages.
-        folder: Folder of track files; None: the scenario may name none.
+        folder: Folder of tracks and recordings; None: the scenario may name none.
 
     Returns:
         The scenario, checked.
@@ -272,7 +281,7 @@ def scenario_from_mapping(mapping: object, *, source: str, folder: Path | None =
         ConfigError: One line: file, key path, value, allowed values.
     """
     if folder is not None:
-        mapping = with_tracks(mapping, folder)
+        mapping = with_recording(with_tracks(mapping, folder), folder)
     try:
         return msgspec.convert(mapping, Scenario)
     except (msgspec.ValidationError, OverflowError) as error:
@@ -291,6 +300,7 @@ _RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "links[]": LinkSpec,
     "links[].loss": LossSpec,
     "loss": LossSpec,
+    "recorded": RecordedSpec,
     "faults": FaultSpec,
     "faults.blackouts[]": BlackoutSpec,
     "faults.unplugged[]": SpanSpec,

@@ -14,10 +14,13 @@ from zacoustic.channel.arrival import Arrival
 from zacoustic.channel.faults.blackout import Darkness
 from zacoustic.channel.faults.faults import FaultSpec
 from zacoustic.channel.faults.loss import FrameLoss, LossSpec
+from zacoustic.channel.formulae.acoustics import combined_snr_db
 from zacoustic.channel.propagation.fading import FadingProcess
 from zacoustic.channel.propagation.position import Motion, Path, path_between
 from zacoustic.channel.propagation.randomness import direction_random
+from zacoustic.channel.propagation.recordedfades import RecordedFades
 from zacoustic.channel.propagation.sea import ChannelModel
+from zacoustic.channel.recorded import RecordedSpec
 
 _NS_PER_S: Final = 1_000_000_000
 _SEEDS: Final = 1 << 53  # number of distinct uniform draws
@@ -38,6 +41,7 @@ class Hop:
         faults: Faults of the receiving modem, and blackouts.
         gain_db: Gain of this direction over the channel model, dB.
         propagation_s: Propagation delay, s, instead of the geometric one, or None.
+        recorded: The recording that frames meet, or None.
     """
 
     def __init__(
@@ -54,6 +58,7 @@ class Hop:
         faults: FaultSpec,
         gain_db: float = 0.0,
         propagation_s: float | None = None,
+        recorded: RecordedSpec | None = None,
     ) -> None:
         self.source = source
         self.node = node
@@ -67,6 +72,10 @@ class Hop:
         self._fading: FadingProcess | None = None
         if channel.fading is not None:
             self._fading = FadingProcess(channel.fading, self._water_rng)
+        self._recorded: RecordedFades | None = None
+        if recorded is not None:
+            rng = direction_random(seed, source, node, "recorded")
+            self._recorded = RecordedFades(recorded, rng)
         self._loss: FrameLoss | None = None
         if loss.frame > 0.0:
             self._loss = FrameLoss(loss, direction_random(seed, source, node, "loss"))
@@ -113,6 +122,11 @@ class Hop:
             airtime_ns += round(airtime_ns * self._path.range_rate_m_s / self._sound_speed_m_s)
         path = self._path
         gain_db = level_db if self._fading is None else level_db + self._fading.next_gain_db(now)
+        effective_snr_db = self._effective_snr_db + gain_db
+        if self._recorded is not None:
+            all_db, used_db, over_echoes_db = self._recorded.over(now, airtime_ns)
+            effective_snr_db = combined_snr_db(effective_snr_db + used_db, over_echoes_db)
+            gain_db += all_db
         corrupt_seed: int | None = None
         delay_s = 0.0
         duplicates_after_s: tuple[float, ...] = ()
@@ -128,7 +142,7 @@ class Hop:
             ends_at=starts_at + airtime_ns,
             received_level_db=self._level_db + gain_db,
             snr_db=self._snr_db + gain_db,
-            effective_snr_db=self._effective_snr_db + gain_db,
+            effective_snr_db=effective_snr_db,
             propagation_s=path.propagation_s,
             distance_m=path.distance_m,
             range_rate_m_s=path.range_rate_m_s,

@@ -1,4 +1,4 @@
-"""Four channel models with the same few methods.
+"""Five channel models with the same few methods.
 
 ``sea`` (the default)
     A receiver decodes the *direct path*: spherical spreading, absorption after Francois and
@@ -25,6 +25,10 @@
 
 ``none``
     Without random losses. Levels are those of ``awgn``, so that collisions have an outcome.
+
+``recorded``
+    Mean level, noise and implementation loss of ``sea``; a recording has the fades and echoes
+    (`recordedfades`).
 
 ``desert``
     The formulae of DESERT (see `desert`), BPSK without penalty, to compare with its runs.
@@ -168,7 +172,7 @@ class SilentChannel(AwgnChannel):
 class SeaChannel(AwgnChannel):
     """Direct path, noise, distortion and fades, scaled to the published range; see above."""
 
-    fading = SEA_FADING
+    fading: Fading | None = SEA_FADING
 
     def __init__(self, profile: ModemProfile, *, wind_m_s: float, shipping: float) -> None:
         super().__init__(profile, wind_m_s=wind_m_s, shipping=shipping, spreading=SPHERICAL)
@@ -189,6 +193,16 @@ class SeaChannel(AwgnChannel):
         noise_limited_db = self.snr_db(distance_m) - self.implementation_loss_db
         distortion_limited_db = self._distortion_at_1m_db - 10.0 * math.log10(max(distance_m, 1.0))
         return combined_snr_db(noise_limited_db, distortion_limited_db)
+
+
+class RecordedChannel(SeaChannel):
+    """The mean of `SeaChannel`; fades and distortion are those of a recording."""
+
+    fading = None
+
+    def effective_snr_db(self, distance_m: float) -> float:
+        """Return the SNR after noise and implementation loss, dB."""
+        return self.snr_db(distance_m) - self.implementation_loss_db
 
 
 class DesertChannel(ChannelModel):
@@ -217,7 +231,7 @@ def create_channel(
     """Return a model by name for one kind of modem.
 
     Args:
-        name: ``sea``, ``awgn``, ``none`` or ``desert``.
+        name: ``sea``, ``awgn``, ``none``, ``desert`` or ``recorded``.
         profile: The modem.
         wind_m_s: Wind speed, m/s, ≥ 0.
         shipping: Activity of ships, 0…1.
@@ -234,8 +248,10 @@ def create_channel(
             return SilentChannel(profile, wind_m_s=wind_m_s, shipping=shipping)
         case "desert":
             return DesertChannel(profile, wind_m_s=wind_m_s, shipping=shipping)
+        case "recorded":
+            return RecordedChannel(profile, wind_m_s=wind_m_s, shipping=shipping)
         case _:
-            raise ConfigError(f"channel is {name!r}; allowed: awgn, desert, none, sea")
+            raise ConfigError(f"channel is {name!r}; allowed: awgn, desert, none, recorded, sea")
 
 
 @functools.lru_cache(maxsize=64)

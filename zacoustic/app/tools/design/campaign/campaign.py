@@ -22,6 +22,7 @@ import msgspec
 from zacoustic.app.tools.design.campaign.fewer import keep_first
 from zacoustic.app.tools.design.campaign.paths import parse_path, put
 from zacoustic.app.tools.design.campaign.spec import CampaignSpec, SweepSpec
+from zacoustic.channel.recorded import with_recording
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.channel.tracks import with_tracks
 from zacoustic.config import Config, config_from_mapping
@@ -197,7 +198,7 @@ def campaign_of(spec: CampaignSpec, path: Path, version: str) -> Campaign:
         ConfigError: The scenario or a config is wrong.
     """
     place = (path.parent / spec.scenario).absolute()
-    mapping = with_tracks(read_json5(place), place.parent)
+    mapping = with_recording(with_tracks(read_json5(place), place.parent), place.parent)
     sweep = [_parameter(each) for each in spec.sweep]
     edits = [edit for each in sweep for case in each.cases for edit in case.edits]
     names = {value for key, value in edits if key == _CONFIG}
