@@ -200,6 +200,27 @@ def test_access_that_cannot_work_with_the_modem_is_noted(
     assert "access." not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("written", [None, "auto"])
+def test_what_medium_access_is_chosen_is_said_with_its_reason(
+    written: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    section = changed("links.0.access", written) if written else SECTION
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    printed = capsys.readouterr().out
+    assert (
+        'access "auto" is carrier_sense with a modem like evologics_s2c_18_34: the file has no '
+        "schedule, and the modem tells when it hears another one\n" in printed
+    )
+
+
+def test_what_medium_access_is_chosen_is_not_said_where_the_file_names_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    section = changed("links.0.access", {"method": "aloha"})
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert 'access "auto"' not in capsys.readouterr().out
+
+
 def test_airtimes_are_those_of_the_link_that_is_given(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

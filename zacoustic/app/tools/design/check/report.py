@@ -8,7 +8,7 @@ poorer link).
 
 import os
 import random
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -126,6 +126,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """Wire profile of the link."""
     agreement: str
     """How nodes agree on tables; empty: frames are sealed, or are those of rmw_desert."""
+    access: str
+    """What "auto" chooses for medium access, and why; empty: the file names a method."""
     profile: str
     """Source of the airtimes: name of a modem profile, or locator of the link."""
     unsaid: str
@@ -176,6 +178,7 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
         digest=config.table.digest.hex(),
         wire=config.table.wire.value,
         agreement="" if on_desert or config.security else config.rules.agreement.value,
+        access="" if on_desert else _access(config, profile, built),
         profile=profile.name,
         mtu_bytes=profile.mtu_bytes,
         streams=rows,
@@ -416,22 +419,33 @@ def _what(row: StreamRow) -> str:
     return f"stream {row.stream_id} ({row.name}), {row.kind}"
 
 
-def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
+def _access(config: Config, profile: ModemProfile, built: Sequence[_Built]) -> str:
+    """Say what "auto" chooses on the first link, or on one with such a modem, and why."""
     access = config.rules.access
-    if access is None:
-        return
-    capabilities = LinkCapabilities(
+    if access is not None and not isinstance(access, AutoSpec):
+        return ""
+    capabilities = built[0].capabilities if built else None
+    like = f" with a modem like {profile.name}" if capabilities is None else ""
+    method, why = choice(access, capabilities or _capabilities(profile), config.address)
+    return f'access "auto" is {method}{like}: {why}'
+
+
+def _capabilities(profile: ModemProfile, *, controls_access: bool = False) -> LinkCapabilities:
+    return LinkCapabilities(
         mtu_bytes=profile.mtu_bytes,
         bit_rate_bps=profile.bit_rate_bps,
         preamble_s=profile.preamble_s,
         gap_s=profile.gap_s,
-        controls_access=isinstance(access, DelegatedSpec),
+        controls_access=controls_access,
         senses_carrier=True,
     )
-    if isinstance(access, AutoSpec):
-        method, why = choice(access, capabilities, config.address)
-        yield f'access "auto" is {method} with a modem like {profile.name}: {why}'
+
+
+def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
+    access = config.rules.access
+    if access is None or isinstance(access, AutoSpec):
         return
+    capabilities = _capabilities(profile, controls_access=isinstance(access, DelegatedSpec))
     try:
         choose(access, capabilities, config.address, random.Random(1))
     except ConfigError as error:

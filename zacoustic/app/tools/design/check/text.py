@@ -34,6 +34,8 @@ def _paragraphs(report: Report) -> Iterator[str]:
     if report.agreement and len(report.nodes) > 1:
         nodes = f"{len(report.nodes)} nodes"
         yield f'agreement "{report.agreement}", {nodes}; `zacoustic plan` compares the policies'
+    if report.access:
+        yield one_line(report.access)
     if report.journal:
         yield f"journal {report.journal}"
     if report.forgotten:
