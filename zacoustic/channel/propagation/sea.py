@@ -198,7 +198,7 @@ class SeaChannel(AwgnChannel):
 class RecordedChannel(SeaChannel):
     """The mean of `SeaChannel`; fades and distortion are those of a recording."""
 
-    fading = None
+    fading: Fading | None = None
 
     def effective_snr_db(self, distance_m: float) -> float:
         """Return the SNR after noise and implementation loss, dB."""

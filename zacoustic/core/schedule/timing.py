@@ -39,13 +39,13 @@ _FIRST_DEVIATION: Final = 8
 """The assumed error of the first round trip is this part of it."""
 _FIRST_DEVIATION_DELEGATED: Final = 2
 """The same where a device decides when it transmits."""
-_FACTORS: Final = (
+_FACTORS: Final[tuple[float, ...]] = (
     *(1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0),
     *(6.0, 8.0, 12.0, 16.0, 24.0, 32.0),
 )
 """Round trips between two repetitions, by the number of unanswered ones in a row. The last ones
 apply only while no round trip is measured."""
-_SILENT_FACTORS: Final = (1.0, 1.0, 1.0, 1.0, 1.0, 3.0, 9.0, 17.5)
+_SILENT_FACTORS: Final[tuple[float, ...]] = (1.0, 1.0, 1.0, 1.0, 1.0, 3.0, 9.0, 17.5)
 """The least such factor, by the number of repetitions in a row without any sign of the node. The
 first few may have been lost, the others go to an absent node. The last one is a minute where a
 round trip takes three seconds: a node that returns and transmits nothing waits that long."""
