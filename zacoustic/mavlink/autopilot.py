@@ -6,6 +6,9 @@ there). When they end, the autopilot's own failsafe acts, as it would on a radio
 FS_GCS_…, PX4's NAV_DLL_ACT. Before the first contact there are none, so an autopilot that arms its
 failsafe with the first one is not in a failsafe from the start.
 
+The bridge asks for HIGH_LATENCY2 and publishes what comes. If the autopilot refuses, the bridge
+composes it of other messages (`composing`).
+
 A command is sent until it is acknowledged, as MAVLink demands: an acknowledgement names only the
 command's id, so commands of one id go one after the other.
 
@@ -28,6 +31,7 @@ from zacoustic.mavlink.commands import (
     command_id,
     message_interval,
 )
+from zacoustic.mavlink.composing import SOURCES, Composer
 from zacoustic.mavlink.dialect import AUTOPILOT, Message, Received
 from zacoustic.mavlink.entries import SERVICES, TELEMETRY, TEXT_BYTES
 from zacoustic.mavlink.outputs import Notice, Output, Publish, Reply, Send
@@ -102,6 +106,8 @@ class AutopilotSide:
         self._asked_at: int | None = None
         self._telemetry_at: int | None = None
         self._complained = False
+        self._composer: Composer | None = None
+        self._compose_at: int | None = None
         self._commands: dict[int, deque[_Command]] = {}
         self._orders: OrderedDict[tuple[int, int], int] = OrderedDict()
         self._newest_run: dict[int, int] = {}
@@ -118,6 +124,8 @@ class AutopilotSide:
             self._hear(received, now)
         if received.system != self._system or self._heartbeat is None:
             return
+        if self._composer is not None:
+            self._composer.take(message, now)
         if message.name == HIGH_LATENCY2:
             self._take_telemetry(message, now)
         elif message.name == "COMMAND_ACK":
@@ -162,11 +170,12 @@ class AutopilotSide:
         for queue in [*self._commands.values()]:
             if queue[0].due_at <= now:
                 self._try_again(queue[0], now)
-        if self._system is not None and self._asked_at is not None:
-            since = max(self._asked_at, self._telemetry_at or 0)
-            if now - since >= _MISSED * self._interval_ns:
-                self._complain("no HIGH_LATENCY2 comes from the autopilot")
-                self._ask_for_telemetry(now)
+        if self._compose_at is not None and self._compose_at <= now:
+            self._compose(now)
+        missing_at = self._missing_at()
+        if missing_at is not None and missing_at <= now:
+            self._complain("no HIGH_LATENCY2, nor what makes one, comes from the autopilot")
+            self._ask_for_telemetry(now)
 
     # Outputs
 
@@ -181,9 +190,7 @@ class AutopilotSide:
             due.append(self._beat_at)
         if self._heartbeat_at is not None:
             due.append(self._heartbeat_at + SILENCE_NS)
-        if self._system is not None and self._asked_at is not None:
-            since = max(self._asked_at, self._telemetry_at or 0)
-            due.append(since + _MISSED * self._interval_ns)
+        due += [at for at in (self._compose_at, self._missing_at()) if at is not None]
         return min(due, default=None)
 
     # The autopilot
@@ -206,17 +213,41 @@ class AutopilotSide:
     def _check_silence(self, now: int) -> None:
         if self._heartbeat_at is None or self._hears_autopilot(now):
             return
-        self._heartbeat_at = self._asked_at = None
+        self._heartbeat_at = self._asked_at = self._compose_at = self._composer = None
         text = f"system {self._system} is silent for {SILENCE_NS / 1e9:g} s: nothing is published"
         self._say("autopilot_lost", text, is_trouble=True)
 
     def _hears_autopilot(self, now: int) -> bool:
         return self._heartbeat_at is not None and now - self._heartbeat_at < SILENCE_NS
 
+    def _missing_at(self) -> int | None:
+        """Return when to ask for telemetry again: the autopilot may have restarted unnoticed."""
+        if self._asked_at is None:
+            return None
+        return max(self._asked_at, self._telemetry_at or 0) + _MISSED * self._interval_ns
+
     def _ask_for_telemetry(self, now: int) -> None:
         assert self._system is not None
         self._asked_at = now
         self._send(message_interval(HIGH_LATENCY2_ID, self._interval_s, system=self._system))
+
+    def _begin_to_compose(self, refused: str, now: int) -> None:
+        assert self._system is not None
+        self._say("composed", f"the autopilot has no HIGH_LATENCY2 ({refused}): composed here")
+        self._composer = Composer(self._interval_ns)
+        self._compose_at = now + self._interval_ns
+        for message in SOURCES.values():
+            # Twice as often, so that one lost message makes none too old.
+            interval = message_interval(message, self._interval_s / 2, system=self._system)
+            self._send(interval)
+
+    def _compose(self, now: int) -> None:
+        assert self._composer is not None
+        assert self._heartbeat is not None
+        self._compose_at = now + self._interval_ns
+        message = self._composer.compose(self._heartbeat, now)
+        if message is not None:
+            self._take_telemetry(message, now)
 
     def _take_telemetry(self, message: Message, now: int) -> None:
         self._telemetry_at, self._complained = now, False
@@ -305,9 +336,9 @@ class AutopilotSide:
         if fields.get("target_system", 0) not in (0, self._ground_system):
             return  # of another ground station
         if fields["command"] == SET_MESSAGE_INTERVAL:
-            answer = answer_of_code(fields["result"])
-            if answer.result != "accepted":
-                self._complain(f"the autopilot does not send HIGH_LATENCY2: {answer.result}")
+            # The acknowledgement does not name the message: the first one is of HIGH_LATENCY2.
+            if fields["result"] not in (0, IN_PROGRESS) and self._composer is None:
+                self._begin_to_compose(answer_of_code(fields["result"]).result, now)
         queue = self._commands.get(fields["command"])
         if queue is None:
             return

@@ -19,6 +19,7 @@ other commands are refused on shore as UNSUPPORTED, which costs nothing and is t
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import msgspec
@@ -218,7 +219,7 @@ def _mode(form: str, fields: dict[str, Any]) -> tuple[str, dict[str, Any]] | Ans
     else:
         modes = [fields[f"param{place}"] for place in (1, 2, 3)]
         modes = [mode if place == 0 or is_number(mode) else 0 for place, mode in enumerate(modes)]
-    limits = (2**8, 2**32, 2**32)
+    limits = (2**8, 2**32, 2**8)
     for place, (mode, limit) in enumerate(zip(modes, limits, strict=True), start=1):
         if not (is_number(mode) and 0 <= mode < limit and mode == int(mode)):
             return Answer("denied", f"param{place} {mode:g}; allowed: 0..{limit - 1}")
@@ -295,7 +296,7 @@ def message_interval(message: int, interval_s: float, *, system: int) -> Message
     return _long(SET_MESSAGE_INTERVAL, [message, interval_s * 1e6], system, 0)
 
 
-def _long(command: int, parameters: list[float], system: int, confirmation: int) -> Message:
+def _long(command: int, parameters: Sequence[float], system: int, confirmation: int) -> Message:
     padded = [*parameters, *[0.0] * (7 - len(parameters))]
     return Message(
         "COMMAND_LONG",

@@ -75,7 +75,7 @@ def find_names(config: Config, prefix: str | None, *, source: str) -> Names:
     Raises:
         ConfigError: The file lacks them, has them for several vehicles, or they have other fields.
     """
-    by_name = {stream.name: stream for stream in config.table.streams}
+    by_name = {stream.name: stream for stream in config.table}
     if prefix is None:
         prefix = _only_prefix([*by_name], source)
     wanted = (TELEMETRY, GROUND, *SERVICES)
@@ -230,7 +230,7 @@ _TYPES: Final[dict[str, list[dict[str, Any]]]] = {
     "MavlinkMode": [
         {"name": "base_mode", "type": "uint8", "default": 1},
         {"name": "custom_mode", "type": "uint32"},
-        {"name": "custom_submode", "type": "uint32", "default": 0},
+        {"name": "custom_submode", "type": "uint8", "default": 0},
         _ORDER,
     ],
     "MavlinkWaypoint": [

@@ -76,10 +76,12 @@ class Port:
             return
         host, port = self._host_port
         loop = asyncio.get_running_loop()
-        where = "local_addr" if self._kind == "udpin" else "remote_addr"
+        is_listening = self._kind == "udpin"
         try:
             self._transport, _ = await loop.create_datagram_endpoint(
-                lambda: _Datagrams(self._take), **{where: (host, port)}
+                lambda: _Datagrams(self._take),
+                local_addr=(host, port) if is_listening else None,
+                remote_addr=None if is_listening else (host, port),
             )
         except OSError as error:
             if self._kind == "udpin":

@@ -93,7 +93,7 @@ def answer_of_error(error: ZacousticError) -> Answer:
         case PayloadInvalidError() | PayloadTooLargeError():
             return Answer("denied", text)
         case DeliveryError() | QueueFullError():  # it was not sent, or nobody serves there
-            return Answer("temporarily_rejected", text)
+            return Answer("temporarily_rejected", text.partition(": ")[2] or text)
         case _:
             return Answer("failed", text)
 

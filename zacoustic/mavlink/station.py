@@ -53,6 +53,7 @@ CONFIRMED_NS: Final = seconds_to_ns(60.0)
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 _CRITICAL, _WARNING = 2, 4  # MAV_SEVERITY
 _TEXT_BYTES: Final = 50
+_LAST_TEXT: Final = 65535
 _ORDERS: Final = 2**16
 
 
@@ -109,6 +110,7 @@ class StationSide:
         self._calling: dict[tuple[object, ...], _Calling] = {}
         self._answered: dict[str, _Answered] = {}
         self._count = 0
+        self._texts = 0
         self._outputs: deque[Output] = deque()
 
     # Inputs
@@ -268,8 +270,16 @@ class StationSide:
         self._outputs.append(Send(message, system or 1, AUTOPILOT))
 
     def _send_text(self, text: str, severity: int, target: int = 0) -> None:
-        cut = text.encode()[:_TEXT_BYTES].decode(errors="ignore").encode()
-        self._send(Message("STATUSTEXT", {"severity": severity, "text": cut}), target)
+        """Send a text, a long one in parts with an id; a part that is not full is the last one."""
+        written = text.encode()
+        if len(written) <= _TEXT_BYTES:
+            self._send(Message("STATUSTEXT", {"severity": severity, "text": written}), target)
+            return
+        self._texts = self._texts % _LAST_TEXT + 1
+        for part, begin in enumerate(range(0, len(written) + 1, _TEXT_BYTES)):
+            fields = {"severity": severity, "text": written[begin : begin + _TEXT_BYTES]}
+            more = {"id": self._texts, "chunk_seq": part}
+            self._send(Message("STATUSTEXT", {**fields, **more}), target)
 
     def _say(self, event: str, text: str, *, is_trouble: bool = False) -> None:
         self._outputs.append(Notice(event, text, is_trouble))

@@ -1,0 +1,113 @@
+"""An autopilot that speaks MAVLink over UDP, in a process of its own: what the bridge talks to.
+
+It knows pymavlink and nothing of zacoustic. On standard input it takes lines: `refuse TEXT` (the
+next command is DENIED, and TEXT says why), `mute` (it acknowledges nothing), `speak`. On standard
+output it prints one JSON object for each message that it gets.
+"""
+
+import json
+import select
+import sys
+import time
+from typing import Any
+
+from pymavlink import mavutil  # type: ignore[import-untyped]
+
+SUBMARINE = 12
+ARDUPILOT = 3
+ARMED = 128
+
+
+class Autopilot:
+    """ArduSub as far as a bridge can see it."""
+
+    def __init__(self, place: str) -> None:
+        self.port: Any = mavutil.mavlink_connection(place, source_system=7, source_component=1)
+        self.mode = 19
+        self.is_armed = False
+        self.refusal = ""
+        self.is_mute = False
+        self.interval_s: float | None = None
+        self.beat_at = self.report_at = time.monotonic()
+        self.started_at = time.monotonic()
+        self.position = (-37_812_345, 1_449_631_234)
+
+    def run(self) -> None:
+        while True:
+            ready, _, _ = select.select([self.port.port, sys.stdin], [], [], 0.05)
+            if sys.stdin in ready:
+                line = sys.stdin.readline()
+                if not line:
+                    return
+                self.order(line.strip())
+            while (message := self.port.recv_match(blocking=False)) is not None:
+                self.take(message)
+            self.speak()
+
+    def order(self, line: str) -> None:
+        word, _, rest = line.partition(" ")
+        self.is_mute = word == "mute"
+        self.refusal = rest if word == "refuse" else ""
+
+    def speak(self) -> None:
+        now = time.monotonic()
+        if now >= self.beat_at:
+            self.beat_at = now + 1.0
+            self.port.mav.heartbeat_send(SUBMARINE, ARDUPILOT, self.base_mode, self.mode, 4)
+        if self.interval_s is not None and now >= self.report_at:
+            self.report_at = now + self.interval_s
+            self.report(now)
+
+    @property
+    def base_mode(self) -> int:
+        return 1 | (ARMED if self.is_armed else 0)
+
+    def report(self, now: float) -> None:
+        north, east = self.position
+        uptime_ms = int((now - self.started_at) * 1000)
+        custom0 = self.base_mode - 256 if self.base_mode > 127 else self.base_mode
+        self.port.mav.high_latency2_send(
+            uptime_ms, SUBMARINE, ARDUPILOT, self.mode, north, east, -21, -20, 45, 46, 12, 33, 0, 0,
+            6, 0, 0, 3, 4, 11, -2, 87, 5, 0x1000, custom0, 0, 0,
+        )  # fmt: skip
+
+    def take(self, message: Any) -> None:
+        name = message.get_type()
+        if name == "BAD_DATA":
+            return
+        print(json.dumps({"from": message.get_srcSystem(), **message.to_dict()}), flush=True)
+        if name in ("COMMAND_LONG", "COMMAND_INT"):
+            self.execute(message)
+
+    def execute(self, message: Any) -> None:
+        if message.command == 511:
+            self.interval_s = message.param2 / 1e6
+            self.acknowledge(message, 0)
+        elif self.is_mute:
+            return
+        elif self.refusal:
+            self.port.mav.statustext_send(4, self.refusal.encode())
+            self.acknowledge(message, 4)
+        else:
+            self.acknowledge(message, self.result(message))
+
+    def result(self, message: Any) -> int:
+        match message.command:
+            case 400:
+                self.is_armed = message.param1 == 1
+            case 176:
+                self.mode = int(message.param2)
+            case 192:
+                self.position, self.mode = (message.x, message.y), 4
+            case 21:
+                self.mode = 9
+            case _:
+                return 3
+        return 0
+
+    def acknowledge(self, message: Any, result: int) -> None:
+        self.port.mav.command_ack_send(message.command, result)
+
+
+if __name__ == "__main__":
+    Autopilot(sys.argv[1]).run()
