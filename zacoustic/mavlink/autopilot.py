@@ -335,10 +335,10 @@ class AutopilotSide:
         fields = message.fields
         if fields.get("target_system", 0) not in (0, self._ground_system):
             return  # of another ground station
-        if fields["command"] == SET_MESSAGE_INTERVAL:
-            # The acknowledgement does not name the message: the first one is of HIGH_LATENCY2.
-            if fields["result"] not in (0, IN_PROGRESS) and self._composer is None:
-                self._begin_to_compose(answer_of_code(fields["result"]).result, now)
+        is_refused = fields["result"] not in (0, IN_PROGRESS)
+        if fields["command"] == SET_MESSAGE_INTERVAL and is_refused and self._composer is None:
+            # It does not say of which message: the first refusal is of HIGH_LATENCY2.
+            self._begin_to_compose(answer_of_code(fields["result"]).result, now)
         queue = self._commands.get(fields["command"])
         if queue is None:
             return

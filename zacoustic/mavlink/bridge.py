@@ -191,7 +191,7 @@ class Bridge:
             self.put(lambda now: self._read(data, now))
 
     def _read(self, data: bytes, now: int) -> None:
-        for received in self._packets.feed(data):
+        for received in self._packets.feed(data, is_whole=self._port.has_datagrams):
             self._engine.handle_message(received, now)
 
     async def _watch(self, node: Node) -> None:

@@ -45,8 +45,7 @@ class PacketCodec:
     def __init__(self) -> None:
         # Generated code without type hints: everything of it ends in this class.
         self._dialect: Any = importlib.import_module("pymavlink.dialects.v20.common")
-        self._reader: Any = self._dialect.MAVLink(None)
-        self._reader.robust_parsing = True
+        self._reader = self._new_reader()
         self._writer: Any = self._dialect.MAVLink(None)
         self._known: dict[str, Any] = {
             each.msgname: each for each in self._dialect.mavlink_map.values()
@@ -72,8 +71,16 @@ class PacketCodec:
         writer.seq = (writer.seq + 1) % 256
         return packet
 
-    def feed(self, data: bytes) -> list[Received]:
-        """Return the messages that some bytes complete; skip damage and unknown messages."""
+    def feed(self, data: bytes, *, is_whole: bool = False) -> list[Received]:
+        """Return the messages that some bytes complete; skip damage and unknown messages.
+
+        Args:
+            data: The bytes.
+            is_whole: No packet goes on in the next bytes, as in datagrams. In a stream, a damaged
+                length takes packets behind it along.
+        """
+        if is_whole:
+            self._reader = self._new_reader()
         received = []
         for packet in self._reader.parse_buffer(data) or ():
             name = packet.get_type()
@@ -89,3 +96,8 @@ class PacketCodec:
                 )
             )
         return received
+
+    def _new_reader(self) -> Any:  # noqa: ANN401 (generated code)
+        reader = self._dialect.MAVLink(None)
+        reader.robust_parsing = True
+        return reader

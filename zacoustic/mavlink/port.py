@@ -105,6 +105,11 @@ class Port:
             self._transport = None
 
     @property
+    def has_datagrams(self) -> bool:
+        """Whether received bytes come as whole packets."""
+        return self._stream is None
+
+    @property
     def name(self) -> str:
         """The place, with the port that the system has chosen for port 0."""
         if self._transport is None or self._kind == "udpout":
