@@ -5,24 +5,44 @@ next command is DENIED, and TEXT says why), `mute` (it acknowledges nothing), `s
 output it prints one JSON object for each message that it gets.
 """
 
+import contextlib
 import json
 import select
+import socket
 import sys
 import time
 from typing import Any
 
-from pymavlink import mavutil  # type: ignore[import-untyped]
+from pymavlink.dialects.v20 import ardupilotmega  # type: ignore[import-untyped]
 
 SUBMARINE = 12
 ARDUPILOT = 3
 ARMED = 128
 
 
-class Autopilot:
-    """ArduSub as far as a bridge can see it."""
+class Port:
+    """A UDP port, as the generated code of pymavlink wants a file."""
 
-    def __init__(self, place: str) -> None:
-        self.port: Any = mavutil.mavlink_connection(place, source_system=7, source_component=1)
+    def __init__(self, port: int) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.connect(("127.0.0.1", port))
+
+    def write(self, packet: bytes) -> None:
+        with contextlib.suppress(ConnectionRefusedError):  # nobody there yet
+            self.socket.send(packet)
+
+
+class Autopilot:
+    """ArduSub as far as a bridge can see it.
+
+    Args:
+        port: UDP port of the bridge on this computer.
+    """
+
+    def __init__(self, port: int) -> None:
+        self.port = Port(port)
+        self.mav: Any = ardupilotmega.MAVLink(self.port, srcSystem=7, srcComponent=1)
+        self.mav.robust_parsing = True
         self.mode = 19
         self.is_armed = False
         self.refusal = ""
@@ -34,15 +54,23 @@ class Autopilot:
 
     def run(self) -> None:
         while True:
-            ready, _, _ = select.select([self.port.port, sys.stdin], [], [], 0.05)
+            ready, _, _ = select.select([self.port.socket, sys.stdin], [], [], 0.05)
             if sys.stdin in ready:
                 line = sys.stdin.readline()
                 if not line:
                     return
                 self.order(line.strip())
-            while (message := self.port.recv_match(blocking=False)) is not None:
-                self.take(message)
+            if self.port.socket in ready:
+                self.read()
             self.speak()
+
+    def read(self) -> None:
+        try:
+            data = self.port.socket.recv(65535)
+        except ConnectionRefusedError:
+            return
+        for message in self.mav.parse_buffer(data) or ():
+            self.take(message)
 
     def order(self, line: str) -> None:
         word, _, rest = line.partition(" ")
@@ -53,7 +81,7 @@ class Autopilot:
         now = time.monotonic()
         if now >= self.beat_at:
             self.beat_at = now + 1.0
-            self.port.mav.heartbeat_send(SUBMARINE, ARDUPILOT, self.base_mode, self.mode, 4)
+            self.mav.heartbeat_send(SUBMARINE, ARDUPILOT, self.base_mode, self.mode, 4)
         if self.interval_s is not None and now >= self.report_at:
             self.report_at = now + self.interval_s
             self.report(now)
@@ -66,7 +94,7 @@ class Autopilot:
         north, east = self.position
         uptime_ms = int((now - self.started_at) * 1000)
         custom0 = self.base_mode - 256 if self.base_mode > 127 else self.base_mode
-        self.port.mav.high_latency2_send(
+        self.mav.high_latency2_send(
             uptime_ms, SUBMARINE, ARDUPILOT, self.mode, north, east, -21, -20, 45, 46, 12, 33, 0, 0,
             6, 0, 0, 3, 4, 11, -2, 87, 5, 0x1000, custom0, 0, 0,
         )  # fmt: skip
@@ -86,7 +114,7 @@ class Autopilot:
         elif self.is_mute:
             return
         elif self.refusal:
-            self.port.mav.statustext_send(4, self.refusal.encode())
+            self.mav.statustext_send(4, self.refusal.encode())
             self.acknowledge(message, 4)
         else:
             self.acknowledge(message, self.result(message))
@@ -106,8 +134,8 @@ class Autopilot:
         return 0
 
     def acknowledge(self, message: Any, result: int) -> None:
-        self.port.mav.command_ack_send(message.command, result)
+        self.mav.command_ack_send(message.command, result)
 
 
 if __name__ == "__main__":
-    Autopilot(sys.argv[1]).run()
+    Autopilot(int(sys.argv[1])).run()

@@ -48,6 +48,7 @@ def command_int(command: int, *parameters: float, frame: int = 6) -> Message:
     params = {f"param{place}": each for place, each in enumerate(parameters[:4], start=1)}
     north, east, up = parameters[4:]
     head = {"target_system": VEHICLE, "target_component": 1, "command": command, "frame": frame}
+    head |= {"current": 0, "autocontinue": 0}
     return Message("COMMAND_INT", {**head, **params, "x": north, "y": east, "z": up})
 
 
