@@ -104,7 +104,9 @@ def test_a_command_from_shore_is_a_sign_of_life_and_one_of_the_vehicle_is_not() 
     side = heard_side()
     side.handle_request(1, "arm", ARM, None, SECOND)
     assert Done(side).events == ["command"]
-    side.handle_request(2, "arm", ARM, SHORE, SECOND)
+    side.handle_request(2, "arm", ARM, 4, SECOND)
+    assert Done(side).events == ["command"], "another vehicle"
+    side.handle_request(3, "arm", ARM, SHORE, SECOND, is_shore=True)
     assert "ground_station" in Done(side).events
 
 

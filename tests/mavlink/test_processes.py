@@ -13,16 +13,28 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any, Final
 
+import cbor2
 import pytest
 
-from tests.gateway.networks import LIMIT_S, Channel, LocalNetwork, local_network, run
+from tests.gateway.networks import (
+    LIMIT_S,
+    Channel,
+    LocalNetwork,
+    cbor,
+    get,
+    local_network,
+    run,
+)
 from tests.gateway.test_command import notice, running
 from tests.mavlink.messages import GROUND, STATION, VEHICLE, command_int, command_long
 from zacoustic.app.cli import main as command_line
+from zacoustic.core.values.encoding import CBOR
 from zacoustic.mavlink.dialect import Message, PacketCodec
 from zacoustic.mavlink.entries import entries
 
 AUTOPILOT: Final = Path(__file__).with_name("autopilot.py")
+OWN: Final = cbor2.dumps({"acoustic": 2, "call": "lost contact"})
+"""The mark of a call that the vehicle's gateway makes."""
 SECTION: Final[dict[str, Any]] = {
     "address": 1,
     "nodes": [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}],
@@ -101,6 +113,14 @@ async def autopilot(port: int) -> AsyncIterator[AutopilotProcess]:
         if process.returncode is None:
             process.kill()
         await process.communicate()
+
+
+async def events(process: Process, count: int) -> list[str]:
+    """Read the next notices."""
+    assert process.stdout is not None
+    async with asyncio.timeout(LIMIT_S):
+        lines = [await process.stdout.readline() for _ in range(count)]
+    return [json.loads(line)["event"] for line in lines]
 
 
 async def all_of(process: Process, events: set[str]) -> None:
@@ -184,6 +204,14 @@ def test_a_ground_station_commands_an_autopilot_and_learns_of_every_loss(tmp_pat
             assert text["text"] == "auv1: no report for 3 s"
             assert (await notice(shore, "vehicle_lost"))["is_trouble"]
             await all_of(vehicle, {"ground_station_lost", "autopilot_lost"})
+            # The gateway of the vehicle itself is no sign of shore.
+            session = stack.enter_context(networks[1].client())
+            replies = await get(
+                session, "auv1/mavlink/abort", cbor(action="land"), encoding=CBOR, attachment=OWN
+            )
+            answer = cbor2.loads(replies.payload("auv1/mavlink/abort"))
+            assert (answer["success"], answer["result"]) == (False, "no_autopilot")
+            assert await events(vehicle, 2) == ["command", "answer"]
             station.send(command_long(21))
             refused = await station.next("COMMAND_ACK")
             assert (refused["command"], refused["result"]) == (21, 1)

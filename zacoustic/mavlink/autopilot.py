@@ -141,7 +141,14 @@ class AutopilotSide:
         self._ground_at = now
 
     def handle_request(
-        self, number: int, service: str, value: dict[str, Any], client: int | None, now: int
+        self,
+        number: int,
+        service: str,
+        value: dict[str, Any],
+        client: int | None,
+        now: int,
+        *,
+        is_shore: bool = False,
     ) -> None:
         """Execute a command; its answer is a `Reply`.
 
@@ -151,10 +158,11 @@ class AutopilotSide:
             value: The request.
             client: Acoustic address of the caller; None: on the vehicle.
             now: The instant.
+            is_shore: Whether the caller is on shore, so that its call is a sign of life.
         """
         assert service in SERVICES
         self._say("command", f"{service}: {_told(value)}")
-        if client is not None:
+        if is_shore:
             self.handle_ground(now)
         if not self._is_in_order(client or 0, value.get("order")):
             self._reply(number, service, Answer("superseded", "a later command came first"))

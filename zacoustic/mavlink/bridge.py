@@ -114,6 +114,8 @@ class Bridge:
                 tasks.create_task(self._watch(node))
                 self._tell(Notice("started", f"node {node.address}, MAVLink {self._port.name}"))
                 await self._work()
+        except ExceptionGroup as several:  # of the tasks, or what has ended them all
+            raise several.exceptions[0] from several
         finally:
             await self._port.close()
 

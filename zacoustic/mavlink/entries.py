@@ -12,6 +12,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.config import Config
+from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.errors import ConfigError
 
@@ -62,6 +63,12 @@ class Names(msgspec.Struct, frozen=True, kw_only=True):
         spec = self.streams[name].response_type
         assert spec is not None
         return spec.name
+
+
+def ground_addresses(names: Names) -> tuple[int, ...]:
+    """Return the acoustic addresses of the nodes that have a ground station."""
+    spec = names.streams[GROUND].spec
+    return (spec.publishers or ()) if isinstance(spec, TopicSpec) else ()
 
 
 def find_names(config: Config, prefix: str | None, *, source: str) -> Names:

@@ -5,7 +5,6 @@ from functools import partial
 from typing import Any
 
 from zacoustic.core.base.clock import Clock
-from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.errors import (
     CallTimeoutError,
     ConfigError,
@@ -18,7 +17,7 @@ from zacoustic.errors import (
 )
 from zacoustic.mavlink.bridge import Bridge, Settings, Tell
 from zacoustic.mavlink.commands import Answer
-from zacoustic.mavlink.entries import GROUND, SERVICES, TELEMETRY, Names
+from zacoustic.mavlink.entries import GROUND, SERVICES, TELEMETRY, Names, ground_addresses
 from zacoustic.mavlink.outputs import Call, Publish, Reply
 from zacoustic.mavlink.station import StationSide
 from zacoustic.zenoh.node import Client, Node, Publisher, Sample
@@ -104,9 +103,7 @@ def shore_address(names: Names) -> int:
     Raises:
         ConfigError: Several nodes may say that a ground station is there.
     """
-    spec = names.streams[GROUND].spec
-    assert isinstance(spec, TopicSpec)
-    publishers = spec.publishers or ()
+    publishers = ground_addresses(names)
     if len(publishers) != 1:
         raise ConfigError(
             f"stream {names.of(GROUND)}: {len(publishers)} publishers; allowed: one, the shore"

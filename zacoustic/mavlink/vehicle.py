@@ -10,7 +10,13 @@ from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.mavlink.autopilot import AutopilotSide, answer_value
 from zacoustic.mavlink.bridge import Bridge, Settings, Tell
 from zacoustic.mavlink.commands import Answer
-from zacoustic.mavlink.entries import GROUND, SERVICES, TELEMETRY, Names
+from zacoustic.mavlink.entries import (
+    GROUND,
+    SERVICES,
+    TELEMETRY,
+    Names,
+    ground_addresses,
+)
 from zacoustic.mavlink.outputs import Call, Publish, Reply
 from zacoustic.zenoh.node import CallContext, Node, Publisher, Sample
 
@@ -37,6 +43,7 @@ class VehicleBridge(Bridge):
         super().__init__(engine, settings, tell, **clock)
         self._side = engine
         self._names = names
+        self._shores = ground_addresses(names)
         self._numbers = itertools.count()
         self._waiting: dict[int, asyncio.Future[Answer]] = {}
         self._telemetry: Publisher[Any] | None = None
@@ -67,8 +74,12 @@ class VehicleBridge(Bridge):
     ) -> dict[str, Any]:
         number = next(self._numbers)
         answer = self._waiting[number] = asyncio.get_running_loop().create_future()
+        # Not any caller: the gateway of the vehicle calls as well (`lost_contact`).
+        is_shore = context.client in self._shores
         self.put(
-            lambda now: self._side.handle_request(number, service, request, context.client, now)
+            lambda now: self._side.handle_request(
+                number, service, request, context.client, now, is_shore=is_shore
+            )
         )
         return answer_value(await answer)
 

@@ -1,6 +1,7 @@
 """The verb `zacoustic mavlink`: joins an autopilot and a ground station through the gateways."""
 
 import argparse
+import asyncio
 import secrets
 import time
 from typing import TYPE_CHECKING, Final
@@ -11,7 +12,6 @@ from zacoustic.app.cli.support.arguments import (
     add_json,
 )
 from zacoustic.app.cli.support.printing import print_json, print_text
-from zacoustic.core.base.clock import is_duration
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_OK, Command, CommandGroup
 from zacoustic.link.serving import run_until_stopped
@@ -29,6 +29,9 @@ GROUND_EVERY_S: Final = 20.0
 """Time between two signs of life of a ground station, s: three are lost before it is."""
 LOST_AFTER_S: Final = 90.0
 """Silence after which the other side is lost, s: four signs of life of either side."""
+
+_SHORTEST_S, _LONGEST_S = 0.1, 86_400.0
+_FASTEST_BAUD: Final = 10_000_000
 
 
 class MavlinkCommand(CommandGroup):
@@ -84,7 +87,7 @@ class OnVehicle(Command):
         """
         _check(arguments, "interval", "lost_after")
         _check_system(arguments, "system", "ground_system")
-        run_until_stopped(lambda _: _run_on_vehicle(arguments))
+        run_until_stopped(lambda stop: _run_on_vehicle(arguments, stop))
         return EXIT_OK
 
 
@@ -122,7 +125,7 @@ class OnShore(Command):
             SessionError, LinkOpenError: No Zenoh router; the port is in use.
         """
         _check(arguments, "every", "lost_after")
-        run_until_stopped(lambda _: _run_on_shore(arguments))
+        run_until_stopped(lambda stop: _run_on_shore(arguments, stop))
         return EXIT_OK
 
 
@@ -165,6 +168,8 @@ class Streams(Command):
         from zacoustic.config import config_from_mapping
         from zacoustic.mavlink.entries import entries, entries_text
 
+        if arguments.vehicle == arguments.shore:
+            raise ConfigError(f"--vehicle {arguments.vehicle}; allowed: another one than --shore")
         made = entries(
             arguments.prefix,
             vehicle=arguments.vehicle,
@@ -197,10 +202,13 @@ def _add_bridge(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def _check(arguments: argparse.Namespace, *names: str) -> None:
-    for name in (*names, "baudrate"):
+    for name in names:
         value = getattr(arguments, name)
-        if value is not None and not is_duration(value):
-            raise ConfigError(f"--{name.replace('_', '-')} {value:g}; allowed: above 0, up to 1e9")
+        if not _SHORTEST_S <= value <= _LONGEST_S:
+            limits = f"{_SHORTEST_S:g}..{_LONGEST_S:g}"
+            raise ConfigError(f"--{name.replace('_', '-')} {value:g}; allowed: {limits}")
+    if arguments.baudrate is not None and not 1 <= arguments.baudrate <= _FASTEST_BAUD:
+        raise ConfigError(f"--baudrate {arguments.baudrate}; allowed: 1..{_FASTEST_BAUD}")
 
 
 def _check_system(arguments: argparse.Namespace, *names: str) -> None:
@@ -210,7 +218,7 @@ def _check_system(arguments: argparse.Namespace, *names: str) -> None:
             raise ConfigError(f"--{name.replace('_', '-')} {value}; allowed: 1..255")
 
 
-async def _run_on_vehicle(arguments: argparse.Namespace) -> None:
+async def _run_on_vehicle(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
     from zacoustic.mavlink.autopilot import AutopilotSide
     from zacoustic.mavlink.vehicle import VehicleBridge, vehicle_address
 
@@ -222,10 +230,10 @@ async def _run_on_vehicle(arguments: argparse.Namespace) -> None:
         ground_system=arguments.ground_system,
     )
     settings = _settings(arguments, config, vehicle_address(names))
-    await VehicleBridge(engine, settings, names, _printer(arguments)).run()
+    await VehicleBridge(engine, settings, names, _printer(arguments, stop)).run()
 
 
-async def _run_on_shore(arguments: argparse.Namespace) -> None:
+async def _run_on_shore(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
     from zacoustic.mavlink.shore import ShoreBridge, shore_address
     from zacoustic.mavlink.station import StationSide
 
@@ -239,7 +247,7 @@ async def _run_on_shore(arguments: argparse.Namespace) -> None:
         now=time.monotonic_ns(),
     )
     settings = _settings(arguments, config, shore_address(names))
-    await ShoreBridge(engine, settings, names, _printer(arguments)).run()
+    await ShoreBridge(engine, settings, names, _printer(arguments, stop)).run()
 
 
 def _read(arguments: argparse.Namespace) -> "tuple[Config, Names]":
@@ -263,13 +271,16 @@ def _settings(arguments: argparse.Namespace, config: "Config", address: int) -> 
     )
 
 
-def _printer(arguments: argparse.Namespace) -> "Tell":
+def _printer(arguments: argparse.Namespace, stop: asyncio.Event) -> "Tell":
     def tell(notice: "Notice") -> None:
-        if arguments.json:
-            print_json(notice, flush=True)
-        else:
+        try:
+            if arguments.json:
+                print_json(notice, flush=True)
+                return
             now = time.strftime("%H:%M:%S")
             sign = "!" if notice.is_trouble else " "
             print_text(one_line(f"{now} {sign} {notice.event}: {notice.text}"), flush=True)
+        except BrokenPipeError:
+            stop.set()
 
     return tell
