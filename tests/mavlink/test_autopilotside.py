@@ -168,22 +168,42 @@ def test_commands_of_one_id_wait_for_each_other_and_others_do_not() -> None:
     assert [each["param1"] for each in done.named("COMMAND_LONG")] == [0]
 
 
+def result_of(
+    side: AutopilotSide, order: int | None, now: int, *, client: int = SHORE, service: str = "arm"
+) -> str:
+    value = ARM if service == "arm" else {"action": "land"}
+    side.handle_message(of_vehicle(ARMED_GUIDED), now)
+    side.handle_request(1, service, {**value, "order": order}, client, now)
+    side.handle_message(of_vehicle(ack(400 if service == "arm" else 21, 0)), now)
+    (reply,) = Done(side).replies
+    return reply[1]
+
+
+FIRST_RUN, SECOND_RUN = 5 << 16, 9 << 16
+
+
 def test_a_command_that_a_later_one_has_overtaken_is_not_executed() -> None:
     side = heard_side()
+    assert result_of(side, FIRST_RUN + 2, 0) == "accepted"
+    assert result_of(side, FIRST_RUN + 1, 0) == "superseded"
+    assert result_of(side, FIRST_RUN + 3, 0) == "accepted"
+    assert result_of(side, FIRST_RUN + 1, 0, client=4) == "accepted", "of another shore"
+    assert result_of(side, None, 0) == "accepted", "of a program that counts nothing"
 
-    def result(number: int, order: int | None, client: int = SHORE) -> list[str]:
-        side.handle_request(number, "arm", {**ARM, "order": order}, client, 0)
-        side.handle_message(of_vehicle(ack(400, 0)), 0)
-        return [each for _, each, _ in Done(side).replies]
 
-    first_run, second_run = 5 << 16, 9 << 16
-    assert result(1, first_run + 2) == ["accepted"]
-    assert result(2, first_run + 1) == ["superseded"]
-    assert result(3, first_run + 3) == ["accepted"]
-    assert result(4, first_run + 1, client=4) == ["accepted"], "of another shore"
-    assert result(5, second_run + 1) == ["accepted"], "the bridge has restarted"
-    assert result(6, first_run + 4) == ["superseded"], "from before that"
-    assert result(7, None) == ["accepted"], "of a program that counts nothing"
+def test_what_a_restarted_bridge_left_on_its_way_is_not_executed() -> None:
+    side = heard_side()
+    assert result_of(side, FIRST_RUN + 1, 0) == "accepted"
+    assert result_of(side, SECOND_RUN + 1, SECOND) == "accepted"
+    assert result_of(side, FIRST_RUN + 2, 60 * SECOND) == "superseded"
+    assert result_of(side, FIRST_RUN + 3, 121 * SECOND) == "accepted", "a second bridge"
+    assert result_of(side, SECOND_RUN + 2, 121 * SECOND) == "accepted"
+
+
+def test_an_abort_is_never_too_old() -> None:
+    side = heard_side()
+    assert result_of(side, FIRST_RUN + 2, 0) == "accepted"
+    assert result_of(side, FIRST_RUN + 1, 0, service="abort") == "accepted"
 
 
 def test_acknowledgements_for_another_ground_station_are_not_ours() -> None:

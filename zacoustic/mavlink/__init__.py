@@ -25,7 +25,7 @@ a `Node` and to a `port`. Three rules must survive every change:
    as on any MAVLink link.
 3. *One command is one call.* A ground station repeats what is not acknowledged within a second or
    three; repetitions share the call and its answer. A command that a later one has overtaken on the
-   channel is not executed (`order`).
+   channel is not executed (`order`), except an abort.
 
 `dialect` alone imports pymavlink (extra `mavlink`).
 """

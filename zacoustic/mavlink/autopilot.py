@@ -50,6 +50,8 @@ TRIES: Final = 5
 """How often a command is sent without an acknowledgement."""
 PROGRESS_NS: Final = seconds_to_ns(20.0)
 """Time from an acknowledgement "in progress" to the next one or the last one."""
+LATE_NS: Final = seconds_to_ns(120.0)
+"""A command is on its way at most this long: twice the time-out of its service."""
 _MISSED: Final = 3
 # Senders, and runs of each, whose last order is known; of each a ground station needs one.
 _RUNS: Final = 64
@@ -110,7 +112,7 @@ class AutopilotSide:
         self._compose_at: int | None = None
         self._commands: dict[int, deque[_Command]] = {}
         self._orders: OrderedDict[tuple[int, int], int] = OrderedDict()
-        self._newest_run: dict[int, int] = {}
+        self._newest_run: dict[int, tuple[int, int]] = {}
         self._outputs: deque[Output] = deque()
 
     # Inputs
@@ -164,7 +166,9 @@ class AutopilotSide:
         self._say("command", f"{service}: {_told(value)}")
         if is_shore:
             self.handle_ground(now)
-        if not self._is_in_order(client or 0, value.get("order")):
+        is_in_order = self._is_in_order(client or 0, value.get("order"), now)
+        # An abort is never too old: whatever came after it, somebody wanted the vehicle back.
+        if not is_in_order and service != "abort":
             self._reply(number, service, Answer("superseded", "a later command came first"))
         elif not self._hears_autopilot(now):
             self._reply(number, service, Answer("no_autopilot", "no heartbeat of the autopilot"))
@@ -292,19 +296,22 @@ class AutopilotSide:
 
     # Commands
 
-    def _is_in_order(self, client: int, order: int | None) -> bool:
+    def _is_in_order(self, client: int, order: int | None, now: int) -> bool:
         """Return whether no later command of this client was executed; note this one.
 
         The upper half of an order is the run of the shore bridge, drawn at random; the lower half
-        counts. So a bridge that has restarted is not taken for an old one.
+        counts. So a bridge that has restarted is not taken for an old one, and what is still on
+        its way from before that is refused, for as long as it may be. After that, two bridges at
+        once can both give commands.
         """
         if order is None:
             return True
         run, count = order >> 16, order & 0xFFFF
         last = self._orders.get((client, run))
         if last is None:
-            self._newest_run[client] = run
-        elif self._newest_run[client] != run or count <= last:
+            self._newest_run[client] = (run, now)
+        newest, since = self._newest_run.get(client, (run, now))
+        if (newest != run and now - since < LATE_NS) or (last is not None and count <= last):
             return False
         self._orders[client, run] = count
         self._orders.move_to_end((client, run))
