@@ -21,7 +21,7 @@ SHORE = 1
 
 def heard_side(**arguments: float) -> AutopilotSide:
     """An engine at instant 0 whose autopilot has just been heard."""
-    side = AutopilotSide(**{"interval_s": 10, "lost_after_s": 90, **arguments})  # type: ignore[arg-type]
+    side = AutopilotSide(**{"interval_s": 10, "lost_after_s": 90, "now": 0, **arguments})  # type: ignore[arg-type]
     side.handle_message(of_vehicle(ARMED_GUIDED), 0)
     Done(side)
     return side
@@ -36,7 +36,7 @@ def keep_heard(side: AutopilotSide, now: int, end: int) -> int:
 
 
 def test_it_asks_the_autopilot_for_reports_and_again_when_none_come() -> None:
-    side = AutopilotSide(interval_s=10, lost_after_s=90)
+    side = AutopilotSide(interval_s=10, lost_after_s=90, now=0)
     side.handle_message(of_vehicle(ARMED_GUIDED), 0)
     (asked,) = Done(side).named("COMMAND_LONG")
     assert (asked["command"], asked["param1"], asked["param2"]) == (511, 235, 10e6)
@@ -72,8 +72,14 @@ def test_a_silent_autopilot_is_said_to_be_lost_and_nothing_of_it_is_published() 
     assert "autopilot" in Done(side).events
 
 
+def test_that_no_autopilot_is_there_is_said_once() -> None:
+    side = AutopilotSide(interval_s=10, lost_after_s=90, now=0)
+    run_until(side, 0, 600 * SECOND)
+    assert Done(side).events == ["autopilot_lost"]
+
+
 def test_ground_stations_and_cameras_on_the_cable_are_no_autopilots() -> None:
-    side = AutopilotSide(interval_s=10, lost_after_s=90)
+    side = AutopilotSide(interval_s=10, lost_after_s=90, now=0)
     side.handle_message(of_vehicle(STATION, system=255), 0)
     side.handle_message(of_vehicle(ARMED_GUIDED, component=100), 0)
     assert Done(side).outputs == []

@@ -60,6 +60,15 @@ def test_a_ground_station_sees_nothing_before_the_vehicle_is_heard() -> None:
     assert Done(side).sent == []
 
 
+def test_that_the_vehicle_was_never_heard_is_said_once_and_not_in_its_name() -> None:
+    side = new_side()
+    run_until(side, 0, 600 * SECOND)
+    done = Done(side)
+    assert (done.events, done.sent) == (["vehicle_lost"], [])
+    side.handle_telemetry(sample(), 0.0, 600 * SECOND)
+    assert Done(side).events == ["vehicle"]
+
+
 def test_each_sample_is_one_report_and_heartbeats_go_on_between_them() -> None:
     side = new_side()
     side.handle_telemetry(sample(), 2.0, 0)
@@ -103,7 +112,7 @@ def test_the_vehicle_is_told_of_a_ground_station_while_its_heartbeats_come() -> 
     run_until(side, now, 200 * SECOND)
     done = Done(side)
     assert [each.topic for each in done.published] == ["ground"] * 3
-    assert done.events == ["ground_station", "ground_station_lost"]
+    assert done.events == ["ground_station", "ground_station_lost", "vehicle_lost"]
     assert side.poll_timeout() is None
 
 

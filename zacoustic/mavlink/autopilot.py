@@ -83,6 +83,7 @@ class AutopilotSide:
         lost_after_s: Silence of the shore after which its HEARTBEATs end, s.
         system: System id of the autopilot; None: the first one that is heard.
         ground_system: System id under which this bridge speaks to the autopilot.
+        now: The instant.
     """
 
     def __init__(
@@ -92,6 +93,7 @@ class AutopilotSide:
         lost_after_s: float,
         system: int | None = None,
         ground_system: int = 255,
+        now: int,
     ) -> None:
         self._interval_s = interval_s
         self._interval_ns = seconds_to_ns(interval_s)
@@ -102,6 +104,7 @@ class AutopilotSide:
         self._system: int | None = None
         self._heartbeat: Message | None = None
         self._heartbeat_at: int | None = None
+        self._patient_until: int | None = now + SILENCE_NS
         self._ground_at: int | None = None
         self._beat_at: int | None = None
         self._published_at: int | None = None
@@ -202,7 +205,8 @@ class AutopilotSide:
             due.append(self._beat_at)
         if self._heartbeat_at is not None:
             due.append(self._heartbeat_at + SILENCE_NS)
-        due += [at for at in (self._compose_at, self._missing_at()) if at is not None]
+        others = (self._patient_until, self._compose_at, self._missing_at())
+        due += [at for at in others if at is not None]
         return min(due, default=None)
 
     # The autopilot
@@ -215,7 +219,7 @@ class AutopilotSide:
         wanted = self._wanted_system or self._system or received.system
         if not is_autopilot or received.system != wanted:
             return
-        is_new = self._heartbeat_at is None
+        is_new, self._patient_until = self._heartbeat_at is None, None
         self._system = received.system
         self._heartbeat, self._heartbeat_at = received.message, now
         if is_new:
@@ -223,6 +227,9 @@ class AutopilotSide:
             self._ask_for_telemetry(now)
 
     def _check_silence(self, now: int) -> None:
+        if self._patient_until is not None and self._patient_until <= now:
+            self._patient_until = None
+            self._say("autopilot_lost", "no autopilot is heard yet", is_trouble=True)
         if self._heartbeat_at is None or self._hears_autopilot(now):
             return
         self._heartbeat_at = self._asked_at = self._compose_at = self._composer = None

@@ -102,7 +102,7 @@ class StationSide:
         self._lost_after_ns = seconds_to_ns(lost_after_s)
         self._is_present = is_present
         self._value: dict[str, Any] | None = None
-        self._sampled_at = 0
+        self._sampled_at = now
         self._is_lost = False
         self._beat_at: int | None = None
         self._station_at: int | None = None
@@ -181,7 +181,9 @@ class StationSide:
         """Return the instant of the next `handle_timeout`."""
         due = [calling.progress_at for calling in self._calling.values()]
         if self._beat_at is not None:
-            due += [self._beat_at, self._sampled_at + self._lost_after_ns]
+            due.append(self._beat_at)
+        if not self._is_lost:
+            due.append(self._sampled_at + self._lost_after_ns)
         if self._ground_at is not None:
             due.append(self._ground_at)
         if self._station_at is not None:
@@ -192,9 +194,15 @@ class StationSide:
 
     def _check_vehicle(self, now: int) -> None:
         """Send the HEARTBEAT of the vehicle, or find that it is lost."""
-        if self._beat_at is None or self._value is None:
+        is_silent = now - self._sampled_at >= self._lost_after_ns
+        if self._value is None:
+            if is_silent and not self._is_lost:
+                self._is_lost = True
+                text = f"{self._name}: no report yet, for {self._lost_after_s:g} s"
+                self._say("vehicle_lost", text, is_trouble=True)
+        elif self._beat_at is None:
             return
-        if now - self._sampled_at >= self._lost_after_ns:
+        elif is_silent:
             self._beat_at, self._is_lost = None, True
             text = f"{self._name}: no report for {self._lost_after_s:g} s"
             self._say("vehicle_lost", f"{text}; nothing is shown any more", is_trouble=True)

@@ -228,6 +228,7 @@ async def _run_on_vehicle(arguments: argparse.Namespace, stop: asyncio.Event) ->
         lost_after_s=arguments.lost_after,
         system=arguments.system,
         ground_system=arguments.ground_system,
+        now=time.monotonic_ns(),
     )
     settings = _settings(arguments, config, vehicle_address(names))
     await VehicleBridge(engine, settings, names, _printer(arguments, stop)).run()
