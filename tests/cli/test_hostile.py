@@ -21,6 +21,7 @@ from tests.gateway.networks import zenoh_router
 from zacoustic.app.cli import complete_parser, main
 from zacoustic.app.cli.support.newfile import new_file
 from zacoustic.core.base.journal import JournalWrite
+from zacoustic.mavlink.entries import entries
 from zacoustic.run.journal import journal_in
 
 PROGRAM: Final = (sys.executable, "-m", "zacoustic")
@@ -54,6 +55,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("user")
     (made / "fleet.json5").write_text(FLEET, encoding="utf-8")
     (made / "water.json5").write_text(CHANNEL, encoding="utf-8")
+    bridged = {"address": 1, **entries("auv1/mavlink", vehicle=2, shore=1, first_id=60)}
+    section = json.dumps({"plugins": {"acoustic": bridged}})
+    (made / "mavlink.json5").write_text(section, encoding="utf-8")
     (made / "campaign.json5").write_text(CAMPAIGN, encoding="utf-8")
     lines = (f'{{"t": {i}, "s": "nav", "v": {{"depth": {i % 50}}}}}\n' for i in range(200))
     (made / "nav.jsonl").write_text("".join(lines), encoding="utf-8")
@@ -63,6 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 LINKED: Final = ("--config", "fleet.json5", "--link", NO_MEDIUM)
+BRIDGE: Final = ("mavlink.json5", "--mavlink", "udpin:127.0.0.1:0", *NOBODY)
 VERBS: Final[dict[str, tuple[str, ...]]] = {
     "gateway": ("gateway", "fleet.json5", "--link", NO_MEDIUM, "--listen", "tcp/127.0.0.1:0"),
     "check": ("check", "fleet.json5"),
@@ -74,6 +79,9 @@ VERBS: Final[dict[str, tuple[str, ...]]] = {
     "call": ("call", "arm", "x", "--timeout", "1", *LINKED),
     "action": ("action", "send_goal", "goto", "x", *NOBODY),
     "ping": ("ping", "2", *NOBODY),
+    "mavlink vehicle": ("mavlink", "vehicle", *BRIDGE),
+    "mavlink shore": ("mavlink", "shore", *BRIDGE),
+    "mavlink streams": ("mavlink", "streams"),
     "topics": ("topics", *NOBODY),
     "monitor": ("monitor", "--once", *NOBODY),
     "dashboard": ("dashboard", "--listen", NO_HOST, *NOBODY),

@@ -43,7 +43,7 @@ from zacoustic.link.command import (
 from zacoustic.text.safetext import one_line, some_lines, without_secrets
 
 _ROOMS: Final = {
-    "use": ("gateway", "pub", "sub", "call", "action", "ping"),
+    "use": ("gateway", "pub", "sub", "call", "action", "ping", "mavlink"),
     "watch": ("topics", "monitor", "dashboard"),
     "remote": ("silence", "resume", "stream"),
     "recordings": ("journal", "decode", "record", "replay", "report"),
@@ -55,9 +55,9 @@ _ROOMS: Final = {
 _ROOM_OF: Final = {verb: room for room, verbs in _ROOMS.items() for verb in verbs}
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "predive", "links", "pub", "sub", "call",
-    "action", "ping", "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal",
-    "audit", "key", "acl", "decode", "sim", "record", "replay", "report", "init", "schema", "fit",
-    "bench", "completion",
+    "action", "ping", "mavlink", "topics", "monitor", "dashboard", "silence", "resume", "stream",
+    "journal", "audit", "key", "acl", "decode", "sim", "record", "replay", "report", "init",
+    "schema", "fit", "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order of the help."""
 _SUB_VERBS: Final = {"sim": ("campaign",)}
@@ -68,7 +68,7 @@ _PACKAGES: Final = {
     "distributed": "'zacoustic[campaign]'",
     "matplotlib": "'zacoustic[report]'", "mcap": "'zacoustic[recording]'",
     "nicegui": "'zacoustic[console]'", "prometheus_client": "'zacoustic[metrics]'",
-    "pyarrow": "'zacoustic[campaign]'",
+    "pyarrow": "'zacoustic[campaign]'", "pymavlink": "'zacoustic[mavlink]'",
     "rich": "'zacoustic[terminal]'", "rosbags": "'zacoustic[ros]'", "serial": "pyserial",
     "shtab": "'zacoustic[completion]'", "xxhash": "'zacoustic[ros]'", "zenoh": "eclipse-zenoh",
 }  # fmt: skip
