@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo auv test test-browser screenshot soak bench shape clean distclean
+.PHONY: help demo auv test test-browser screenshot soak bench shape release sbom clean distclean
 .PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -26,6 +26,8 @@ help:
 	@echo "make soak    the tests whose hundredth runs in make test, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
 	@echo "make shape   rings, upward imports, code lines by room: the structure in numbers"
+	@echo "make release what an index gets, into dist/; refused while the commit is not ready for it"
+	@echo "make sbom    what a vessel installs, as a bill of materials: dist/zacoustic.cdx.json"
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
 
 demo: venv-run
@@ -60,6 +62,12 @@ bench: venv-test
 
 shape: venv-test
 	@$(VENV_PYTHON) .ci/shape.py
+
+release: venv-test
+	@$(VENV_PYTHON) .ci/release.py
+
+sbom: venv-run
+	@$(VENV_PYTHON) .ci/sbom.py $(ARGS)
 
 clean:
 	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
