@@ -3,7 +3,8 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo auv test test-browser screenshot soak bench shape release sbom clean distclean
+.PHONY: help demo auv test test-browser screenshot soak bench shape clean distclean
+.PHONY: release sbom container
 .PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -28,6 +29,7 @@ help:
 	@echo "make shape   rings, upward imports, code lines by room: the structure in numbers"
 	@echo "make release what an index gets, into dist/; refused while the commit is not ready for it"
 	@echo "make sbom    what a vessel installs, as a bill of materials: dist/zacoustic.cdx.json"
+	@echo "make container  the image of examples/deploy, built and started once; ENGINE=podman or docker"
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
 
 demo: venv-run
@@ -68,6 +70,16 @@ release: venv-test
 
 sbom: venv-run
 	@$(VENV_PYTHON) .ci/sbom.py $(ARGS)
+
+# The version of a tagged commit; of others the image has the one that pyproject.toml falls back to.
+TAG = $(patsubst v%,%,$(shell git describe --tags --exact-match --match 'v*' 2>/dev/null))
+ENGINE ?= $(firstword $(foreach engine,podman docker,$(if $(shell command -v $(engine)),$(engine))))
+
+container:
+	@test -n "$(ENGINE)" || { echo "make container: neither podman nor docker is here; or ENGINE=PATH" >&2; exit 1; }
+	BUILDAH_FORMAT=docker $(ENGINE) build --file examples/deploy/Containerfile --tag zacoustic \
+	    $(if $(TAG),--build-arg VERSION=$(TAG)) $(ARGS) .
+	$(ENGINE) run --rm zacoustic --version
 
 clean:
 	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -13,7 +13,12 @@ from typing import Final
 ROOT: Final = Path(__file__).parents[1]
 PLACEHOLDER: Final = "zacoustic.example"
 """Stands for the public address until there is one."""
-PUBLISHED: Final = ("pyproject.toml", "SECURITY.md")
+PUBLISHED: Final = (
+    "pyproject.toml",
+    "SECURITY.md",
+    "examples/deploy/Containerfile",
+    "examples/deploy/blueos/metadata.json",
+)
 """Files whose addresses others will follow."""
 
 

@@ -1,7 +1,6 @@
-"""The unit and the container file of docs/deploy.md start what the command line takes."""
+"""The unit of docs/deploy.md starts what the command line takes, and may do what that needs."""
 
 import configparser
-import json
 import re
 import shlex
 import shutil
@@ -108,17 +107,3 @@ def test_the_unit_is_an_ini_file_with_the_three_sections() -> None:
     parser = configparser.ConfigParser(strict=False, interpolation=None)
     parser.read_string(UNIT)
     assert parser.sections() == ["Unit", "Service", "Install"]
-
-
-def test_the_container_starts_a_gateway_and_installs_an_extra_that_is_there() -> None:
-    text = FILES["Containerfile"]
-    found = re.search(r"^ENTRYPOINT (\[.*\])\nCMD (\[.*\])$", text, re.MULTILINE)
-    assert found is not None
-    entry, command = json.loads(found[1]), json.loads(found[2])
-    assert entry == ["zacoustic"]
-    assert parse(command)[0].name == "gateway"
-    extras = re.search(r"/src\[([\w,]+)\]", text)
-    assert extras is not None
-    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    for extra in extras[1].split(","):
-        assert re.search(rf"^{extra} = \[", project, re.MULTILINE), extra

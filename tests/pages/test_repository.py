@@ -131,11 +131,11 @@ def faults_of(text: str) -> list[str]:
 
 
 def test_a_release_is_refused_while_something_is_missing() -> None:
-    missing = script("release").missing
+    release = script("release")
+    missing = release.missing
     ready = {
         "CHANGELOG.md": "# Changelog\n\n## [Unreleased]\n\n## [1.2.3] - 2026-01-31\n",
-        "pyproject.toml": "",
-        "SECURITY.md": "",
+        **dict.fromkeys(release.PUBLISHED, ""),
     }
     assert missing("v1.2.3", "", ready) == []
     (tagless,) = missing("", "", ready)
@@ -146,6 +146,17 @@ def test_a_release_is_refused_while_something_is_missing() -> None:
     assert "README.md" in changed
     (placeholder,) = missing("v1.2.3", "", {**ready, "SECURITY.md": "x@zacoustic.example"})
     assert placeholder.startswith("SECURITY.md")
+
+
+def test_a_release_looks_at_every_file_that_has_the_placeholder() -> None:
+    release = script("release")
+    having = {
+        path.relative_to(ROOT).as_posix()
+        for folder in (".", ".github", "docs", "examples", "links", "zacoustic")
+        for path in (ROOT.glob("*") if folder == "." else (ROOT / folder).rglob("*"))
+        if path.is_file() and release.PLACEHOLDER.encode() in path.read_bytes()
+    }
+    assert having - {"CONTRIBUTING.md"} <= {*release.PUBLISHED}
 
 
 def script(name: str) -> ModuleType:
