@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help demo auv test test-browser screenshot soak bench shape clean distclean
-.PHONY: release sbom container
+.PHONY: release sbom bundle container
 .PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -29,6 +29,7 @@ help:
 	@echo "make shape   rings, upward imports, code lines by room: the structure in numbers"
 	@echo "make release what an index gets, into dist/; refused while the commit is not ready for it"
 	@echo "make sbom    what a vessel installs, as a bill of materials: dist/zacoustic.cdx.json"
+	@echo "make bundle  all wheels for a ship without internet, and one command: dist/bundle/"
 	@echo "make container  the image of examples/deploy, built and started once; ENGINE=podman or docker"
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
 
@@ -70,6 +71,9 @@ release: venv-test
 
 sbom: venv-run
 	@$(VENV_PYTHON) .ci/sbom.py $(ARGS)
+
+bundle: venv-run
+	@$(VENV_PYTHON) .ci/bundle.py $(ARGS)
 
 # The version of a tagged commit; of others the image has the one that pyproject.toml falls back to.
 TAG = $(patsubst v%,%,$(shell git describe --tags --exact-match --match 'v*' 2>/dev/null))

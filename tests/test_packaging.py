@@ -4,6 +4,7 @@ An editable install forgives what a wheel does not: a data file that is left out
 is not declared.
 """
 
+import json
 import os
 import re
 import subprocess
@@ -103,6 +104,35 @@ def test_installed_wheel_offers_its_command_links_and_verbs(wheel: Path, tmp_pat
         *loaded
     }
     assert "usage: zacoustic" in run(str(python.with_name("zacoustic")), "--help")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a script of sh")
+def test_a_bundle_is_installed_from_its_folder_alone(wheel: Path, tmp_path: Path) -> None:
+    bundle = tmp_path / "a ship's disk"
+    script = [str(ROOT / ".ci" / "bundle.py"), "--extras", "", "--output", str(bundle)]
+    run(sys.executable, *script, "--wheel", str(wheel))
+    command = ["/bin/sh", str(bundle / "install.sh"), str(tmp_path / "environment")]
+    # No index, no PATH with a pip: a lonely Python.
+    lonely = {"PYTHON": sys.executable, "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    lonely |= {"PIP_INDEX_URL": "http://127.0.0.1:9/"}
+    version = metadata_of(wheel)["Version"]
+    for _ in ("installed", "installed over it"):
+        process = subprocess.run(command, env=lonely, capture_output=True, text=True, check=False)
+        assert process.returncode == 0, process.stderr
+        assert process.stdout == f"zacoustic {version}\n"
+    links = run(str(tmp_path / "environment" / "bin" / "zacoustic"), "links", "--json")
+    assert not any(link["error"] for link in json.loads(links)["links"])
+
+    wrong = subprocess.run(
+        command, env={**lonely, "PYTHON": "false"}, capture_output=True, text=True, check=False
+    )
+    assert wrong.returncode == 1
+    assert "(tried false)" in wrong.stderr
+    with next(bundle.glob("wheels/msgspec-*.whl")).open("ab") as damaged:
+        damaged.write(b"x")
+    refused = subprocess.run(command, env=lonely, capture_output=True, text=True, check=False)
+    assert refused.returncode == 1
+    assert "damaged" in refused.stderr
 
 
 def requirements(wheel: Path) -> list[str]:

@@ -4,6 +4,7 @@ import datetime
 import importlib.util
 import re
 import shlex
+from argparse import Namespace
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
@@ -157,6 +158,19 @@ def test_a_release_looks_at_every_file_that_has_the_placeholder() -> None:
         if path.is_file() and release.PLACEHOLDER.encode() in path.read_bytes()
     }
     assert having - {"CONTRIBUTING.md"} <= {*release.PUBLISHED}
+
+
+def test_a_bundle_for_another_computer_names_it_and_every_older_c_library() -> None:
+    target_of = script("bundle").target_of
+    assert target_of(Namespace(glibc=None, machine="x86_64", python="3.12")) == []
+    words = target_of(Namespace(glibc="2.19", machine="aarch64", python="3.12"))
+    assert words[1:8:2] == [
+        "manylinux_2_19_aarch64",
+        "manylinux_2_18_aarch64",
+        "manylinux_2_17_aarch64",
+        "manylinux2014_aarch64",
+    ]
+    assert words[8:10] == ["--python-version", "3.12"]
 
 
 def script(name: str) -> ModuleType:
