@@ -4,6 +4,7 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help demo auv test test-browser screenshot soak bench shape clean distclean
+.PHONY: release sbom bundle container
 .PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -26,6 +27,10 @@ help:
 	@echo "make soak    the tests whose hundredth runs in make test, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
 	@echo "make shape   rings, upward imports, code lines by room: the structure in numbers"
+	@echo "make release what an index gets, into dist/; refused while the commit is not ready for it"
+	@echo "make sbom    what a vessel installs, as a bill of materials: dist/zacoustic.cdx.json"
+	@echo "make bundle  all wheels for a ship without internet, and one command: dist/bundle/"
+	@echo "make container  the image of examples/deploy, built and started once; ENGINE=podman or docker"
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
 
 demo: venv-run
@@ -60,6 +65,25 @@ bench: venv-test
 
 shape: venv-test
 	@$(VENV_PYTHON) .ci/shape.py
+
+release: venv-test
+	@$(VENV_PYTHON) .ci/release.py
+
+sbom: venv-run
+	@$(VENV_PYTHON) .ci/sbom.py $(ARGS)
+
+bundle: venv-run
+	@$(VENV_PYTHON) .ci/bundle.py $(ARGS)
+
+# The version of a tagged commit; of others the image has the one that pyproject.toml falls back to.
+TAG = $(patsubst v%,%,$(shell git describe --tags --exact-match --match 'v*' 2>/dev/null))
+ENGINE ?= $(firstword $(foreach engine,podman docker,$(if $(shell command -v $(engine)),$(engine))))
+
+container:
+	@test -n "$(ENGINE)" || { echo "make container: neither podman nor docker is here; or ENGINE=PATH" >&2; exit 1; }
+	BUILDAH_FORMAT=docker $(ENGINE) build --file examples/deploy/Containerfile --tag zacoustic \
+	    $(if $(TAG),--build-arg VERSION=$(TAG)) $(ARGS) .
+	$(ENGINE) run --rm zacoustic --version
 
 clean:
 	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

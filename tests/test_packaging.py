@@ -4,12 +4,15 @@ An editable install forgives what a wheel does not: a data file that is left out
 is not declared.
 """
 
+import json
 import os
+import re
 import subprocess
 import sys
 import venv
 import zipfile
 from email import message_from_string
+from email.message import Message
 from pathlib import Path
 from typing import Final
 
@@ -63,6 +66,27 @@ def test_wheel_contains_the_licence(wheel: Path) -> None:
         assert any(name.endswith(".dist-info/licenses/LICENSE") for name in archive.namelist())
 
 
+def test_the_page_of_the_index_has_whole_addresses_only(wheel: Path) -> None:
+    page = str(metadata_of(wheel).get_payload())
+    assert page.startswith("# zacoustic\n")
+    targets = re.findall(r"\]\(([^)]*)\)", page)
+    assert len(targets) > 20
+    assert [target for target in targets if not target.startswith(("https://", "#"))] == []
+
+
+def test_the_version_is_a_tag_or_counts_from_one(wheel: Path) -> None:
+    version = metadata_of(wheel)["Version"]
+    assert re.fullmatch(r"\d+\.\d+\.\d+((a|b|rc)\d+)?(\.dev\d+)?(\+[\w.]+)?", version), version
+
+
+def test_the_extra_all_has_every_package_of_the_others(wheel: Path) -> None:
+    extras = metadata_of(wheel).get_all("Provides-Extra", [])
+    assert {"all", "console", "gateway", "ros", "secure", "terminal"} <= {*extras}
+    brought = {extra: packages_of(wheel, extra) for extra in extras}
+    others = [packages for extra, packages in brought.items() if extra != "test"]
+    assert brought["all"] == set().union(*others)
+
+
 def test_core_imports_with_zenoh_and_pyserial_absent(wheel: Path, tmp_path: Path) -> None:
     python = make_environment(tmp_path)
     needed = [requirement for requirement in requirements(wheel) if requirement.startswith(BARE)]
@@ -82,12 +106,62 @@ def test_installed_wheel_offers_its_command_links_and_verbs(wheel: Path, tmp_pat
     assert "usage: zacoustic" in run(str(python.with_name("zacoustic")), "--help")
 
 
+@pytest.mark.skipif(os.name == "nt", reason="a script of sh")
+def test_a_bundle_is_installed_from_its_folder_alone(wheel: Path, tmp_path: Path) -> None:
+    bundle = tmp_path / "a ship's disk"
+    script = [str(ROOT / ".ci" / "bundle.py"), "--extras", "", "--output", str(bundle)]
+    run(sys.executable, *script, "--wheel", str(wheel))
+    command = ["/bin/sh", str(bundle / "install.sh"), str(tmp_path / "environment")]
+    # No index, no PATH with a pip: a lonely Python.
+    lonely = {"PYTHON": sys.executable, "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    lonely |= {"PIP_INDEX_URL": "http://127.0.0.1:9/"}
+    version = metadata_of(wheel)["Version"]
+    for _ in ("installed", "installed over it"):
+        process = subprocess.run(command, env=lonely, capture_output=True, text=True, check=False)
+        assert process.returncode == 0, process.stderr
+        assert process.stdout == f"zacoustic {version}\n"
+    links = run(str(tmp_path / "environment" / "bin" / "zacoustic"), "links", "--json")
+    assert not any(link["error"] for link in json.loads(links)["links"])
+
+    wrong = subprocess.run(
+        command, env={**lonely, "PYTHON": "false"}, capture_output=True, text=True, check=False
+    )
+    assert wrong.returncode == 1
+    assert "(tried false)" in wrong.stderr
+    with next(bundle.glob("wheels/msgspec-*.whl")).open("ab") as damaged:
+        damaged.write(b"x")
+    refused = subprocess.run(command, env=lonely, capture_output=True, text=True, check=False)
+    assert refused.returncode == 1
+    assert "damaged" in refused.stderr
+
+
 def requirements(wheel: Path) -> list[str]:
     """Give what the wheel says it needs, without its extras."""
+    every = metadata_of(wheel).get_all("Requires-Dist", [])
+    return [text for text in every if "extra ==" not in text]
+
+
+def packages_of(wheel: Path, extra: str) -> set[str]:
+    """Give the packages of others that an extra brings, by way of our other extras too."""
+    found: set[str] = set()
+    for text in metadata_of(wheel).get_all("Requires-Dist", []):
+        requirement, _, marker = text.partition(";")
+        if f"extra == '{extra}'" not in marker.replace('"', "'"):
+            continue
+        named = re.match(r"([\w.-]+)(?:\[(.*?)\])?", requirement)
+        assert named is not None
+        if named[1] == "zacoustic":
+            found.update(*(packages_of(wheel, inner) for inner in named[2].split(",")))
+        else:
+            found.add(named[1])
+    return found
+
+
+def metadata_of(wheel: Path) -> Message:
+    """Give what the wheel says of itself."""
     with zipfile.ZipFile(wheel) as archive:
         name = next(name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
-        metadata = message_from_string(archive.read(name).decode())
-    return [text for text in metadata.get_all("Requires-Dist", []) if "extra ==" not in text]
+        return message_from_string(archive.read(name).decode())
 
 
 def make_environment(folder: Path) -> Path:

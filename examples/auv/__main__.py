@@ -30,7 +30,7 @@ def main() -> int:
         from examples.auv.console import run_console
     except ModuleNotFoundError as error:
         print(
-            f"{error.name} is missing: pip install 'zacoustic[console]', or --headless",
+            f"{error.name} is missing: pip install '.[console]' in the checkout, or --headless",
             file=sys.stderr,
         )
         return 2

@@ -171,7 +171,7 @@ def test_without_nicegui_there_is_one_line_that_says_what_to_install(tmp_path: P
     process = run_command(search_first=tmp_path)
     assert process.returncode == 2
     assert process.stderr == (
-        "nicegui is missing: pip install 'zacoustic[console]', or --headless\n"
+        "nicegui is missing: pip install '.[console]' in the checkout, or --headless\n"
     )
 
 

@@ -155,18 +155,23 @@ def test_every_verb_that_prints_results_has_json() -> None:
 
 
 @pytest.mark.parametrize(
-    ("module", "extra"),
-    [("rich", "'zacoustic[terminal]'"), ("nicegui.ui", "'zacoustic[console]'"), ("x", "x")],
+    ("module", "advice"),
+    [
+        ("rich", "in zacoustic's checkout: pip install '.[terminal]'"),
+        ("nicegui.ui", "in zacoustic's checkout: pip install '.[console]'"),
+        ("serial", "pip install pyserial"),
+        ("x", "pip install x"),
+    ],
 )
 def test_absent_library_names_what_brings_it(
     module: str,
-    extra: str,
+    advice: str,
     raising: Callable[[BaseException], int],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert raising(ModuleNotFoundError("absent", name=module)) == 1
     assert capsys.readouterr().err == (
-        f"zacoustic links: needs {module}, which is not installed (pip install {extra})\n"
+        f"zacoustic links: needs {module}, which is not installed ({advice})\n"
     )
 
 

@@ -136,4 +136,4 @@ def test_without_cryptography_the_file_is_read_and_the_extra_is_named(tmp_path: 
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert "security: needs cryptography, which is not installed" in done.stdout
-    assert "zacoustic[secure]" in done.stdout
+    assert "pip install '.[secure]'" in done.stdout

@@ -213,5 +213,5 @@ def test_without_the_extra_all_but_ros_works_and_the_error_names_it() -> None:
         [sys.executable, "-c", WITHOUT], capture_output=True, text=True, check=False, timeout=60
     )
     assert process.returncode == 0, process.stderr
-    assert "zacoustic[ros]" in process.stdout
+    assert "pip install '.[ros]'" in process.stdout
     assert "needs the package rosbags" in process.stdout

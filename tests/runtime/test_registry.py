@@ -111,7 +111,8 @@ def test_address_of_a_locator_may_contain_what_separates_elsewhere() -> None:
         ("absent", "link 'absent': thirdparty_links:Absent does not exist"),
         ("none", "link 'none': thirdparty_links:NoLink is not a subclass of Link"),
         ("old", "link 'old' was written for link contract 0, this is 1 "
-                "(pip install --upgrade zacoustic thirdparty)"),
+                "(upgrade both: pip install --upgrade thirdparty; in zacoustic's checkout: "
+                "pip install -e .)"),
     ],
 )  # fmt: skip
 def test_unusable_link_says_what_to_do(name: str, message: str) -> None:

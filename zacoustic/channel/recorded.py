@@ -18,6 +18,7 @@ import msgspec
 
 from zacoustic.channel.faults.limits import check_range
 from zacoustic.errors import ConfigError
+from zacoustic.text.installing import with_extra
 
 MOST_RESPONSES: Final = 1_000_000
 DEFAULT_WINDOW_S: Final = 0.001
@@ -96,9 +97,7 @@ def read_recording(path: Path, *, window_s: float = DEFAULT_WINDOW_S) -> Recorde
     try:
         import h5py
     except ImportError as error:
-        raise ConfigError(
-            f"{path}: h5py is not installed", hint="pip install 'zacoustic[channel]'"
-        ) from error
+        raise ConfigError(f"{path}: h5py is not installed", hint=with_extra("channel")) from error
     try:
         with path.open("rb") as raw:
             is_old = raw.read(10) == b"MATLAB 5.0"

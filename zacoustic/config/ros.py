@@ -29,6 +29,7 @@ from zacoustic.ros.streams import (
     ros_service,
 )
 from zacoustic.text.digits import whole_number
+from zacoustic.text.installing import with_extra
 
 if TYPE_CHECKING:  # these need rosbags, which a file without ROS does not need
     from zacoustic.ros.mapping import TypeMapper
@@ -171,7 +172,7 @@ class RosReader:
 
             self._mapper = TypeMapper(self._interfaces, self._overlays, wire=self._wire)
         except ImportError as error:
-            here.refuse(f"ROS 2 needs {error.name}", hint='pip install "zacoustic[ros]"')
+            here.refuse(f"ROS 2 needs {error.name}", hint=with_extra("ros"))
         except ConfigError as error:
             key = "distro" if str(error.args[0]).startswith('"') else "packages"
             is_package = "needs the package" in str(error.args[0])

@@ -19,13 +19,15 @@ import msgspec
 from zacoustic.errors import ConfigError, LinkUnavailableError, ZacousticError
 from zacoustic.link.command import Command
 from zacoustic.link.contract import LINK_API, Link, convert_config
+from zacoustic.text.installing import OURSELVES
 
 LINK_GROUP: Final = "zacoustic.links"
 """Entry-point group of links: name → subclass of `Link`."""
 COMMAND_GROUP: Final = "zacoustic.commands"
 """Entry-point group of verbs: name → subclass of `Command`; `GROUP.NAME` is a sub-verb of GROUP."""
 
-_INSTALL_HINT: Final = "pip install zacoustic, or in a checkout: pip install -e ."
+_OURS: Final = "zacoustic"
+"""The distribution of our own links."""
 
 
 class Locator(msgspec.Struct, frozen=True):
@@ -94,7 +96,7 @@ def load(name: str) -> type[Link]:
     if not points:
         installed = names()
         if not installed:
-            raise LinkUnavailableError("no links are installed", hint=_INSTALL_HINT)
+            raise LinkUnavailableError("no links are installed", hint=OURSELVES)
         raise LinkUnavailableError(f"no link {name!r}; installed: {', '.join(installed)}")
     point = next(iter(points))
     loaded = _import(point, f"link {name!r}")
@@ -103,7 +105,7 @@ def load(name: str) -> type[Link]:
     if loaded.link_api != LINK_API:
         raise LinkUnavailableError(
             f"link {name!r} was written for link contract {loaded.link_api}, this is {LINK_API}",
-            hint=f"pip install --upgrade zacoustic {_distribution(point)}",
+            hint=f"upgrade both: pip install --upgrade {_distribution(point)}; {OURSELVES}",
         )
     return loaded
 
@@ -189,15 +191,21 @@ def _import(point: metadata.EntryPoint, what: str) -> object:
         loaded: object = point.load()
     except ImportError as error:
         needs = f"needs {error.name}" if error.name else f"cannot be imported: {error}"
-        extra = point.name.rpartition(".")[2]
-        hint = f"pip install {_distribution(point)}[{extra}]"
-        raise LinkUnavailableError(f"{what} {needs}", hint=hint) from error
+        raise LinkUnavailableError(f"{what} {needs}", hint=_install_hint(point)) from error
     except AttributeError as error:
         raise LinkUnavailableError(f"{what}: {point.value} does not exist: {error}") from error
     except Exception as error:  # a fault of this package must not disable the others
         reason = f"{type(error).__name__}: {error}".partition("\n")[0]
         raise LinkUnavailableError(f"{what}: {point.value} cannot be imported: {reason}") from error
     return loaded
+
+
+def _install_hint(point: metadata.EntryPoint) -> str:
+    """Return how to install what an entry point needs: by convention an extra of its name."""
+    distribution = _distribution(point)
+    if distribution == _OURS:  # our own links need nothing that is not always installed
+        return OURSELVES
+    return f"pip install {distribution}[{point.name.rpartition('.')[2]}]"
 
 
 def _describe(name: str) -> LinkDescription:
@@ -225,4 +233,4 @@ def _default(field: msgspec.structs.FieldInfo) -> str:
 
 
 def _distribution(point: metadata.EntryPoint) -> str:
-    return point.dist.name if point.dist else "zacoustic"
+    return point.dist.name if point.dist else _OURS

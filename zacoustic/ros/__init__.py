@@ -21,7 +21,7 @@ Modules:
   `TypeSpec`; `messages`: `RosMessage`, CDR to values and back; `streams`: a stream's ROS entities;
 - `types`: `ros_type` and `message_class`, for programs without a configuration.
 
-`interfaces` and `messages` need `rosbags`, `tokens` needs `xxhash`: the extra ``zacoustic[ros]``.
+`interfaces` and `messages` need `rosbags`, `tokens` needs `xxhash`: the extra ``ros``.
 They are imported on first use; if one is missing, the error names the extra.
 """
 

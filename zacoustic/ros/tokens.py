@@ -22,10 +22,11 @@ import msgspec
 from zacoustic.errors import ConfigError
 from zacoustic.ros.qos import RosQos, read_qos
 from zacoustic.text.digits import whole_number
+from zacoustic.text.installing import with_extra
 
 PREFIX: Final = "@ros2_lv"
 """First chunk of all tokens; no wildcard of an application matches it."""
-EXTRA_HINT: Final = 'pip install "zacoustic[ros]"'
+EXTRA_HINT: Final = with_extra("ros")
 """Advice if a package of the extra is missing."""
 
 _SLASH: Final = "%"

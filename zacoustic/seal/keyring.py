@@ -8,6 +8,7 @@ from zacoustic.errors import ConfigError
 from zacoustic.seal.keys import FleetKey, KeyFileError, read_key
 from zacoustic.seal.lives import Lives
 from zacoustic.seal.spec import SecuritySpec
+from zacoustic.text.installing import with_extra
 
 if TYPE_CHECKING:
     from zacoustic.seal.ccm import CcmCipher
@@ -47,7 +48,7 @@ def open_keyring(spec: SecuritySpec, address: int) -> Keyring:
             raise
         raise ConfigError(
             f"{spec.source}: needs {package}, which is not installed",
-            hint="pip install 'zacoustic[secure]'",
+            hint=with_extra("secure"),
         ) from error
     place = "key"
     key: FleetKey | Members

@@ -40,6 +40,7 @@ from zacoustic.link.command import (
     CommandGroup,
     add_command,
 )
+from zacoustic.text.installing import with_extra
 from zacoustic.text.safetext import one_line, some_lines, without_secrets
 
 _ROOMS: Final = {
@@ -63,16 +64,15 @@ BUILT_IN: Final = (
 _SUB_VERBS: Final = {"sim": ("campaign",)}
 """Sub-verbs of our verbs that also take a file in place of a sub-verb."""
 
-_PACKAGES: Final = {
-    "cryptography": "'zacoustic[secure]'", "dask": "'zacoustic[campaign]'",
-    "distributed": "'zacoustic[campaign]'",
-    "matplotlib": "'zacoustic[report]'", "mcap": "'zacoustic[recording]'",
-    "nicegui": "'zacoustic[console]'", "prometheus_client": "'zacoustic[metrics]'",
-    "pyarrow": "'zacoustic[campaign]'", "pymavlink": "'zacoustic[mavlink]'",
-    "rich": "'zacoustic[terminal]'", "rosbags": "'zacoustic[ros]'", "serial": "pyserial",
-    "shtab": "'zacoustic[completion]'", "xxhash": "'zacoustic[ros]'", "zenoh": "eclipse-zenoh",
+_EXTRAS: Final = {
+    "cryptography": "secure", "dask": "campaign", "distributed": "campaign",
+    "matplotlib": "report", "mcap": "recording", "nicegui": "console",
+    "prometheus_client": "metrics", "pyarrow": "campaign", "pymavlink": "mavlink",
+    "rich": "terminal", "rosbags": "ros", "shtab": "completion", "xxhash": "ros",
 }  # fmt: skip
-"""Package to install for a module that may be absent, if its name differs."""
+"""Our extra that brings a module that may be absent."""
+_PACKAGES: Final = {"serial": "pyserial", "zenoh": "eclipse-zenoh"}
+"""Package to install for another such module, if its name differs."""
 
 _EXAMPLE: Final = """example:
   zacoustic demo                     two local networks joined through a simulated channel
@@ -133,8 +133,12 @@ def _run(program: str, arguments: Sequence[str]) -> int:
 
 def absent_module(name: str) -> str:
     """Return the message for a missing module."""
-    package = _PACKAGES.get(name.partition(".")[0], name)
-    return f"needs {name}, which is not installed (pip install {package})"
+    module = name.partition(".")[0]
+    if (extra := _EXTRAS.get(module)) is not None:
+        advice = with_extra(extra)
+    else:
+        advice = f"pip install {_PACKAGES.get(module, name)}"
+    return f"needs {name}, which is not installed ({advice})"
 
 
 def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:

@@ -9,11 +9,12 @@ from typing import Final
 import msgspec
 
 from zacoustic.errors import ConfigError
+from zacoustic.text.installing import with_extra
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 """The first bytes of an MCAP file."""
 _LONGEST_BYTES: Final = 64 << 20
-_EXTRA: Final = "pip install 'zacoustic[recording]'"
+_EXTRA: Final = with_extra("recording")
 
 _logger = logging.getLogger(__name__)
 

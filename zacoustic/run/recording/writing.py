@@ -27,6 +27,7 @@ import msgspec
 from zacoustic.errors import ConfigError
 from zacoustic.run.privatefile import create_private
 from zacoustic.run.recording.channels import Channel
+from zacoustic.text.installing import with_extra
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -40,7 +41,7 @@ FLUSH_S: Final = 5.0
 RESERVE_BYTES: Final = 64 << 20
 """Space that a recording leaves free on the disk, bytes, for the journal."""
 
-_EXTRA: Final = "pip install 'zacoustic[recording]'"
+_EXTRA: Final = with_extra("recording")
 _logger = logging.getLogger(__name__)
 
 

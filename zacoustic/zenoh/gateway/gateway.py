@@ -35,6 +35,7 @@ from zacoustic.run.hostclock import HostClock
 from zacoustic.run.journal import Journal, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.run.journal.forgotten import forgotten
 from zacoustic.run.node import LinkNode, OpenRecording, PreparedNode
+from zacoustic.text.installing import with_extra
 from zacoustic.text.safetext import one_line, without_secrets
 from zacoustic.zenoh.gateway.compose import Composition
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
@@ -268,9 +269,8 @@ class Gateway:
         try:
             from zacoustic.zenoh.gateway.status.metrics import MetricsServer
         except ModuleNotFoundError as error:
-            hint = "pip install 'zacoustic[metrics]'"
             raise ConfigError(
-                f"metrics: needs {error.name}, which is not installed", hint=hint
+                f"metrics: needs {error.name}, which is not installed", hint=with_extra("metrics")
             ) from error
         self._metrics = MetricsServer(*self._metrics_place, session.documents)
         await self._metrics.open()

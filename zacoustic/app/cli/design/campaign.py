@@ -45,7 +45,7 @@ class CampaignCommand(Command):
         parser.epilog = (
             "the file names a scenario, the values to sweep, by paths into it or into its config,\n"
             "and the seeds of each cell; docs/sim.md has its keys. Each finished run is kept:\n"
-            "an interrupted campaign continues. Needs zacoustic[campaign]\n\n"
+            "an interrupted campaign continues. Needs the extra `campaign`\n\n"
             "example:\n"
             "  zacoustic sim campaign campaign.json5\n"
             "  zacoustic sim campaign campaign.json5 --scheduler tcp://10.0.0.1:8786 --parquet"

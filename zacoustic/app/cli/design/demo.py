@@ -10,6 +10,7 @@ from zacoustic.app.cli.support.newfile import new_file
 from zacoustic.app.cli.support.printing import print_text
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, Command
+from zacoustic.text.installing import with_extra
 
 if TYPE_CHECKING:
     from zacoustic.app.tools.demo.views import View
@@ -84,8 +85,6 @@ def _view(arguments: argparse.Namespace, title: str, picture: IO[bytes] | None) 
     except ModuleNotFoundError as error:
         if arguments.screenshot is not None or not (error.name or "").startswith("rich"):
             raise
-        print_text(
-            "zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view"
-        )
+        print_text(f"zacoustic demo: plain lines; for the live view, {with_extra('terminal')}")
         return LinesView()
     return LiveView(title=title, screenshot=picture)

@@ -4,6 +4,7 @@ import argparse
 
 from zacoustic.app.cli.support.printing import print_json, print_text
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.text.installing import OURSELVES
 
 
 class LinksCommand(Command):
@@ -29,9 +30,6 @@ class LinksCommand(Command):
             print_json({"links": links})
             return EXIT_OK if links else EXIT_FAILED
         if not links:
-            raise LinkUnavailableError(
-                "no links are installed",
-                hint="pip install zacoustic, in a checkout pip install -e .",
-            )
+            raise LinkUnavailableError("no links are installed", hint=OURSELVES)
         print_text(describe_as_text(links))
         return EXIT_OK

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from zacoustic.errors import ConfigError
+from zacoustic.text.installing import with_extra
 from zacoustic.text.safetext import one_line
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def need_matplotlib(extra: str) -> None:
     except ImportError as error:
         raise ConfigError(
             f"a page needs {error.name}",
-            hint=f"pip install 'zacoustic[{extra}]'",
+            hint=with_extra(extra),
         ) from error
 
 
