@@ -268,4 +268,4 @@ def test_without_pymavlink_the_extra_is_named(
     monkeypatch.setitem(sys.modules, "pymavlink", None)
     file = write_fleet(tmp_path / "fleet.json5")
     assert command_line(["mavlink", "shore", str(file), "--mavlink", "udpin:127.0.0.1:0"]) == 1
-    assert "pip install 'zacoustic[mavlink]'" in capsys.readouterr().err
+    assert "pip install '.[mavlink]'" in capsys.readouterr().err
