@@ -435,6 +435,6 @@ def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None
     return aged(type_spec) if spec.qos.stamp is Stamp.AGE else type_spec
 
 
-def _seconds(time_s: float) -> float:
-    """Return a time as a description has it: 60 and 60.0 are equal."""
+def _seconds(time_s: float) -> object:
+    """Return a time, s, as a description has it: 60 and 60.0 are equal."""
     return int(time_s) if time_s == int(time_s) else time_s
