@@ -124,9 +124,13 @@ class Timers:
         """Return the earliest instant, ns; None: no timer is armed."""
         self._find()
         heap, armed = self._heap, self._armed
-        while heap and armed.get(heap[0][3]) is not heap[0]:
+        while heap:
+            instant, _, arming, key, _ = heap[0]
+            entry = armed.get(key)
+            if entry is not None and entry[2] == arming:
+                return instant
             heappop(heap)
-        return heap[0][0] if heap else None
+        return None
 
     def fire(self, now: int) -> None:
         """Fire the timers that are due, each once.
@@ -148,7 +152,8 @@ class Timers:
             if not due:
                 break
             whose, _, entry = heappop(due)
-            if self._armed.get(entry[3]) is entry:
+            armed = self._armed.get(entry[3])
+            if armed is not None and armed[2] == entry[2]:
                 del self._armed[entry[3]]
                 entry[4](now)
         for entry in later:
