@@ -113,23 +113,41 @@ def test_an_end_with_another_table_answers_and_is_named(tmp_path: Path) -> None:
     run(scene())
 
 
-def test_a_range_beyond_what_the_slots_allow(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("access", "named", "cure"),
+    [
+        (
+            {"method": "tdma", "slots": [1, 2], "slot_s": 3, "max_range_m": 0.5},
+            "max_range_m is 0.5",
+            "set max_range_m",
+        ),
+        (
+            {"method": "auto", "slots": [
+                {"owners": [1], "for_s": 3, "range_m": 2000},
+                {"owners": [2], "for_s": 3, "range_m": 0.25},
+            ]},
+            "slots[1].range_m is 0.25",
+            "zacoustic plan --schedule",
+        ),
+    ],
+)  # fmt: skip
+def test_a_range_beyond_what_the_slots_allow(
+    access: dict[str, object], named: str, cure: str, tmp_path: Path
+) -> None:
     async def scene() -> None:
         channel = Channel()
         async with (
             _gateway(1, channel, tmp_path) as shore,
             _gateway(2, channel, tmp_path),
         ):
-            access = {
-                "method": "tdma", "slots": [1, 2], "slot_s": 3, "max_range_m": 0.5,
-                "clock_error_s": 0.01,
-            }  # fmt: skip
-            links = [{"locator": "sim/127.0.0.1:1", "access": access}]
+            timed = {**access, "clock_error_s": 0.01}
+            links = [{"locator": "sim/127.0.0.1:1", "access": timed}]
             path = beside(tmp_path, shore, streams=EAGER, links=links)
             code, told = await asyncio.to_thread(_told, path)
         assert code == 1
         assert told["contacts"][0]["range_m"] is not None, told
-        assert "node 2 auv1 is 1 m away; max_range_m is 0.5" in _text(told)
+        assert f"node 2 auv1 is 1 m away; {named}" in _text(told)
+        assert any(cure in each["cure"] for each in told["findings"])
         assert any("frames are not sealed" in each for each in told["left_out"])
 
     run(scene())

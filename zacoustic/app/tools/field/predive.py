@@ -19,7 +19,7 @@ from zacoustic.app.tools.field.doctor.network import Running, look
 from zacoustic.app.tools.field.pinging import GatewayPinger
 from zacoustic.config import Config, read_config
 from zacoustic.core.peers.sealing import Refusal
-from zacoustic.core.schedule.access.spec import TdmaSpec
+from zacoustic.core.schedule.access.spec import AutoSpec, ScheduleSpec, TdmaSpec
 from zacoustic.errors import ConfigError, DeliveryError
 from zacoustic.link.contract import Finding
 from zacoustic.text.safetext import one_line
@@ -216,8 +216,6 @@ def _contact(
 def _of_contacts(
     config: Config, running: Running, contacts: Sequence[Contact]
 ) -> Iterator[Finding]:
-    access = config.rules.access
-    most_m = access.max_range_m if isinstance(access, TdmaSpec) else None
     for contact in contacts:
         node = f"node {contact.address} {contact.name}".rstrip()
         if contact.round_trip_s is None:
@@ -225,14 +223,47 @@ def _of_contacts(
         there_m = None if contact.status is None else contact.status.range_m
         measured = (contact.range_m, there_m)
         farthest_m = max((each for each in measured if each is not None), default=None)
-        if farthest_m is not None and most_m is not None and farthest_m > most_m:
+        guarded = _guarded(config, contact.address)
+        if farthest_m is not None and guarded is not None and farthest_m > guarded.most_m:
             yield Finding(
-                what=f"{node} is {farthest_m:.0f} m away; max_range_m is {most_m:g}",
+                what=f"{node} is {farthest_m:.0f} m away; {guarded.key} is {guarded.most_m:g}",
                 why="its frames arrive in the slots of others",
-                cure="set max_range_m to the largest distance of the dive",
+                cure=guarded.cure,
             )
         if contact.status is not None:
             yield from _of_status(config, contact.status, node)
+
+
+class _Guarded(msgspec.Struct, frozen=True):
+    """How far two nodes may be apart by the slots of the file."""
+
+    key: str
+    most_m: float
+    cure: str
+
+
+def _guarded(config: Config, address: int) -> _Guarded | None:
+    """Return how far a node may be away; None: its slots and this node's are not neighbours."""
+    access = config.rules.access
+    if isinstance(access, TdmaSpec):
+        if access.max_range_m is None:
+            return None
+        cure = "set max_range_m to the largest distance of the dive"
+        return _Guarded("max_range_m", access.max_range_m, cure)
+    schedule = access.schedule if isinstance(access, AutoSpec) else access
+    if not isinstance(schedule, ScheduleSpec):
+        return None
+    found = []
+    for index, slot in enumerate(schedule.slots):
+        after = schedule.slots[(index + 1) % len(schedule.slots)]
+        for first, second in ((slot.owners, after.owners), (after.owners, slot.owners)):
+            if config.address in first and address in second:
+                found.append((slot.range_m, index))
+    if not found:
+        return None
+    most_m, index = min(found)
+    cure = "make the schedule again with the distances of the dive: zacoustic plan --schedule"
+    return _Guarded(f"slots[{index}].range_m", most_m, cure)
 
 
 def _unanswered(config: Config, running: Running, contact: Contact, node: str) -> Finding:

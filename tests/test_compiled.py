@@ -1,0 +1,119 @@
+"""The split of a module for the compiled wheel leaves one of each class, function and constant."""
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SPLIT = ROOT / ".ci" / "compiled" / "split.py"
+BUILD = ROOT / ".ci" / "compiled" / "build.py"
+MODULE = '''
+"""A module."""
+
+import enum
+
+import msgspec
+
+
+class Kind(enum.Enum):
+    ONE = 1
+
+
+class Rule(msgspec.Struct, frozen=True, kw_only=True):
+    kind: Kind = Kind.ONE
+
+    def keeper(self) -> "Keeper":
+        return Keeper(double(2))
+
+
+NO_RULE = Rule()
+LIMITS = (1, 2)
+
+
+class Named(msgspec.Struct, frozen=True):
+    rule: Rule = NO_RULE
+
+
+class Keeper:
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+
+class Heir(Keeper):
+    pass
+
+
+def double(count: int) -> int:
+    return 2 * count
+'''
+USER = """
+from splitted.rules import Keeper, Rule
+
+
+class Stricter(Rule, frozen=True, kw_only=True):
+    more: int = 1
+
+
+def make() -> Keeper:
+    return Stricter().keeper()
+"""
+
+
+def load(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"compiled_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def splitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """The names of the files to compile, of a package that can be imported."""
+    package = tmp_path / "splitted"
+    package.mkdir()
+    sources = {"__init__": "", "rules": MODULE, "user": USER, "records": "X = 1\n"}
+    for name, source in sources.items():
+        (package / f"{name}.py").write_text(source, encoding="utf-8")
+    split = load(SPLIT)
+    compiled = split.split(split.read(tmp_path, sorted(package.glob("*.py"))))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield [path.name for path in compiled]
+    for name in [each for each in sys.modules if each.startswith("splitted")]:
+        del sys.modules[name]
+
+
+def test_what_has_nothing_to_compile_stays_as_it_is(splitted: list[str]) -> None:
+    assert splitted == ["rules.py", "user.py"]
+
+
+def test_records_and_enums_come_from_the_twin_and_all_else_exists_once(
+    splitted: list[str],
+) -> None:
+    rules, twin = (importlib.import_module(f"splitted.{each}") for each in
+                   ("rules", "records_rules"))  # fmt: skip
+    for name in ("Kind", "Rule", "Named", "NO_RULE", "Keeper", "Heir", "double"):
+        assert getattr(rules, name) is getattr(twin, name), name
+    assert [rules.Rule.__module__, rules.Keeper.__module__] == [twin.__name__, rules.__name__]
+    assert rules.Named().rule is rules.NO_RULE
+    assert isinstance(rules.Rule().keeper(), rules.Keeper)
+
+
+def test_heirs_of_records_in_other_modules_stay_records(splitted: list[str]) -> None:
+    user = importlib.import_module("splitted.user")
+    assert user.Stricter.__module__ == "splitted.records_user"
+    assert user.make().count == 4
+    with pytest.raises(AttributeError, match="immutable"):
+        user.Stricter().more = 2
+
+
+def test_rooms_and_plain_files_exist(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(SPLIT.parent))
+    build = load(BUILD)
+    assert all((ROOT / each).exists() for each in (*build.ROOMS, *build.PLAIN))
