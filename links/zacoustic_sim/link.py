@@ -113,6 +113,8 @@ class SimLink(Link):
         assert isinstance(config, SimConfig)
         if not 1 <= node_address <= 254:
             raise ConfigError(f"node address is {node_address}; allowed: 1..254")
+        if address.startswith(("tcp:", "serial:")):
+            raise ConfigError(f"sim/{address}; allowed: sim/HOST:PORT, of `zacoustic medium`")
         connection = StreamConnection(address, node_address=node_address)
         return cls(connection, config, node_address=node_address)
 

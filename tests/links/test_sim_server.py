@@ -239,6 +239,12 @@ def test_port_in_use_is_a_clear_error() -> None:
     case(body)
 
 
+@pytest.mark.parametrize("address", ["tcp:127.0.0.1:7000", "serial:/dev/ttyUSB0"])
+def test_address_of_another_kind_of_locator_is_refused(address: str) -> None:
+    with pytest.raises(ConfigError, match=r"allowed: sim/HOST:PORT"):
+        SimLink.from_locator(address, SimLink.config_type(), node_address=1)
+
+
 def test_node_address_of_a_link_is_checked() -> None:
     for address in (0, 255, -1):
         with pytest.raises(ConfigError, match=r"allowed: 1\.\.254"):
