@@ -1,5 +1,6 @@
 """The split of a module for the compiled wheel leaves one of each class, function and constant."""
 
+import ast
 import importlib
 import importlib.util
 import sys
@@ -117,3 +118,35 @@ def test_rooms_and_plain_files_exist(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(SPLIT.parent))
     build = load(BUILD)
     assert all((ROOT / each).exists() for each in (*build.ROOMS, *build.PLAIN))
+
+
+def test_nothing_that_stays_plain_inherits_from_what_is_compiled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(str(SPLIT.parent))
+    build, split = load(BUILD), load(SPLIT)
+    modules = build.modules_in(ROOT)
+    compiled = split.compiled_classes(modules)
+    inside = {each.path for each in modules}
+    places = [ROOT / each for each in ("zacoustic", "links", "examples", "tests")]
+    outside = {path for place in places for path in place.rglob("*.py")} - inside
+    found = [
+        f"{path.relative_to(ROOT)}: {name} inherits from {base}"
+        for path in sorted(outside)
+        for name, base in bases_in(path)
+        if base in compiled
+    ]
+    assert found == []
+
+
+def bases_in(path: Path) -> Iterator[tuple[str, str]]:
+    """Name and base of each class that inherits from a class of another file."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    classes = [node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    own = {each.name for each in classes}
+    for each in classes:
+        for base in each.bases:
+            text = ast.unparse(base.value if isinstance(base, ast.Subscript) else base)
+            name = text.rpartition(".")[2]
+            if name not in own:
+                yield each.name, name

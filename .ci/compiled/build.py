@@ -20,7 +20,7 @@ from packaging.tags import sys_tags
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from split import read, split
+from split import Module, read, split
 
 ROOT: Final = Path(__file__).parents[2]
 TOOLS: Final = ("build>=1.2", "mypy[mypyc]>=1.11", "wheel>=0.43")
@@ -30,6 +30,12 @@ ROOMS: Final = (
 )
 """What is compiled: where simulations spend their time."""
 PLAIN: Final = (
+    # Programs inherit from their classes.
+    "zacoustic/channel/driver.py",
+    "zacoustic/channel/modems.py",
+    "zacoustic/core/engine/engine.py",
+    "zacoustic/core/transport/contract.py",
+    # mypyc cannot compile them.
     "zacoustic/core/profiles/profile.py",  # attributes that heirs give another type
     "zacoustic/core/profiles/native/protocols.py",
     "zacoustic/core/profiles/rmw_desert/protocols.py",
@@ -37,7 +43,7 @@ PLAIN: Final = (
     "zacoustic/core/values/payload/packing.py",  # methods that heirs give another type
     "zacoustic/core/values/types/table.py",  # `in (*names, name)`
 )
-"""Files below the rooms that mypyc cannot compile, and what it stumbles over."""
+"""Files below the rooms that stay plain Python, and why."""
 _SETUP: Final = """
 from mypyc.build import mypycify
 from setuptools import setup
@@ -83,12 +89,7 @@ def compile_tree(tree: Path, tools: Path) -> None:
         tree: The folder with its packages.
         tools: A Python that has mypyc, and all that the packages import.
     """
-    places = [tree / room for room in ROOMS]
-    files = [
-        file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place])
-    ]
-    plain = {tree / each for each in PLAIN}
-    compiled = split(read(tree, sorted(set(files) - plain)))
+    compiled = split(modules_in(tree))
     names = "\n".join(str(each.relative_to(tree)) for each in compiled)
     written = {"setup.py": _SETUP, "mypy.ini": _MYPY, "files.txt": names}
     for name, text in written.items():
@@ -98,6 +99,12 @@ def compile_tree(tree: Path, tools: Path) -> None:
         (tree / name).unlink()
     for folder in ("build", ".mypy_cache"):
         shutil.rmtree(tree / folder, ignore_errors=True)
+
+
+def modules_in(tree: Path) -> list[Module]:
+    """Return the modules of the rooms below a folder, without those that stay plain."""
+    files = {file for room in ROOMS for file in (tree / room).rglob("*.py")}
+    return read(tree, sorted(files - {tree / each for each in PLAIN}))
 
 
 def tag_as_compiled(metadata: Path) -> None:

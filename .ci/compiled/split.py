@@ -81,6 +81,17 @@ def split(modules: list[Module]) -> list[Path]:
     return found
 
 
+def compiled_classes(modules: list[Module]) -> set[str]:
+    """Return the names of the classes that will be compiled: nothing else may inherit from them."""
+    kept = _kept(modules)
+    return {
+        each.name
+        for module in modules
+        for each in module.classes
+        if (module.name, each.name) not in kept
+    }
+
+
 def _split(module: Module, records: list[ast.ClassDef], rest: list[str]) -> None:
     """Write the twin of a module, and the module without what the twin has."""
     is_package = module.path.name == "__init__.py"
