@@ -106,7 +106,7 @@ def test_gateways_of_one_local_network_do_not_speak_at_one_instant() -> None:
     """An event on the local network makes samples for both, and a receiver would hear neither."""
 
     async def main() -> None:
-        channel = Channel(profile="evologics_s2c_18_34", time_scale=4.0)
+        channel = Channel(profile="evologics_s2c_18_34", time_scale=2.0)
         async with AsyncExitStack() as stack:
             router = stack.enter_context(zenoh_router())
             first = await stack.enter_async_context(local_network(1, channel, join=router))

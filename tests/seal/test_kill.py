@@ -24,7 +24,9 @@ _START_S: Final = 0.04
 _WORK_S: Final = 0.02
 """How long the others go on behind it at most, s."""
 _PATIENCE_S: Final = 0.2
-"""What they have for their start, s: that of a node which may not transmit never ends."""
+"""What they have for their start at least, s: that of a node which may not transmit never ends."""
+_MOST_PATIENCE_S: Final = 5.0
+"""What they have on a busy computer, s."""
 _KILLED: Final = 9
 _OLD_RECORDS: Final = 30
 _LIFE: Final = slice(KEY_BYTES + 3, KEY_BYTES + 5)
@@ -47,6 +49,8 @@ class Node:
         self._live, self._aside = folder / "node", folder / "aside"
         self._key = new_key("kills")
         self._last_life = -1
+        self._patience_s = _PATIENCE_S
+        """What the next start has, s: more, the longer none has come to its end."""
         self._has_records = True
         """The last life that was used is in one of its records;"""
         self._has_journal = False
@@ -68,13 +72,17 @@ class Node:
         return Life(
             folder=str(self._live),
             seed=self._rng.getrandbits(32),
-            lasts_s=self._rng.uniform(0, _START_S) if is_short else _PATIENCE_S,
+            lasts_s=self._rng.uniform(0, _START_S) if is_short else self._patience_s,
             after_s=None if is_short else self._rng.uniform(0, _WORK_S),
             is_faulty=self._rng.random() < 0.2,
         )
 
-    def took(self, ended: Ended) -> None:
+    def took(self, life: Life, ended: Ended) -> None:
         """See that a life has used nothing that was used before."""
+        if ended.pairs:
+            self._patience_s = max(_PATIENCE_S, 0.8 * self._patience_s)
+        elif life.after_s is not None:
+            self._patience_s = min(_MOST_PATIENCE_S, 1.5 * self._patience_s)
         assert ended.status == _KILLED, "it was to be killed"
         assert len(ended.pairs) % PAIR_BYTES == 0
         for place in range(0, len(ended.pairs), PAIR_BYTES):
@@ -193,14 +201,16 @@ def test_no_key_and_nonce_are_used_twice_whatever_kill_9_and_the_disk_do(
     node, kills = Node(tmp_path, random.Random(9)), count(10_000)
     with fork_server() as let_live:
         for number in range(kills):
-            if number % 50 == 49:  # nobody knows which lives are used: it is silent
+            is_silent = number % 50 == 49
+            if is_silent:  # nobody knows which lives are used
                 node.lose_lives()
-                ended = let_live(node.next_life())
-                assert ended.pairs == b""
-                node.took(ended)
+            life = node.next_life()
+            ended = let_live(life)
+            assert not (is_silent and ended.pairs)
+            node.took(life, ended)
+            if is_silent:
                 node.rejoin()
             else:
-                node.took(let_live(node.next_life()))
                 node.suffer()
     assert node.happened["lives that transmitted"] > 0.25 * kills
     print(f"{kills} kills, {len(node.used)} nonces", *sorted(node.happened.items()), sep="\n")
