@@ -54,6 +54,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker("soak")
         if item.get_closest_marker("hardware") and not os.environ.get("ZACOUSTIC_HW"):
             item.add_marker(pytest.mark.skip(reason="ZACOUSTIC_HW names no modem"))
+    # The sessions of pages take longest: they go first, so that no worker waits for one at the end.
+    items.sort(key=lambda item: item.path.name != "test_pages.py")
 
 
 def _has_two_sizes(item: pytest.Item) -> bool:
