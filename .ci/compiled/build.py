@@ -1,7 +1,7 @@
 """Build the optional wheel whose engine and medium are compiled by mypyc: `make compiled`.
 
 It has the names of the wheel of plain Python and makes the same bytes, faster:
-`tests/benchmarks/bench_compiled.py` compares them over every run of the oracle. It is for one
+`tests/benchmarks/bench_compiled.py` compares them over the runs of the oracle. It is for one
 version of Python and one platform; to build it takes a C compiler and some ten minutes. Classes of
 the compiled rooms take no new attributes, and programs cannot inherit from them.
 """

@@ -3,9 +3,10 @@
     make compiled
     .venv/bin/python tests/benchmarks/bench_compiled.py WHEEL [HOURS] [ROUNDS]
 
-All three hundred runs of the oracle must have the marks that are kept. Then both simulate five
-nodes, a 30-byte message every ten seconds each (`bench_virtual_time.py`), one after the other, each
-in a process of its own; the times are those of the processor. Exits 1 if a run differs.
+The runs of the oracle, but for those that replace methods, must have the marks that are kept. Then
+both simulate five nodes, a 30-byte message every ten seconds each (`bench_virtual_time.py`), one
+after the other, each in a process of its own; the times are those of the processor. Exits 1 if a
+run differs.
 """
 
 import os
@@ -20,6 +21,20 @@ from typing import Final
 ROOT: Final = Path(__file__).parents[2]
 HOURS: Final = 6.0
 ROUNDS: Final = 3
+_SPIED: Final = "order"
+"""Kind of the runs that replace a method of the engine, which compiled classes do not allow."""
+_ORACLE: Final = f"""
+import concurrent.futures
+from tests.oracle.runs import NAMES, kept, run
+
+if __name__ == "__main__":
+    names = [name for name in NAMES if name.split()[0] != {_SPIED!r}]
+    with concurrent.futures.ProcessPoolExecutor() as pool:
+        found = dict(zip(names, pool.map(run, names), strict=True))
+    differing = [name for name in names if kept()[name].difference(found[name])]
+    print(f"{{len(names) - len(differing)}} of {{len(names)}} runs have the same bytes", *differing)
+    raise SystemExit(bool(differing))
+"""
 _DAY: Final = "from tests.benchmarks.bench_virtual_time import run; run({hours})"
 
 
@@ -34,8 +49,7 @@ def main() -> int:
         zipfile.ZipFile(sys.argv[1]).extractall(folder)
         Path(folder, "tests").symlink_to(ROOT / "tests")
         compiled = Path(folder)
-        same = _run(compiled, "-m", "tests.oracle").returncode == 0
-        print(f"300 runs of the oracle, compiled: {'the same bytes' if same else 'DIFFERENT'}")
+        same = _run(compiled, "-c", _ORACLE).returncode == 0
         print(f"{'five nodes for':14}  {'plain s':>8}  {'compiled s':>10}  ratio")
         for _ in range(rounds):
             plain_s, compiled_s = (
