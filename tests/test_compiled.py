@@ -10,6 +10,8 @@ from types import ModuleType
 
 import pytest
 
+from zacoustic.core.engine.tap import CALLS, method_of
+
 ROOT = Path(__file__).parents[1]
 SPLIT = ROOT / ".ci" / "compiled" / "split.py"
 BUILD = ROOT / ".ci" / "compiled" / "build.py"
@@ -150,3 +152,11 @@ def bases_in(path: Path) -> Iterator[tuple[str, str]]:
             name = text.rpartition(".")[2]
             if name not in own:
                 yield each.name, name
+
+
+def test_what_a_recording_taps_stays_plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(SPLIT.parent))
+    compiled = load(SPLIT).compiled_classes(load(BUILD).modules_in(ROOT))
+    tapped = {method_of(each).__qualname__.partition(".")[0] for each in CALLS}
+    assert len(tapped) > 5
+    assert not tapped & compiled

@@ -35,6 +35,14 @@ PLAIN: Final = (
     "zacoustic/channel/modems.py",
     "zacoustic/core/engine/engine.py",
     "zacoustic/core/transport/contract.py",
+    # A recording replaces methods of their objects: `zacoustic.core.engine.tap`.
+    "zacoustic/core/transport/actions/actions.py",
+    "zacoustic/core/transport/subscriptions/subscriptions.py",
+    "zacoustic/core/transport/commands/commands.py",
+    "zacoustic/core/peers/ranging.py",
+    "zacoustic/core/schedule/silence.py",
+    "zacoustic/core/transport/status.py",
+    "zacoustic/core/peers/lostcontact.py",
     # mypyc cannot compile them.
     "zacoustic/core/profiles/profile.py",  # attributes that heirs give another type
     "zacoustic/core/profiles/native/protocols.py",
