@@ -77,10 +77,11 @@ def test_strange_sources_with_ever_new_epochs_cost_bounded_memory() -> None:
     engine = medium.engine(1)
     rng = random.Random(1)
     sizes: list[int] = []
+    own = fleet().digest
 
     def hear(number: int) -> None:
         source = rng.randrange(2, 255)
-        digest = rng.choice((fleet().digest, rng.randbytes(4)))
+        digest = rng.choice((own, rng.randbytes(4)))
         hello = Hello(WIRE_VERSION, rng.randrange(65536), digest).encode()
         tag = Tag(rng.randrange(65536)).encode()
         call = b"\x14" + bytes((rng.randrange(64),)) + b"?"
@@ -104,14 +105,12 @@ def test_strange_sources_with_ever_new_epochs_cost_bounded_memory() -> None:
 
 def test_calls_that_nobody_answers_cost_bounded_memory_at_the_server() -> None:
     medium = network()
-    engine = medium.engine(1)
+    engine, own = medium.engine(1), fleet().digest
     for life in range(300):
+        hello = Hello(WIRE_VERSION, life, own).encode()
         for number in range(64):
             frame = ReceivedFrame(
-                frame_bytes=Hello(WIRE_VERSION, life, fleet().digest).encode()
-                + b"\x14"
-                + bytes((number,))
-                + b"?",
+                frame_bytes=hello + bytes((20, number)) + b"?",
                 received_at=medium.now,
                 source=2,
             )
