@@ -40,7 +40,7 @@ demo: venv-run
 auv: venv-console
 	@$(VENV_PYTHON) -m examples.auv $(ARGS)
 
-test: format lint types contracts unit examples package
+test: format lint types contracts unit
 	@echo
 	@echo "make test: every step passed"
 
@@ -96,7 +96,7 @@ clean:
 distclean: clean
 	rm -rf .venv
 
-# The steps of make test, in their order; each can be run alone.
+# The steps of make test, in their order, and two parts of the last one; each can be run alone.
 
 format: venv-test
 	$(STEP) ruff format --check"
@@ -115,9 +115,8 @@ contracts: venv-test
 	@.venv/bin/lint-imports --no-logo
 
 unit: venv-test
-	$(STEP) pytest, without the two steps below"
-	@$(PYTEST) --ignore=tests/test_examples.py --ignore=tests/test_packaging.py \
-	    -n $(WORKERS) --dist worksteal $(ARGS)
+	$(STEP) pytest, the two steps below included"
+	@$(PYTEST) -n $(WORKERS) --dist worksteal $(ARGS)
 
 examples: venv-test
 	$(STEP) every example runs and exits 0"

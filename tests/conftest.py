@@ -10,6 +10,7 @@ Three ways to write such a test; `ZACOUSTIC_SOAK=1` turns on the full size of ea
 skipped unless `ZACOUSTIC_HW` names a modem.
 """
 
+import gc
 import os
 from collections.abc import Callable
 from typing import Final
@@ -21,6 +22,7 @@ SOAK: Final = os.environ.get("ZACOUSTIC_SOAK", "") not in ("", "0")
 EXAMPLES: Final = 50
 """Examples of a Hypothesis test in `make test`."""
 SOAK_FACTOR: Final = 100
+_LONGEST: Final = ("test_pages.py", "test_packaging.py", "test_examples.py")
 
 # No deadline per example: it would measure how busy the machine is.
 hypothesis.settings.register_profile(
@@ -42,6 +44,10 @@ def count() -> Callable[[int], int]:
     return share
 
 
+# Engines make many objects of which few go in circles: to look for circles so often takes time.
+gc.set_threshold(50_000, 20, 20)
+
+
 # First of all, since `-m soak` selects by the marks that are given here.
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -54,8 +60,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker("soak")
         if item.get_closest_marker("hardware") and not os.environ.get("ZACOUSTIC_HW"):
             item.add_marker(pytest.mark.skip(reason="ZACOUSTIC_HW names no modem"))
-    # The sessions of pages take longest: they go first, so that no worker waits for one at the end.
-    items.sort(key=lambda item: item.path.name != "test_pages.py")
+    # These take longest: they go first, so that no worker waits for one at the end.
+    items.sort(key=lambda item: item.path.name not in _LONGEST)
 
 
 def _has_two_sizes(item: pytest.Item) -> bool:

@@ -25,7 +25,7 @@ MODEMS = (
     Modem(senses_carrier=False),
     Modem(mtu_bytes=40),
 )
-BLOCKS = 4
+BLOCKS = 2
 RELIABLE = Qos(reliability=Reliability.RELIABLE)
 NODES = {1: "shore", 2: "vehicle"}
 

@@ -88,22 +88,6 @@ def test_programs_of_others_are_shown_as_such(page: str) -> None:
     assert not [text for text in shown if re.search(r"^\$? ?zacoustic\b", text, re.MULTILINE)]
 
 
-def test_the_plan_that_a_page_shows_does_not_fit_and_says_why(tmp_path: Path) -> None:
-    command = ["plan", "water.json5", "--hours", "0.5"]
-    with Walk("docs/plan.md", tmp_path):
-        process = subprocess.run(
-            [sys.executable, "-m", "zacoustic", *command],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=LIMIT_S,
-            check=False,
-        )
-    assert process.returncode == 1, process.stderr
-    assert "auv1/status alone takes" in process.stdout
-    assert 'it would fit with: auv1/status: codec: "packed"' in process.stdout
-
-
 def test_the_link_that_a_page_writes_passes_the_conformance_battery(tmp_path: Path) -> None:
     with Walk("docs/links.md", tmp_path):
         process = subprocess.run(

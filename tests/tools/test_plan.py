@@ -328,7 +328,7 @@ def test_the_example_of_the_page_is_as_the_page_says(
     assert main(["plan", str(tmp_path / "water.json5"), "--hours", "0.5"]) == 1
     told = capsys.readouterr().out
     assert "auv1/status alone takes" in told
-    assert "it would fit with: auv1/status: codec: " in told
+    assert 'it would fit with: auv1/status: codec: "packed"' in told
     assert "it would fit with: auv1/status: min_interval_s: 0.9 " in told
 
 

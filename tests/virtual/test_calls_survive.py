@@ -32,7 +32,7 @@ def test_scenarios_are_as_bad_as_they_promise() -> None:
 
 def test_scenarios_tell_of_every_outcome() -> None:
     outcomes: set[str] = set()
-    for seed in range(12):
+    for seed in (0, 3, 11):
         drawn = CallScenario(seed)
         drawn.run()
         outcomes |= set(drawn.outcomes)

@@ -29,6 +29,7 @@ def test_all_holds_in_any_scenario(count: Callable[[int], int], number: int) -> 
         assert not violations, f"{again}: {len(violations)} complaints, {violations[0]}"
 
 
+@pytest.mark.soak  # ten seconds
 def test_a_busy_fleet_delivers_what_waits() -> None:
     # Five nodes with a backlog: they do not wait for pauses of objects that nobody sends.
     assert not run_scenario(draw_scenario(540)).violations
@@ -46,7 +47,7 @@ def test_a_late_double_of_an_unknown_life_does_not_come_behind_later_lives() -> 
 
 
 def test_scenarios_are_repeatable_and_differ() -> None:
-    digests = [run_scenario(draw_scenario(seed), digest=True).digest for seed in (5, 5, 6)]
+    digests = [run_scenario(draw_scenario(seed), digest=True).digest for seed in (5, 5, 7)]
     assert digests[0] == digests[1] != digests[2]
 
 

@@ -27,7 +27,7 @@ def check(point: Point, theory: float) -> None:
 
 def messages(count: Callable[[int], int], load: float, throughput: float) -> int:
     """How many it takes to see enough arrive."""
-    return round(max(300, count(ARRIVALS)) * load / throughput)
+    return round(max(150, count(ARRIVALS)) * load / throughput)
 
 
 @pytest.mark.parametrize("load", [0.2, 0.5, 1.0])
