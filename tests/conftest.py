@@ -19,7 +19,7 @@ import hypothesis
 import pytest
 
 SOAK: Final = os.environ.get("ZACOUSTIC_SOAK", "") not in ("", "0")
-EXAMPLES: Final = 50
+EXAMPLES: Final = 25
 """Examples of a Hypothesis test in `make test`."""
 SOAK_FACTOR: Final = 100
 _LONGEST: Final = ("test_pages.py", "test_packaging.py", "test_examples.py")
