@@ -111,6 +111,7 @@ HARNESSES: Final[dict[str, dict[str, MakeHarness]]] = {
     "evologics": {
         "tcp": EvologicsHarness,
         "tcp-AT": lambda: EvologicsHarness(interpreter=Interpreter.AT),
+        "tcp-bulk": lambda: EvologicsHarness(EvologicsConfig(bulk=True)),
         **(_TERMINALS if HAS_TERMINALS else {}),
     },
     "sim": {

@@ -9,11 +9,23 @@ import msgspec
 import pytest
 
 from tests.conformance.harnesses import SimHarness, scenario
+from tests.links.evologics.driver.harness import EvologicsHarness
 from tests.runtime.loop_checks import run
-from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
+from zacoustic.core.linktypes import (
+    LinkCapabilities,
+    LinkState,
+    ReceivedFrame,
+    Service,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
 from zacoustic.link import Link, LinkReceiver
 from zacoustic.testing import conformance
 from zacoustic.testing.conformance import CHECKS, Check
+from zacoustic.testing.linkpair import Side
+from zacoustic_evologics.config import EvologicsConfig
+from zacoustic_evologics.link import EvologicsLink
 from zacoustic_sim.link import SimConfig, SimLink
 from zacoustic_sim.medium import LocalConnection, SimMedium
 from zacoustic_sim.messages import Answered, Heard
@@ -151,6 +163,107 @@ def test_battery_finds_the_fault(
     monkeypatch.setattr("zacoustic.testing.linkpair.PATIENCE_S", 0.3)
     with pytest.raises(AssertionError):
         run(check(MutantHarness(mutant, PROFILE)))
+
+
+class BulkMutant(EvologicsLink):
+    """A driver whose bulk service has one fault: in what it says of itself, or what it reports."""
+
+    async def open(self, receiver: LinkReceiver) -> None:
+        await super().open(Twisted(receiver, self))
+
+    def said(self, capabilities: LinkCapabilities) -> LinkCapabilities:
+        return capabilities
+
+    def heard(self, frame: ReceivedFrame) -> ReceivedFrame:
+        return frame
+
+    def reported(self, report: TransmitReport) -> list[TransmitReport]:
+        return [report]
+
+
+class Twisted:
+    """Passes on what a link reports, as a mutant has it."""
+
+    def __init__(self, receiver: LinkReceiver, mutant: BulkMutant) -> None:
+        self._receiver = receiver
+        self._mutant = mutant
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._receiver, name)
+
+    def state_changed(self, state: LinkState, detail: str = "") -> None:
+        self._mutant.capabilities = self._mutant.said(self._mutant.capabilities)
+        self._receiver.state_changed(state, detail)
+
+    def frame_received(self, frame: ReceivedFrame) -> None:
+        self._receiver.frame_received(self._mutant.heard(frame))
+
+    def transmit_finished(self, report: TransmitReport) -> None:
+        for each in self._mutant.reported(report):
+            self._receiver.transmit_finished(each)
+
+
+class TellsNoService(BulkMutant):
+    def heard(self, frame: ReceivedFrame) -> ReceivedFrame:
+        return msgspec.structs.replace(frame, service=Service.PLAIN)
+
+
+class SaysItTakesMore(BulkMutant):
+    def said(self, capabilities: LinkCapabilities) -> LinkCapabilities:
+        assert capabilities.bulk is not None
+        more = msgspec.structs.replace(capabilities.bulk, most_outstanding=40)
+        return msgspec.structs.replace(capabilities, bulk=more)
+
+
+class ReportsABulkFrameTwice(BulkMutant):
+    def reported(self, report: TransmitReport) -> list[TransmitReport]:
+        return [report, report] if report.outcome is TransmitOutcome.DELIVERED else [report]
+
+
+class ForgetsWhatIsAborted(BulkMutant):
+    def reported(self, report: TransmitReport) -> list[TransmitReport]:
+        return [] if report.outcome is TransmitOutcome.ABORTED else [report]
+
+
+class RejectsWithoutAReason(BulkMutant):
+    def reported(self, report: TransmitReport) -> list[TransmitReport]:
+        return [msgspec.structs.replace(report, detail="")]
+
+
+class LosesPlainFrames(BulkMutant):
+    def transmit(self, transmission: Transmission) -> None:
+        if transmission.service is Service.BULK:
+            super().transmit(transmission)
+
+
+class BulkMutantHarness(EvologicsHarness):
+    def __init__(self, mutant: type[BulkMutant]) -> None:
+        super().__init__(EvologicsConfig(bulk=True))
+        self.link_type = mutant
+
+
+BULK_MUTANTS: list[tuple[type[BulkMutant], Check]] = [
+    (TellsNoService, conformance.carries_bulk_frames_both_ways),
+    (SaysItTakesMore, conformance.takes_as_many_bulk_frames_as_it_says),
+    (ReportsABulkFrameTwice, conformance.takes_as_many_bulk_frames_as_it_says),
+    (LosesPlainFrames, conformance.carries_a_plain_frame_beside_bulk),
+    (RejectsWithoutAReason, conformance.rejects_bulk_frames_that_it_cannot_send),
+    (ForgetsWhatIsAborted, conformance.aborts_bulk_frames_when_closed),
+    (ForgetsWhatIsAborted, conformance.reports_bulk_frames_that_a_cut_interrupts),
+]
+
+
+@pytest.mark.parametrize(
+    ("mutant", "check"),
+    BULK_MUTANTS,
+    ids=[f"{each.__name__}-{check.__name__}" for each, check in BULK_MUTANTS],
+)
+def test_battery_finds_the_fault_of_a_bulk_service(
+    mutant: type[BulkMutant], check: Check, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Side, "limit_s", 4.0)
+    with pytest.raises(AssertionError):
+        run(check(BulkMutantHarness(mutant)))
 
 
 def test_mutation_without_a_fault_passes_everything() -> None:

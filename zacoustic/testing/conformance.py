@@ -21,10 +21,13 @@ import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.linktypes import (
+    BROADCAST,
+    BulkService,
     LinkMetrics,
     LinkState,
     Measurement,
     PeerMeasured,
+    Service,
     TransmitOutcome,
 )
 from zacoustic.errors import LinkClosedError
@@ -273,6 +276,113 @@ async def survives_garbage(harness: LinkHarness) -> None:
                 await _turn(far.receiver, near.limit_s / 20)
 
 
+async def carries_bulk_frames_both_ways(harness: LinkHarness) -> None:
+    """With `bulk`: frames of 1 and of its MTU arrive as they were sent, with their sender."""
+    async with pair(harness) as sides:
+        for near, far in (sides, sides[::-1]):
+            bulk = near.link.capabilities.bulk
+            if bulk is None:
+                return
+            sent = [b"\x00", bytes(at % 251 for at in range(bulk.mtu_bytes))]
+            for frame_bytes in sent:
+                await _delivers(near, near.transmit(frame_bytes, far.address, service=Service.BULK))
+            await far.hears(b"".join(sent))
+            require(len(far.receiver.frames) == len(sent), "a frame arrived in pieces")
+            services = {frame.service for frame in far.receiver.frames}
+            require(services == {Service.BULK}, f"bulk frames arrived as {services}")
+            _require_sender(near, far)
+            far.receiver.frames.clear()
+
+
+async def takes_as_many_bulk_frames_as_it_says(harness: LinkHarness) -> None:
+    """With `bulk`: as many as `most_outstanding` at once, each reported once, none twice there."""
+    async with pair(harness) as (near, far):
+        bulk = near.link.capabilities.bulk
+        if bulk is None:
+            return
+        sent = _different_frames(bulk)
+        ids = [near.transmit(each, far.address, service=Service.BULK) for each in sent]
+        last = near.transmit(b"one too many", far.address, service=Service.BULK)
+        report = await near.report(last)
+        require(report.outcome is TransmitOutcome.REJECTED, f"one too many was {report}")
+        for transmission_id in ids:
+            await _delivers(near, transmission_id)
+        heard = sorted(frame.frame_bytes for frame in far.receiver.frames)
+        require(heard == sorted(sent), "other frames arrive than were delivered")
+
+
+async def carries_a_plain_frame_beside_bulk(harness: LinkHarness) -> None:
+    """With `bulk`: a plain frame goes while bulk frames are outstanding, and all are reported."""
+    async with pair(harness) as (near, far):
+        bulk = near.link.capabilities.bulk
+        if bulk is None:
+            return
+        sent = _different_frames(bulk)[:2]
+        ids = [near.transmit(each, far.address, service=Service.BULK) for each in sent]
+        report = await near.report(near.transmit(b"plain"))
+        require(report.outcome in ON_AIR, f"a plain frame beside bulk frames was {report}")
+        for transmission_id in ids:
+            await _delivers(near, transmission_id)
+        await far.receiver.wait(
+            "the plain frame",
+            lambda: (
+                (b"plain", Service.PLAIN)
+                in [(frame.frame_bytes, frame.service) for frame in far.receiver.frames]
+            ),
+            far.limit_s,
+        )
+
+
+async def rejects_bulk_frames_that_it_cannot_send(harness: LinkHarness) -> None:
+    """With `bulk`: such a frame that is too large, empty or for all nodes is REJECTED."""
+    async with pair(harness) as (near, far):
+        bulk = near.link.capabilities.bulk
+        if bulk is None:
+            return
+        too_large = bytes(bulk.mtu_bytes + 1)
+        wrong = [(b"for all", BROADCAST), (b"", far.address), (too_large, far.address)]
+        for frame_bytes, destination in wrong:
+            ended = near.transmit(frame_bytes, destination, service=Service.BULK)
+            report = await near.report(ended)
+            require(
+                report.outcome is TransmitOutcome.REJECTED,
+                f"a bulk frame of {len(frame_bytes)} bytes to {destination} was "
+                f"{report.outcome.value}",
+            )
+            require(bool(report.detail), "a rejection says why")
+
+
+async def aborts_bulk_frames_when_closed(harness: LinkHarness) -> None:
+    """With `bulk`: each outstanding frame is reported once before `close` returns."""
+    async with pair(harness) as (near, far):
+        bulk = near.link.capabilities.bulk
+        if bulk is None:
+            return
+        sent = _different_frames(bulk)
+        ids = [near.transmit(each, far.address, service=Service.BULK) for each in sent]
+        await near.close()
+        reports = sorted(report.transmission_id for report in near.receiver.reports)
+        require(reports == ids, f"reports at close: {near.receiver.reports}")
+        await far.close()
+
+
+async def reports_bulk_frames_that_a_cut_interrupts(harness: LinkHarness) -> None:
+    """With `bulk`: each frame that is outstanding when the stream is lost has one report."""
+    async with pair(harness) as (near, far):
+        bulk = near.link.capabilities.bulk
+        if bulk is None:
+            return
+        sent = _different_frames(bulk)
+        ids = [near.transmit(each, far.address, service=Service.BULK) for each in sent]
+        if not await harness.cut():
+            return
+        for side in (near, far):
+            await side.receiver.wait("DOWN", _has(side, LinkState.DOWN), side.limit_s)
+            await side.receiver.wait("UP", _is_up(side), side.limit_s)
+        for transmission_id in ids:
+            await near.report(transmission_id)
+
+
 CHECKS: Final[tuple[Check, ...]] = (
     closes_twice_and_unopened,
     says_what_it_can_do,
@@ -289,6 +399,12 @@ CHECKS: Final[tuple[Check, ...]] = (
     comes_back_after_a_cut,
     reports_what_a_cut_interrupts,
     survives_garbage,
+    carries_bulk_frames_both_ways,
+    takes_as_many_bulk_frames_as_it_says,
+    carries_a_plain_frame_beside_bulk,
+    rejects_bulk_frames_that_it_cannot_send,
+    aborts_bulk_frames_when_closed,
+    reports_bulk_frames_that_a_cut_interrupts,
 )
 """All checks."""
 
@@ -297,6 +413,17 @@ def _delay_in(measurement: Measurement) -> TypeGuard[PeerMeasured]:
     if not isinstance(measurement, PeerMeasured):
         return False
     return measurement.metrics.propagation_s is not None
+
+
+def _different_frames(bulk: BulkService) -> list[bytes]:
+    """Return as many frames of a bulk service as it takes at once, of which no two are equal."""
+    size = min(bulk.mtu_bytes, 80)
+    return [bytes((number,)) * size for number in range(bulk.most_outstanding)]
+
+
+async def _delivers(side: Side, transmission_id: int) -> None:
+    report = await side.report(transmission_id)
+    require(report.outcome is TransmitOutcome.DELIVERED, f"a bulk frame in order was {report}")
 
 
 def _require_closed(side: Side) -> None:

@@ -17,6 +17,7 @@ from zacoustic.core.base.linktypes import (
     Measurement,
     PeerMeasured,
     ReceivedFrame,
+    Service,
     Transmission,
     TransmitOutcome,
     TransmitReport,
@@ -182,13 +183,21 @@ class Side:
 
     @property
     def limit_s(self) -> float:
-        """Time limit for all reports of one frame, s."""
+        """Time limit for all reports of one frame, s; of all frames that a bulk service takes."""
         told = self.link.capabilities
         airtime_s = ns_to_seconds(told.airtime_ns(told.mtu_bytes))
+        if told.bulk is not None:
+            frame_ns = told.bulk.airtime_ns(told.bulk.mtu_bytes)
+            airtime_s += ns_to_seconds(told.bulk.most_outstanding * frame_ns)
         return PATIENCE_S + 4 * (airtime_s + told.gap_s + told.propagation_s)
 
     def transmit(
-        self, frame_bytes: bytes, destination: int = BROADCAST, *, acknowledge: bool = False
+        self,
+        frame_bytes: bytes,
+        destination: int = BROADCAST,
+        *,
+        acknowledge: bool = False,
+        service: Service = Service.PLAIN,
     ) -> int:
         """Transmit, check that this returns at once without a callback, and return the id."""
         transmission_id = self._next_id
@@ -202,6 +211,7 @@ class Side:
                     frame_bytes=frame_bytes,
                     destination=destination,
                     acknowledge=acknowledge,
+                    service=service,
                 )
             )
         finally:

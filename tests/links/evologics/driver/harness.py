@@ -23,6 +23,7 @@ class EvologicsHarness:
     """
 
     addresses = (1, 2)
+    link_type = EvologicsLink
 
     def __init__(
         self,
@@ -68,7 +69,7 @@ class EvologicsHarness:
             self._proxies.append(proxy)
             locator = f"tcp:{proxy.address}"
         stream = ByteStream(locator, first_delay_s=0.05, last_delay_s=0.2)
-        return EvologicsLink(stream, self._config, node_address=address)
+        return self.link_type(stream, self._config, node_address=address)
 
 
 HAS_TERMINALS = hasattr(os, "openpty")
