@@ -82,6 +82,10 @@ class _Reporter:
         )
 
     def observe(self, at: int, observation: "Observation") -> None:
+        """Print it when the frames of this instant are with their modems, which must not wait."""
+        asyncio.get_running_loop().call_soon(self._print, at, observation)
+
+    def _print(self, at: int, observation: "Observation") -> None:
         from zacoustic.channel.medium import Emission, Reception
         from zacoustic_sim.medium import Attached
 
