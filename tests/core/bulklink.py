@@ -3,6 +3,8 @@
 A model of a device with a connection, of no vendor: frames of the bulk service wait in a buffer
 and go in trains, which the other modem acknowledges. A train that is lost is sent again; after
 four times the connection has failed, with all that waits. A modem that transmits hears nothing.
+Where the service `rides_back`, a frame that is given as soon as a train has come goes with its
+acknowledgement.
 """
 
 import heapq
@@ -56,6 +58,8 @@ class BulkNode:
         self.is_alive = True
         self.most_outstanding = 0
         self.outstanding: set[int] = set()
+        self.acknowledges = (0, 0)
+        """To whom its modem sends the acknowledgement of a train, and when, ns."""
         self.engine = Engine(
             address=address,
             table=sea.table,
@@ -168,6 +172,12 @@ class BulkSea:
 
     def send_plain(self, node: BulkNode, made: Transmission) -> None:
         """Send a frame of the plain service, after a train under way."""
+        bulk, (source, at) = self.capabilities.bulk, node.acknowledges
+        if bulk and bulk.rides_back and made.destination == source and self.now < at:
+            wait_s = ns_to_seconds(at - self.now)
+            self.at(wait_s, lambda: self._report(node, made, TransmitOutcome.SENT, at))
+            self.at(wait_s + WAY_S, partial(self._arrive, node.address, source, made))
+            return
         begin_at = max(self.now, node.sounds_until)
         sound_ns = self.capabilities.airtime_ns(len(made.frame_bytes))
         node.sounds_until = begin_at + sound_ns
@@ -218,7 +228,9 @@ class BulkSea:
 
     def _take_train(self, node: BulkNode, train: list[Transmission]) -> None:
         for made in train:
-            self._hand_over(node.address, self.nodes[made.destination], made)
+            receiver = self.nodes[made.destination]
+            receiver.acknowledges = node.address, self.now + seconds_to_ns(0.1)
+            self._hand_over(node.address, receiver, made)
 
     def _train_acknowledged(
         self, node: BulkNode, train: list[Transmission], attempts: int, begin_at: int

@@ -136,6 +136,70 @@ def test_other_end_is_heard_in_the_pauses_of_a_transfer() -> None:
         assert max(gaps_s) < 55.0, (address, gaps_s)
 
 
+RIDES = msgspec.structs.replace(
+    CAPABILITIES,
+    bulk=msgspec.structs.replace(CAPABILITIES.bulk, rides_back=True),  # type: ignore[type-var]
+)
+BARE = b"\0"
+"""A frame that only asks for a pause."""
+
+
+def said_beside(sea: BulkSea, address: int) -> list[tuple[int, bytes]]:
+    """Return destination and content of the plain frames that a node has sent."""
+    return [
+        (made.destination, made.frame_bytes)
+        for _, source, made in sea.given
+        if source == address and made.service is Service.PLAIN
+    ]
+
+
+def delays_of_reports_s(sea: BulkSea) -> dict[int, float]:
+    """Publish at node 2 every seven seconds while it gets a photo; return delays by number, s."""
+    at_s: list[float] = []
+
+    def report() -> None:
+        if not is_delivered(sea):
+            at_s.append(sea.now / 1e9)
+            sea.nodes[2].engine.publish(NAV, b"here %d" % len(at_s), sea.now)
+            sea.at(7.0, report)
+
+    publish(sea)
+    sea.at(7.0, report)
+    sea.run(lambda: is_delivered(sea))
+    assert got(sea, 2) == [KIB]
+    heard = {
+        each.value: each.received_at / 1e9
+        for each in sea.nodes[1].events
+        if isinstance(each, SampleReceived)
+    }
+    return {
+        number: heard[b"here %d" % number] - published_s
+        for number, published_s in enumerate(at_s, 1)
+        if b"here %d" % number in heard
+    }
+
+
+def test_what_the_receiver_says_rides_back_with_the_acknowledgements() -> None:
+    sea = BulkSea(table(), capabilities=RIDES)
+    delays_s = delays_of_reports_s(sea)
+    assert list(delays_s)[:5] == [1, 2, 3, 4, 5]
+    assert max(delays_s.values()) < 5.5  # a train and its acknowledgement
+    said = said_beside(sea, 2)
+    assert BARE not in [content for _, content in said]
+    # The others go in the pauses that the sender announces by itself.
+    assert [to for to, content in said if b"here" in content].count(1) >= 4
+
+
+def test_what_others_want_too_does_not_ride_but_asks_for_a_pause() -> None:
+    sea = BulkSea(table(3), (1, 2, 3), capabilities=RIDES)
+    assert delays_of_reports_s(sea)
+    said = said_beside(sea, 2)
+    assert (1, BARE) in said
+    assert {to for to, content in said if b"here" in content} == {255}
+    others = [each for each in sea.nodes[3].events if isinstance(each, SampleReceived)]
+    assert others, "the third node hears them"
+
+
 def test_where_bulk_data_do_not_get_through_the_plain_service_carries_them_with_an_event() -> None:
     sea = BulkSea(table(), broken=True)
 

@@ -76,8 +76,8 @@ class BulkService(msgspec.Struct, frozen=True, kw_only=True):
     """How many frames the link takes before it has reported the first of them, 1…255."""
 
     rides_back: bool = False
-    """Whether a short frame to the sender, given at once when a frame of this service has arrived,
-    goes with the device's acknowledgement, and so costs nothing."""
+    """Whether a frame to the sender, given at once when a frame of this service has arrived, goes
+    with the device's acknowledgement, and so costs little."""
 
     def __post_init__(self) -> None:
         """Check the values.

@@ -35,6 +35,8 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it may go while an answer about an object is awaited."""
     is_reply: bool = False
     """Whether it goes because of its destination, which pays for it (`ReplyBudget`)."""
+    takes_all: bool = False
+    """Whether a frame to one node may carry what is for all: there is no other one."""
     lane: tuple[int, ...] = ()
     """First parts of the lane keys of payloads beside it."""
 

@@ -163,8 +163,8 @@ class Profile(ABC):
         """Make a frame of the link's bulk service, or return None."""
         return None
 
-    def greet(self, address: int, port: LinkPort, now: int) -> Composed | None:
-        """Make the shortest frame to a node, or return None."""
+    def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame that goes with the acknowledgement of a node's bulk frames, or None."""
         return None
 
     @property

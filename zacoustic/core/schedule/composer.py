@@ -223,9 +223,20 @@ class Composer:
             in_vain.append(offer)
         return None
 
-    def greet(self, address: int, port: LinkPort, now: int) -> Composed:
-        """Make the shortest frame to a node."""
-        return self._controls(port, address, [(Cause.ACCESS, PADDING)], now)
+    def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame that goes with the acknowledgement of a node's bulk frames, or return None.
+
+        It has what is owed to that node and what waits for it, also what goes to all where there is
+        no other. If nothing does, it is the shortest one, now and then: from that the node learns
+        that this one wants a pause.
+        """
+        is_alone = not self._introductions.concerns_others(address)
+        offer = Offer(destination=address, takes_all=is_alone, owed_first=True)
+        composed = self._fill(port, offer, now)
+        if composed is None and port.may_ask_for_pause(now):
+            port.ask_for_pause(now)
+            composed = self._controls(port, address, [(Cause.ACCESS, PADDING)], now)
+        return composed
 
     def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame of the bulk service that is worth most now, or return None.
@@ -538,7 +549,7 @@ class Composer:
 
     def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, Waiting]]:
         """Yield the candidates that the frame may carry."""
-        to_all = offer.destination == BROADCAST
+        to_all = offer.takes_all or offer.destination == BROADCAST
         for lane, item in self._queue.candidates(now, offer.lane):
             if item.destination == offer.destination or (to_all and not item.for_one_node):
                 yield lane, item

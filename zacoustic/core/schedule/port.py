@@ -173,20 +173,21 @@ class LinkPort:
         rides = self.bulk is not None and self.bulk.service.rides_back
         return self._bulk_heard[1] + _LONGEST_TRAIN_NS if rides else 0
 
-    def pause_asked_of(self, now: int) -> int | None:
-        """Return the node to ask for a pause, by a frame that starts now; None: none.
+    def rides_back_to(self, now: int) -> int | None:
+        """Return the node to which a frame that starts now rides back; None: to none.
 
-        A frame of a bulk service has just come, so that a short one can ride back. A pause is asked
-        for once in a while: the node first sends what its device has.
+        A frame of a bulk service has just come, and the device will acknowledge it.
         """
         address, heard_at = self._bulk_heard
         rides = self.bulk is not None and self.bulk.service.rides_back
         if not rides or not address or heard_at != now or self.is_full:
             return None
-        asked_at = self._asked_for_pause_at
-        if asked_at is not None and now - asked_at < _BULK_RUN_NS:
-            return None
         return address
+
+    def may_ask_for_pause(self, now: int) -> bool:
+        """Return whether it is time to ask that node for a pause: it first sends what it has."""
+        asked_at = self._asked_for_pause_at
+        return asked_at is None or now - asked_at >= _BULK_RUN_NS
 
     def ask_for_pause(self, now: int) -> None:
         """Record that a pause is asked for."""

@@ -99,8 +99,8 @@ class FrameSource(Protocol):
     def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame of the bulk service, or return None."""
 
-    def greet(self, address: int, port: LinkPort, now: int) -> Composed | None:
-        """Make the shortest frame to a node, or return None."""
+    def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame that goes with the acknowledgement of a node's bulk frames, or None."""
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame with only the controls of medium access, or return None."""
@@ -221,7 +221,7 @@ class Transmitter:
         if composed is None and _is_over(self._speak_at(now), now):
             composed = source.speak(port, now)
         if composed is None and granted is None:
-            composed = self._ask_for_pause(port, now)
+            composed = self._ride_back(port, now)
         service = Service.PLAIN
         if composed is None and granted is None and _is_over(self._bulk_at(now), now):
             composed, service = source.compose_bulk(port, now), Service.BULK
@@ -248,17 +248,16 @@ class Transmitter:
                 source.queue.hold_replies(composed.caused_by, even_at)
         return transmission, composed.streams
 
-    def _ask_for_pause(self, port: LinkPort, now: int) -> Composed | None:
-        """Ask a node that sends this one much data for a pause, if frames wait for one."""
-        address = port.pause_asked_of(now)
+    def _ride_back(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame to a node that sends this one much data, if anything waits."""
+        address = port.rides_back_to(now)
         if address is None or self.link_state is not LinkState.UP or not self._source.may_speak:
             return None
         if not _is_over(self._source.due_at(now), now):
             return None
         if not _is_over(self._after_silence(now, now), now):
             return None
-        port.ask_for_pause(now)
-        return self._source.greet(address, port, now)
+        return self._source.ride_back(address, port, now)
 
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Record the end of a transmission; return False if the report fits none under way."""

@@ -200,11 +200,18 @@ class Sending:
         self.phase = after
         self.due_at = None
         if word is Word.RETURNED:
-            self._use(self.carriage.alternative or self.carriage)
+            self._use(self._next_carriage(now))
         if after is Phase.OVER:
             self._conclude(before, word, now)
         else:
             self._enter(now)
+
+    def _next_carriage(self, now: int) -> Carriage:
+        """Return the service by which a frame that the modem has returned goes next."""
+        to, alternative = self._transmission.destination, self.carriage.alternative
+        if alternative is None or self._session.is_receiving_bursts(to, now):
+            return self.carriage  # the next train is acknowledged as well
+        return alternative
 
     def _use(self, carriage: Carriage) -> None:
         """Begin again with this service; earlier messages do not count."""

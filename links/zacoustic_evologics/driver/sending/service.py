@@ -21,8 +21,9 @@ which may never happen. So it is sooner only if that is about to happen: the mod
 message that asks for an acknowledgement, and the frame goes to its sender. The modem would refuse
 an instant message until the acknowledgement has gone and a pause is over, 0.3 s; a piggyback
 message goes with it. If it comes too late for that, the driver takes it back and sends it as an
-instant message. The driver does this only with modems that have reported their acknowledgements: no
-capture shows whether all do.
+instant message; while trains of burst data come from that modem, it gives it again for the next
+train's acknowledgement, since an instant message would be lost under a train. The driver does this
+only with modems that have reported their acknowledgements: no capture shows whether all do.
 """
 
 import enum
@@ -209,7 +210,8 @@ def _with_piggyback(chosen: Carriage, session: ModemSession, now: int) -> Carria
     piggyback = msgspec.structs.replace(chosen, service=Service.PIGGYBACK)
     if session.config.service == "pbm":
         return piggyback
-    is_sooner = session.is_about_to_answer(chosen.destination, now)
+    to = chosen.destination
+    is_sooner = session.is_about_to_answer(to, now) or session.is_receiving_bursts(to, now)
     may_choose = session.config.service == "auto" and session.tells_answers
     if chosen.acknowledged or not (is_sooner and may_choose):
         return chosen

@@ -22,6 +22,8 @@ BURST_POLL_S: Final = 5.0
 """The same for a burst, s: its end is always reported, so this finds only a restarted modem."""
 MARGIN_S: Final = 0.6
 """Margin for the modem's time between receiving and answering (0.25 s), and for the cable, s."""
+TRAIN_S: Final = 8.0
+"""How long a piggyback message waits for the acknowledgement of the next train of bursts, s."""
 IM_LIMIT_S: Final = 15.0
 """Longest time for each attempt of an instant message, s: 8 km and back are 11 s."""
 BURST_LIMIT_S: Final = 60.0
@@ -39,6 +41,7 @@ class Timetable:
 
     def __init__(self, carriage: Carriage, session: ModemSession, called_at: int) -> None:
         config = session.config
+        self._session = session
         self.airtime_ns = session.capabilities().airtime_ns(len(carriage.payload))
         self.busy_until = called_at + seconds_to_ns(config.busy_s)
         """How long it may wait until the modem has time, or for an opportunity."""
@@ -75,6 +78,8 @@ class Timetable:
         if self._carriage.service is Service.BURST:
             return given_at + seconds_to_ns(BURST_POLL_S)
         if self._carriage.service is Service.PIGGYBACK and ends_at is None:
+            if self._session.is_receiving_bursts(self._carriage.destination, given_at):
+                return given_at + seconds_to_ns(TRAIN_S)
             is_owed = self._carriage.alternative is not None
             owed_ns = seconds_to_ns(OWED_S) + self.airtime_ns + margin_ns
             return given_at + owed_ns if is_owed else self.busy_until

@@ -146,6 +146,8 @@ class Reception:
         is_asking = isinstance(record, RecvIm) and record.flag is ImFlag.ACK
         if is_asking or isinstance(record, Recv):
             session.note_owed(record.source, now)
+        if isinstance(record, Recv):
+            session.note_burst(record.source, now)
         if self._is_repetition(record, now):
             session.count("repetitions")
         elif record.payload:

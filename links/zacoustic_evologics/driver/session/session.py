@@ -34,6 +34,9 @@ CLOCK_TRUST_NS: Final = 30 * NS_PER_S
 OWED_S: Final = 0.11
 """From the end of a message to the modem's acknowledgement of it, s."""
 
+BURSTS_GO_ON_S: Final = 4.0
+"""After burst data of another modem, for how long more of them are expected, s."""
+
 _BULK: Final = BulkService(
     mtu_bytes=BURST_LIMIT_BYTES,
     bit_rate_bps=6900.0,
@@ -99,6 +102,7 @@ class ModemSession:
         """Settings changed at the last start, in words."""
         self.needs_clearing = False
         """A filler was sent; in data mode it waits in the buffer."""
+        self._bursts_from = 0, 0
         self.answer_owed: tuple[int, int] | None = None
         """Node that the modem will acknowledge, and the instant before which it does not begin."""
         self.tells_answers = False
@@ -173,6 +177,15 @@ class ModemSession:
         if self.answer_owed is not None and self.answer_owed[0] == address:
             self.tells_answers = True
         self.answer_owed = None
+
+    def note_burst(self, address: int, now: int) -> None:
+        """Note that burst data of another one have come: its modem probably has more."""
+        self._bursts_from = address, now + seconds_to_ns(BURSTS_GO_ON_S)
+
+    def is_receiving_bursts(self, address: int, now: int) -> bool:
+        """Tell whether another one is sending burst data, each train of which is acknowledged."""
+        source, until = self._bursts_from
+        return source == address and now < until
 
     def is_about_to_answer(self, address: int, now: int) -> bool:
         """Tell whether the modem is about to acknowledge a message of another one."""

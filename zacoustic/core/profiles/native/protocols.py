@@ -215,9 +215,9 @@ class Protocols(Profile):
         """Make a frame of the link's bulk service, or return None."""
         return self.composer.compose_bulk(port, now)
 
-    def greet(self, address: int, port: LinkPort, now: int) -> Composed | None:
-        """Make the shortest frame to a node: it learns that this one is there."""
-        return self.composer.greet(address, port, now)
+    def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame that goes with a node's acknowledgement of bulk frames."""
+        return self.composer.ride_back(address, port, now)
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
         """Make a frame of one lane's payloads, or return None."""
