@@ -19,11 +19,11 @@ from zacoustic.core.engine.events import (
     ObjectProgress,
     SampleReceived,
 )
-from zacoustic.core.linktypes import LinkState, Service
+from zacoustic.core.linktypes import LinkCapabilities, LinkState, Service
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 
-PHOTO, NAV = 1, 2
+PHOTO, NAV, BACK = 1, 2, 3
 KIB = random.Random("photo").randbytes(32 << 10)
 RIDES = msgspec.structs.replace(
     CAPABILITIES,
@@ -44,6 +44,13 @@ def table(nodes: int = 2, *, subscribers: tuple[int, ...] = (2,)) -> StreamTable
                 journal=True,
             ),
             TopicSpec(stream_id=NAV, name="nav", qos=Qos(depth=1)),
+            TopicSpec(
+                stream_id=BACK,
+                name="map",
+                qos=Qos(reliability=Reliability.RELIABLE),
+                publishers=(2,),
+                subscribers=(1,),
+            ),
         ],
         nodes={address: NODES[address] for address in range(1, nodes + 1)},
     )
@@ -189,6 +196,25 @@ def test_what_the_receiver_says_rides_back_with_the_acknowledgements() -> None:
     assert BARE not in [content for _, content in said]
     # The others go in the pauses that the sender announces by itself.
     assert [to for to, content in said if b"here" in content].count(1) >= 4
+
+
+@pytest.mark.parametrize("capabilities", [CAPABILITIES, RIDES], ids=["pauses", "rides"])
+def test_a_large_sample_the_other_way_has_its_turn(capabilities: LinkCapabilities) -> None:
+    sea = BulkSea(table(), capabilities=capabilities)
+    publish(sea, KIB * 4)
+    sea.run(lambda: sea.now > 10 * 10**9)
+    sea.nodes[2].engine.publish(BACK, KIB[:4000], sea.now)
+    sea.nodes[2].serve()
+
+    def has_map() -> bool:
+        return any(
+            isinstance(each, SampleReceived) and each.stream_id == BACK
+            for each in sea.nodes[1].events
+        )
+
+    assert sea.run(has_map) < 120.0
+    assert not is_delivered(sea), "it did not have to wait for the end"
+    sea.run(lambda: is_delivered(sea))
 
 
 def test_what_others_want_too_does_not_ride_but_asks_for_a_pause() -> None:

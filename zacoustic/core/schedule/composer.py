@@ -230,7 +230,7 @@ class Composer:
         no other. If nothing does, it is the shortest one, now and then: from that the node learns
         that this one wants a pause.
         """
-        is_alone = not self._introductions.concerns_others(address)
+        is_alone = self._introductions.is_pair
         offer = Offer(destination=address, takes_all=is_alone, owed_first=True)
         composed = self._fill(port, offer, now)
         if composed is None and port.may_ask_for_pause(now):

@@ -170,8 +170,12 @@ class LinkPort:
         if not is_urgent or not self._bulk_run_until:
             return self._bulk_run_until
         # It knows of an urgent frame where that can be asked for; otherwise perhaps others hear it.
-        rides = self.bulk is not None and self.bulk.service.rides_back
-        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if rides else 0
+        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if self.rides_back else 0
+
+    @property
+    def rides_back(self) -> bool:
+        """Whether frames to a node that sends this one much data ride back."""
+        return self.bulk is not None and self.bulk.service.rides_back
 
     def rides_back_to(self, now: int) -> int | None:
         """Return the node to which a frame that starts now rides back; None: to none.
@@ -179,8 +183,7 @@ class LinkPort:
         A frame of a bulk service has just come, and the device will acknowledge it.
         """
         address, heard_at = self._bulk_heard
-        rides = self.bulk is not None and self.bulk.service.rides_back
-        if not rides or not address or heard_at != now or self.is_full:
+        if not self.rides_back or not address or heard_at != now or self.is_full:
             return None
         return address
 

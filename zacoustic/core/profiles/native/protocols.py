@@ -283,7 +283,12 @@ class Protocols(Profile):
         fragment_bytes = room_bytes - seal.fragment_overhead_bytes
         bulk_bytes = port.bulk_room_bytes - BULK_OVERHEAD_BYTES - seal.overhead_bytes
         self.objects.use_link(
-            capabilities, fragment_bytes, port.listening.pause_ns, now, bulk_bytes=bulk_bytes
+            capabilities,
+            fragment_bytes,
+            port.listening.pause_ns,
+            now,
+            bulk_bytes=bulk_bytes,
+            is_answered=port.rides_back and self._context.handshake.introductions.is_pair,
         )
         oversized = self.queue.limit(room_bytes - (seal.overhead_bytes or TAG_BYTES))
         self.topics.sending.dropped(oversized, now)

@@ -16,6 +16,9 @@ _MOST_OFF_DOUBLINGS: Final = 4
 _FIRST_RUN_NS: Final = 12 * NS_PER_S
 _LONGEST_RUN_NS: Final = 48 * NS_PER_S
 _GROWTH: Final = 3
+_ANSWERED_RUN_NS: Final = 24 * NS_PER_S
+_SILENT_RUN_NS: Final = 96 * NS_PER_S
+"""Runs where others can answer meanwhile, and where they have said nothing."""
 
 
 class BulkChanged(msgspec.Struct, frozen=True, kw_only=True):
@@ -91,10 +94,13 @@ class BulkRuns:
 
     A pause costs the sound of a fragment or more, so it should be worth that. If somebody was heard
     in the last one, the next comes soon; if nobody was, the run is longer each time. The receiver
-    can ask for one: it is heard while a run is under way only if it sends something for that.
+    can ask for one: it is heard while a run is under way only if it sends something for that. Where
+    what it has to say rides back with acknowledgements, it needs no pause but for a large sample.
     """
 
     def __init__(self) -> None:
+        self.is_answered = False
+        """Whether all other nodes can say what they have to say while a run is under way."""
         self._run_ns = _FIRST_RUN_NS
         self._begun_at: int | None = None
         self._paused_at: int | None = None
@@ -109,6 +115,8 @@ class BulkRuns:
         if self._begun_at is None:
             self._begun_at = now
         is_asked = receiver_heard_at > self._begun_at
+        if self.is_answered:
+            return now - self._begun_at >= (_ANSWERED_RUN_NS if is_asked else _SILENT_RUN_NS)
         return is_asked or now - self._begun_at >= self._run_ns
 
     def pause(self, now: int) -> None:

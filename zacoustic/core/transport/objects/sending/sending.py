@@ -116,7 +116,8 @@ class OutgoingObjects:
         self._off: set[int] = set()
         self._plain_bytes = self._bulk_bytes = 0
         self._bulk_paths = BulkPaths()
-        self._bulk_runs = BulkRuns()
+        self.bulk_runs = BulkRuns()
+        """How long fragments go without a pause."""
         self._priorities: dict[int, Priority] = {}
         pacers.released.connect(self._released)
 
@@ -344,8 +345,8 @@ class OutgoingObjects:
         assert isinstance(outgoing, BulkObject)
         if outgoing.listens:
             self._give_up_listening(outgoing, now)
-        self._bulk_runs.go_on(self._pacers.anybody_heard_at, now)
-        pause_follows = not sending.exclusive and self._bulk_runs.is_over(
+        self.bulk_runs.go_on(self._pacers.anybody_heard_at, now)
+        pause_follows = not sending.exclusive and self.bulk_runs.is_over(
             self._pacers.heard_at(outgoing.receiver), now
         )
         fragment = outgoing.take_bulk(pause_follows=pause_follows)
@@ -371,9 +372,9 @@ class OutgoingObjects:
             self._emit(BulkChanged(address=address, works=True, changed_at=now))
         if outgoing.listens:
             self._pacers[address].await_answer(report.finished_at, outgoing.due_at)
-            self._bulk_runs.rest()
+            self.bulk_runs.rest()
         if is_last_of_run and outgoing.bulk_at is not None:
-            self._bulk_runs.pause(report.finished_at)
+            self.bulk_runs.pause(report.finished_at)
             outgoing.pause_until(report.finished_at + timing.bulk_pause_ns)
         if is_in_vain:
             self._fail_bulk(sending, outgoing, report, now)
@@ -593,7 +594,7 @@ class OutgoingObjects:
         transfer = sending.outgoing.transfer
         del self._sendings[transfer]
         if not any(each.outgoing.is_bulk for each in self._sendings.values()):
-            self._bulk_runs.end()
+            self.bulk_runs.end()
         self._timers.cancel((Due.OBJECT, transfer))
         if sending.keeps:
             self.forget(transfer)
