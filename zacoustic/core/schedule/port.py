@@ -54,7 +54,7 @@ _NO_PAUSE = 255
 # there is one.
 _BULK_RUN_NS: Final = 12 * NS_PER_S
 # The same for an urgent frame.
-_LONGEST_TRAIN_NS: Final = 6 * NS_PER_S
+_LONGEST_TRAIN_NS: Final = 10 * NS_PER_S
 BULK_PAUSE_MARGIN_NS: Final = 8 * NS_PER_S // 10
 """Time of devices and computers in a pause between runs of a bulk service, ns."""
 MOST_OUTSTANDING: Final = 1
