@@ -19,6 +19,8 @@ from zacoustic.core.transport.actions.events import GoalReceived
 from zacoustic.errors import LocalError, PayloadTooLargeError
 from zacoustic.testing.virtual import Modem
 
+assert settings.default is not None
+USUAL = settings.default
 ADDRESSES = range(1, 4)
 ACCESS: tuple[AccessSpec | None, ...] = (
     None,
@@ -38,7 +40,7 @@ def capabilities(lacks: dict[str, bool], mtu_bytes: int) -> LinkCapabilities:
     return link(mtu_bytes=max(mtu_bytes, least), bit_rate_bps=5_000, **lacks)
 
 
-@settings(max_examples=settings.default.max_examples // 5)  # each is minutes of three engines
+@settings(max_examples=USUAL.max_examples // 5)  # each is minutes of three engines
 @given(
     mtu_bytes=st.integers(8, 80) | st.integers(8, 1024),
     lacks=st.fixed_dictionaries(
