@@ -14,8 +14,8 @@ export PYTHONUNBUFFERED := 1
 
 VENV_PYTHON := .venv/bin/python
 PYTEST := ZACOUSTIC_SOAK= $(VENV_PYTHON) -m pytest
-# Many tests wait for sockets, serial ports and processes: three at a time keep two cores busy.
-WORKERS ?= 3
+# Many tests wait for sockets, serial ports and processes: four at a time keep two cores busy.
+WORKERS ?= 4
 STEP = @echo && echo "== $@:
 
 help:
