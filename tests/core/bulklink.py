@@ -11,12 +11,14 @@ import heapq
 import itertools
 import random
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
+from types import MappingProxyType
 
 from zacoustic.core.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event
+from zacoustic.core.engine.makeengine import MakeEngine
 from zacoustic.core.linktypes import (
     BROADCAST,
     BulkService,
@@ -28,6 +30,7 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
 
 WAY_S = 0.5
@@ -60,12 +63,14 @@ class BulkNode:
         self.outstanding: set[int] = set()
         self.acknowledges = (0, 0)
         """To whom its modem sends the acknowledgement of a train, and when, ns."""
-        self.engine = Engine(
+        self.engine = sea.build(
             address=address,
             table=sea.table,
             epoch=epoch,
             rng=random.Random(f"{sea.seed}/{address}/{epoch}"),
             stored=dict(entries),
+            rules=sea.rules.get(address, TransmitRules()),
+            trace=None,
         )
         self.engine.handle_link_state(LinkState.UP, sea.now, sea.capabilities)
 
@@ -110,6 +115,9 @@ class BulkSea:
         loss: Share of the frames and trains that are lost.
         seed: Of all randomness.
         broken: Whether no train ever gets through.
+        capabilities: Of all links.
+        build: Makes the engines.
+        rules: Of nodes that do not transmit freely.
     """
 
     def __init__(
@@ -121,7 +129,11 @@ class BulkSea:
         seed: int = 1,
         broken: bool = False,
         capabilities: LinkCapabilities = CAPABILITIES,
+        build: MakeEngine = Engine,
+        rules: Mapping[int, TransmitRules] = MappingProxyType({}),
     ) -> None:
+        self.build = build
+        self.rules = rules
         self.now = 0
         self.table = table
         self.seed = seed

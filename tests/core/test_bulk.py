@@ -11,7 +11,9 @@ import msgspec
 import pytest
 
 from tests.core.bulklink import CAPABILITIES, BulkSea
+from tests.virtual.sealed import SealedFleet
 from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import (
     BulkChanged,
     DeliveryEnded,
@@ -19,7 +21,9 @@ from zacoustic.core.engine.events import (
     ObjectProgress,
     SampleReceived,
 )
-from zacoustic.core.linktypes import LinkCapabilities, LinkState, Service
+from zacoustic.core.engine.makeengine import MakeEngine
+from zacoustic.core.linktypes import LinkCapabilities, LinkState, ReceivedFrame, Service
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 
@@ -187,15 +191,18 @@ def delays_of_reports_s(sea: BulkSea) -> dict[int, float]:
     }
 
 
-def test_what_the_receiver_says_rides_back_with_the_acknowledgements() -> None:
-    sea = BulkSea(table(), capabilities=RIDES)
+@pytest.mark.parametrize("build", [Engine, SealedFleet()], ids=["plain", "sealed"])
+def test_what_the_receiver_says_rides_back_with_the_acknowledgements(build: MakeEngine) -> None:
+    sea = BulkSea(table(), capabilities=RIDES, build=build)
     delays_s = delays_of_reports_s(sea)
     assert list(delays_s)[:5] == [1, 2, 3, 4, 5]
     assert max(delays_s.values()) < 5.5  # a train and its acknowledgement
     said = said_beside(sea, 2)
     assert BARE not in [content for _, content in said]
     # The others go in the pauses that the sender announces by itself.
-    assert [to for to, content in said if b"here" in content].count(1) >= 4
+    ridden = [made for _, address, made in sea.given if made.rides_back]
+    assert len(ridden) >= 4
+    assert {made.destination for made in ridden} == {1}
 
 
 @pytest.mark.parametrize("capabilities", [CAPABILITIES, RIDES], ids=["pauses", "rides"])
@@ -225,6 +232,53 @@ def test_what_others_want_too_does_not_ride_but_asks_for_a_pause() -> None:
     assert {to for to, content in said if b"here" in content} == {255}
     others = [each for each in sea.nodes[3].events if isinstance(each, SampleReceived)]
     assert others, "the third node hears them"
+
+
+def test_what_waits_for_the_fleet_does_not_ride_back_to_a_stranger() -> None:
+    """One forged bulk frame must not take a sample away from the node that wants it."""
+    sea = BulkSea(table(), capabilities=RIDES)
+    publish(sea, KIB * 2)
+    sea.run(lambda: sea.now > 10 * 10**9)
+    fragment = next(made for _, _, made in sea.given if made.service is Service.BULK)
+    victim = sea.nodes[2]
+    victim.engine.publish(NAV, b"here 1", sea.now)
+    forged = ReceivedFrame(
+        frame_bytes=fragment.frame_bytes,
+        received_at=sea.now,
+        source=77,
+        destination=2,
+        service=Service.BULK,
+    )
+    victim.engine.handle_frame(forged, sea.now)
+    victim.serve()
+    assert not [
+        made for _, _, made in sea.given if made.destination == 77 and len(made.frame_bytes) > 1
+    ]
+    sea.run(lambda: is_delivered(sea))
+    values = [each.value for each in sea.nodes[1].events if isinstance(each, SampleReceived)]
+    assert values == [b"here 1"]
+
+
+def test_what_rides_back_keeps_to_the_cap_of_the_node() -> None:
+    capped = {2: TransmitRules(max_airtime=0.01)}
+    sea = BulkSea(table(), capabilities=RIDES, rules=capped)
+    node = sea.nodes[2]
+
+    def report() -> None:
+        node.engine.publish(NAV, bytes(20), sea.now)
+        node.serve()
+        sea.at(2.0, report)
+
+    report()
+    sea.run(lambda: sea.now > 120 * 10**9)
+    before = len(sea.given)
+    publish(sea, KIB * 4)
+    sea.run(lambda: sea.now > 240 * 10**9)
+    beside = [made for _, address, made in sea.given[before:] if address == 2]
+    sound_ns = sum(CAPABILITIES.airtime_ns(len(made.frame_bytes)) for made in beside)
+    # A hundredth of two minutes, and the frame that makes the debt.
+    assert sound_ns < 1.2e9 + 0.6e9
+    assert bulk_bytes(sea) > 2 * len(KIB)
 
 
 def test_where_bulk_data_do_not_get_through_the_plain_service_carries_them_with_an_event() -> None:

@@ -300,8 +300,7 @@ async def takes_as_many_bulk_frames_as_it_says(harness: LinkHarness) -> None:
         bulk = near.link.capabilities.bulk
         if bulk is None:
             return
-        sent = _different_frames(bulk)
-        ids = [near.transmit(each, far.address, service=Service.BULK) for each in sent]
+        sent, ids = _give(near, far.address, bulk, bulk.most_outstanding)
         last = near.transmit(b"one too many", far.address, service=Service.BULK)
         report = await near.report(last)
         require(report.outcome is TransmitOutcome.REJECTED, f"one too many was {report}")
@@ -317,8 +316,7 @@ async def carries_a_plain_frame_beside_bulk(harness: LinkHarness) -> None:
         bulk = near.link.capabilities.bulk
         if bulk is None:
             return
-        sent = _different_frames(bulk)[:2]
-        ids = [near.transmit(each, far.address, service=Service.BULK) for each in sent]
+        _, ids = _give(near, far.address, bulk, 2)
         report = await near.report(near.transmit(b"plain"))
         require(report.outcome in ON_AIR, f"a plain frame beside bulk frames was {report}")
         for transmission_id in ids:
@@ -358,8 +356,7 @@ async def aborts_bulk_frames_when_closed(harness: LinkHarness) -> None:
         bulk = near.link.capabilities.bulk
         if bulk is None:
             return
-        sent = _different_frames(bulk)
-        ids = [near.transmit(each, far.address, service=Service.BULK) for each in sent]
+        _, ids = _give(near, far.address, bulk, bulk.most_outstanding)
         await near.close()
         reports = sorted(report.transmission_id for report in near.receiver.reports)
         require(reports == ids, f"reports at close: {near.receiver.reports}")
@@ -372,8 +369,7 @@ async def reports_bulk_frames_that_a_cut_interrupts(harness: LinkHarness) -> Non
         bulk = near.link.capabilities.bulk
         if bulk is None:
             return
-        sent = _different_frames(bulk)
-        ids = [near.transmit(each, far.address, service=Service.BULK) for each in sent]
+        _, ids = _give(near, far.address, bulk, bulk.most_outstanding)
         if not await harness.cut():
             return
         for side in (near, far):
@@ -415,10 +411,11 @@ def _delay_in(measurement: Measurement) -> TypeGuard[PeerMeasured]:
     return measurement.metrics.propagation_s is not None
 
 
-def _different_frames(bulk: BulkService) -> list[bytes]:
-    """Return as many frames of a bulk service as it takes at once, of which no two are equal."""
+def _give(side: Side, address: int, bulk: BulkService, count: int) -> tuple[list[bytes], list[int]]:
+    """Give bulk frames of which no two are equal to a link; return them and their ids."""
     size = min(bulk.mtu_bytes, 80)
-    return [bytes((number,)) * size for number in range(bulk.most_outstanding)]
+    sent = [bytes((number,)) * size for number in range(count)]
+    return sent, [side.transmit(each, address, service=Service.BULK) for each in sent]
 
 
 async def _delivers(side: Side, transmission_id: int) -> None:

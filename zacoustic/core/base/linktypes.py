@@ -271,6 +271,9 @@ class Transmission(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the link that transmits it."""
     service: Service = Service.PLAIN
     """The service that carries it; `Service.BULK` only where the link has `bulk`, to one node."""
+    rides_back: bool = False
+    """Whether its destination sends bulk frames and goes on, so that it may wait for the device's
+    next acknowledgement of them, some seconds; only where `BulkService.rides_back`."""
 
 
 class TransmitReport(msgspec.Struct, frozen=True, kw_only=True):

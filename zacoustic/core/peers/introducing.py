@@ -164,10 +164,9 @@ class Introductions:
         """Return whether the fleet has nodes beside the receiver of a frame to one node."""
         return any(each not in (self._address, destination) for each in self._fleet)
 
-    @property
-    def is_pair(self) -> bool:
-        """Whether the fleet is listed, and this node and one other are all of it."""
-        return len(self._table.nodes) == 2 and self._address in self._table.nodes
+    def is_only_other(self, address: int) -> bool:
+        """Return whether a node and this one are all of a fleet that is listed."""
+        return self._table.nodes.keys() == {self._address, address}
 
     # Below the methods above
 

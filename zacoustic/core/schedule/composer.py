@@ -62,6 +62,8 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     """Whether to ask the modem for an acknowledgement."""
     parts: tuple[Part, ...] = ()
     """Receive the begin and the end of its transmission."""
+    rides_back: bool = False
+    """Whether it goes with the device's acknowledgement of bulk frames."""
     caused_by: int | None = None
     """Address of the node because of which it goes; None: it goes for this node's own sake."""
 
@@ -230,13 +232,13 @@ class Composer:
         no other. If nothing does, it is the shortest one, now and then: from that the node learns
         that this one wants a pause.
         """
-        is_alone = self._introductions.is_pair
+        is_alone = self._introductions.is_only_other(address)
         offer = Offer(destination=address, takes_all=is_alone, owed_first=True)
         composed = self._fill(port, offer, now)
         if composed is None and port.may_ask_for_pause(now):
             port.ask_for_pause(now)
             composed = self._controls(port, address, [(Cause.ACCESS, PADDING)], now)
-        return composed
+        return None if composed is None else msgspec.structs.replace(composed, rides_back=True)
 
     def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame of the bulk service that is worth most now, or return None.

@@ -234,6 +234,7 @@ class Transmitter:
             acknowledge=composed.acknowledge,
             link=self.link,
             service=service,
+            rides_back=composed.rides_back,
         )
         self._next_transmission_id += 1
         port.transmit(transmission.transmission_id, composed.parts, now, service)
@@ -256,6 +257,8 @@ class Transmitter:
         if not _is_over(self._source.due_at(now), now):
             return None
         if not _is_over(self._after_silence(now, now), now):
+            return None
+        if self.airtime.free_at(now) > now and not self._source.queue.is_urgent(now):
             return None
         return self._source.ride_back(address, port, now)
 

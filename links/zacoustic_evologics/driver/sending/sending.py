@@ -208,10 +208,10 @@ class Sending:
 
     def _next_carriage(self, now: int) -> Carriage:
         """Return the service by which a frame that the modem has returned goes next."""
-        to, alternative = self._transmission.destination, self.carriage.alternative
-        if alternative is None or self._session.is_receiving_bursts(to, now):
-            return self.carriage  # the next train is acknowledged as well
-        return alternative
+        carriage, session = self.carriage, self._session
+        if carriage.rides_back and session.is_receiving_bursts(carriage.destination, now):
+            return carriage  # the next train is acknowledged as well
+        return carriage.alternative or carriage
 
     def _use(self, carriage: Carriage) -> None:
         """Begin again with this service; earlier messages do not count."""

@@ -21,9 +21,10 @@ which may never happen. So it is sooner only if that is about to happen: the mod
 message that asks for an acknowledgement, and the frame goes to its sender. The modem would refuse
 an instant message until the acknowledgement has gone and a pause is over, 0.3 s; a piggyback
 message goes with it. If it comes too late for that, the driver takes it back and sends it as an
-instant message; while trains of burst data come from that modem, it gives it again for the next
-train's acknowledgement, since an instant message would be lost under a train. The driver does this
-only with modems that have reported their acknowledgements: no capture shows whether all do.
+instant message. One that `rides_back` it gives again instead, as long as trains of burst data come
+from that modem: an instant message would be lost under a train, and the next one is acknowledged as
+well. The driver does this only with modems that have reported their acknowledgements: no capture
+shows whether all do.
 """
 
 import enum
@@ -104,6 +105,8 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
     """The frame."""
     destination: int
     """Address, or BROADCAST."""
+    rides_back: bool = False
+    """It may wait for the acknowledgement of the next train of bursts of its destination."""
     alternative: "Carriage | None" = None
     """What carries it if this does not."""
 
@@ -199,6 +202,7 @@ def choose_carriage(transmission: Transmission, session: ModemSession, now: int)
         acknowledged=asked or service is Service.BURST,
         payload=transmission.frame_bytes,
         destination=to,
+        rides_back=transmission.rides_back,
     )
     return _with_piggyback(chosen, session, now)
 
@@ -210,8 +214,7 @@ def _with_piggyback(chosen: Carriage, session: ModemSession, now: int) -> Carria
     piggyback = msgspec.structs.replace(chosen, service=Service.PIGGYBACK)
     if session.config.service == "pbm":
         return piggyback
-    to = chosen.destination
-    is_sooner = session.is_about_to_answer(to, now) or session.is_receiving_bursts(to, now)
+    is_sooner = chosen.rides_back or session.is_about_to_answer(chosen.destination, now)
     may_choose = session.config.service == "auto" and session.tells_answers
     if chosen.acknowledged or not (is_sooner and may_choose):
         return chosen

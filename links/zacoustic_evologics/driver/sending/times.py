@@ -41,7 +41,6 @@ class Timetable:
 
     def __init__(self, carriage: Carriage, session: ModemSession, called_at: int) -> None:
         config = session.config
-        self._session = session
         self.airtime_ns = session.capabilities().airtime_ns(len(carriage.payload))
         self.busy_until = called_at + seconds_to_ns(config.busy_s)
         """How long it may wait until the modem has time, or for an opportunity."""
@@ -78,7 +77,7 @@ class Timetable:
         if self._carriage.service is Service.BURST:
             return given_at + seconds_to_ns(BURST_POLL_S)
         if self._carriage.service is Service.PIGGYBACK and ends_at is None:
-            if self._session.is_receiving_bursts(self._carriage.destination, given_at):
+            if self._carriage.rides_back:
                 return given_at + seconds_to_ns(TRAIN_S)
             is_owed = self._carriage.alternative is not None
             owed_ns = seconds_to_ns(OWED_S) + self.airtime_ns + margin_ns

@@ -288,7 +288,7 @@ class Protocols(Profile):
             port.listening.pause_ns,
             now,
             bulk_bytes=bulk_bytes,
-            is_answered=port.rides_back and self._context.handshake.introductions.is_pair,
+            hears_meanwhile=port.rides_back and len(self._context.table.nodes) == 2,
         )
         oversized = self.queue.limit(room_bytes - (seal.overhead_bytes or TAG_BYTES))
         self.topics.sending.dropped(oversized, now)

@@ -109,7 +109,7 @@ class Objects:
         now: int,
         *,
         bulk_bytes: int = 0,
-        is_answered: bool = False,
+        hears_meanwhile: bool = False,
     ) -> None:
         """Derive the durations from the link.
 
@@ -119,7 +119,7 @@ class Objects:
             pause_ns: Length of a listen window, ns.
             now: The instant.
             bulk_bytes: Room for records in a frame of the bulk service, bytes; 0 or less: none.
-            is_answered: All other nodes can say what they have to say while they get such frames.
+            hears_meanwhile: This node hears all others while it sends such frames.
         """
         self._timing = Timing.of(capabilities, capabilities.mtu_bytes - room_bytes, pause_ns)
         self._fragment_bytes = room_bytes - FRAGMENT_HEADER_BYTES
@@ -127,8 +127,9 @@ class Objects:
             bulk_fragment_bytes = bulk_bytes - FRAGMENT_HEADER_BYTES
             if bulk_fragment_bytes <= self._fragment_bytes:
                 bulk_fragment_bytes = 0
-            self._outgoing.bulk_runs.is_answered = is_answered
-            self._outgoing.use_link(self._fragment_bytes, bulk_fragment_bytes, now)
+            self._outgoing.use_link(
+                self._fragment_bytes, bulk_fragment_bytes, now, hears_meanwhile=hears_meanwhile
+            )
 
     def restore(
         self, stored: Mapping[str, bytes], accept: Callable[[StoredObject], bool]

@@ -16,9 +16,10 @@ _MOST_OFF_DOUBLINGS: Final = 4
 _FIRST_RUN_NS: Final = 12 * NS_PER_S
 _LONGEST_RUN_NS: Final = 48 * NS_PER_S
 _GROWTH: Final = 3
-_ANSWERED_RUN_NS: Final = 24 * NS_PER_S
+_HEARING_RUN_NS: Final = 24 * NS_PER_S
 _SILENT_RUN_NS: Final = 96 * NS_PER_S
-"""Runs where others can answer meanwhile, and where they have said nothing."""
+"""Where others are heard meanwhile: the run before a pause for one that was heard, and the run if
+nobody was, ns."""
 
 
 class BulkChanged(msgspec.Struct, frozen=True, kw_only=True):
@@ -99,8 +100,8 @@ class BulkRuns:
     """
 
     def __init__(self) -> None:
-        self.is_answered = False
-        """Whether all other nodes can say what they have to say while a run is under way."""
+        self.hears_meanwhile = False
+        """Whether this node hears all others while a run is under way."""
         self._run_ns = _FIRST_RUN_NS
         self._begun_at: int | None = None
         self._paused_at: int | None = None
@@ -115,8 +116,8 @@ class BulkRuns:
         if self._begun_at is None:
             self._begun_at = now
         is_asked = receiver_heard_at > self._begun_at
-        if self.is_answered:
-            return now - self._begun_at >= (_ANSWERED_RUN_NS if is_asked else _SILENT_RUN_NS)
+        if self.hears_meanwhile:
+            return now - self._begun_at >= (_HEARING_RUN_NS if is_asked else _SILENT_RUN_NS)
         return is_asked or now - self._begun_at >= self._run_ns
 
     def pause(self, now: int) -> None:

@@ -116,8 +116,7 @@ class OutgoingObjects:
         self._off: set[int] = set()
         self._plain_bytes = self._bulk_bytes = 0
         self._bulk_paths = BulkPaths()
-        self.bulk_runs = BulkRuns()
-        """How long fragments go without a pause."""
+        self._bulk_runs = BulkRuns()
         self._priorities: dict[int, Priority] = {}
         pacers.released.connect(self._released)
 
@@ -234,14 +233,18 @@ class OutgoingObjects:
         is_bulk = len(receivers) == 1 and not self._bulk_paths.is_off(receivers[0], now)
         return self._bulk_bytes if is_bulk and self._bulk_bytes else self._plain_bytes
 
-    def use_link(self, fragment_bytes: int, bulk_bytes: int, now: int) -> None:
+    def use_link(
+        self, fragment_bytes: int, bulk_bytes: int, now: int, *, hears_meanwhile: bool
+    ) -> None:
         """Cut the objects again whose fragments are too large for a link's frames.
 
         Args:
             fragment_bytes: The largest fragment in a frame of the plain service, bytes.
             bulk_bytes: The same for the bulk service; 0: there is none.
             now: The instant.
+            hears_meanwhile: This node hears all others while it uses that service.
         """
+        self._bulk_runs.hears_meanwhile = hears_meanwhile
         self._plain_bytes, self._bulk_bytes = fragment_bytes, bulk_bytes
         for sending in list(self._sendings.values()):
             if sending.expires_at is None and sending.lifespan_ns is not None:
@@ -345,8 +348,8 @@ class OutgoingObjects:
         assert isinstance(outgoing, BulkObject)
         if outgoing.listens:
             self._give_up_listening(outgoing, now)
-        self.bulk_runs.go_on(self._pacers.anybody_heard_at, now)
-        pause_follows = not sending.exclusive and self.bulk_runs.is_over(
+        self._bulk_runs.go_on(self._pacers.anybody_heard_at, now)
+        pause_follows = not sending.exclusive and self._bulk_runs.is_over(
             self._pacers.heard_at(outgoing.receiver), now
         )
         fragment = outgoing.take_bulk(pause_follows=pause_follows)
@@ -372,9 +375,9 @@ class OutgoingObjects:
             self._emit(BulkChanged(address=address, works=True, changed_at=now))
         if outgoing.listens:
             self._pacers[address].await_answer(report.finished_at, outgoing.due_at)
-            self.bulk_runs.rest()
+            self._bulk_runs.rest()
         if is_last_of_run and outgoing.bulk_at is not None:
-            self.bulk_runs.pause(report.finished_at)
+            self._bulk_runs.pause(report.finished_at)
             outgoing.pause_until(report.finished_at + timing.bulk_pause_ns)
         if is_in_vain:
             self._fail_bulk(sending, outgoing, report, now)
@@ -594,7 +597,7 @@ class OutgoingObjects:
         transfer = sending.outgoing.transfer
         del self._sendings[transfer]
         if not any(each.outgoing.is_bulk for each in self._sendings.values()):
-            self.bulk_runs.end()
+            self._bulk_runs.end()
         self._timers.cancel((Due.OBJECT, transfer))
         if sending.keeps:
             self.forget(transfer)
