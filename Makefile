@@ -24,7 +24,7 @@ help:
 	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
 	@echo "make test-browser   the console of make auv in a headless Chromium, if there is one"
 	@echo "make screenshot     the picture of that console in the README, taken anew (ten minutes)"
-	@echo "make soak    the tests whose hundredth runs in make test, with their full counts (hours)"
+	@echo "make soak    the tests of which make test runs a share, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
 	@echo "make compiled  a wheel whose engine and medium are compiled: the same bytes, faster (ten minutes)"
 	@echo "make shape   rings, upward imports, code lines by room: the structure in numbers"

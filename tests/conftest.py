@@ -1,4 +1,4 @@
-"""One test in two sizes: a hundredth of its count in `make test`, all of it in `make soak`.
+"""One test in two sizes: a small share of its count in `make test`, all of it in `make soak`.
 
 Three ways to write such a test; `ZACOUSTIC_SOAK=1` turns on the full size of each:
 
@@ -11,6 +11,7 @@ skipped unless `ZACOUSTIC_HW` names a modem.
 """
 
 import gc
+import math
 import os
 from collections.abc import Callable
 from typing import Final
@@ -21,25 +22,27 @@ import pytest
 SOAK: Final = os.environ.get("ZACOUSTIC_SOAK", "") not in ("", "0")
 EXAMPLES: Final = 25
 """Examples of a Hypothesis test in `make test`."""
-SOAK_FACTOR: Final = 100
+SOAK_EXAMPLES: Final = 2_500
+SHARE: Final = 200
+"""`make test` repeats one of so many times."""
 _LONGEST: Final = ("test_pages.py", "test_packaging.py", "test_examples.py")
 
 # No deadline per example: it would measure how busy the machine is.
 hypothesis.settings.register_profile(
-    "hundredth", max_examples=EXAMPLES, derandomize=True, deadline=None
+    "share", max_examples=EXAMPLES, derandomize=True, deadline=None
 )
 hypothesis.settings.register_profile(
-    "soak", max_examples=EXAMPLES * SOAK_FACTOR, print_blob=True, deadline=None
+    "soak", max_examples=SOAK_EXAMPLES, print_blob=True, deadline=None
 )
-hypothesis.settings.load_profile("soak" if SOAK else "hundredth")
+hypothesis.settings.load_profile("soak" if SOAK else "share")
 
 
 @pytest.fixture(scope="session")
 def count() -> Callable[[int], int]:
-    """Give how often to repeat: a hundredth of the full count, at least once; all in a soak."""
+    """Give how often to repeat: a share of the full count, at least once; all in a soak."""
 
     def share(full: int) -> int:
-        return full if SOAK else max(1, full // SOAK_FACTOR)
+        return full if SOAK else math.ceil(full / SHARE)
 
     return share
 

@@ -8,7 +8,7 @@ from tests.oracle.runs import NAMES, kept, run
 def test_every_run_is_what_it_was(count: Callable[[int], int]) -> None:
     before = kept()
     assert tuple(before) == NAMES
-    # Spread over the kinds, also where only a hundredth is run.
+    # Spread over the kinds, also where only a share is run.
     for place in range(count(len(NAMES))):
         name = NAMES[place * 101 % len(NAMES)]
         assert not before[name].difference(run(name)), f"python -m tests.oracle {name}"

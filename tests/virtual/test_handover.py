@@ -45,7 +45,7 @@ TABLE: Final = StreamTable(
 
 @pytest.mark.parametrize("untold", [0.0, 0.5, 1.0])
 def test_killed_at_any_instant_of_a_hand_over(count: Callable[[int], int], untold: float) -> None:
-    assert sum(_hand_over(seed, untold) for seed in range(count(1500)))
+    assert sum(_hand_over(seed, untold) for seed in range(12, 12 + count(1500)))
 
 
 @pytest.mark.parametrize(("seed", "untold"), [(1192, 0.0), (1157, 0.5)])
@@ -100,7 +100,7 @@ def test_killed_at_any_instant_of_the_hand_over_of_a_large_sample(
     count: Callable[[int], int], untold: float
 ) -> None:
     marked = 0
-    for seed in range(2, 2 + count(600)):
+    for seed in range(5, 5 + count(600)):
         rng = random.Random(seed)
         journal = {"commit_s": rng.choice((0.02, 0.5, 3.0)), "untold": untold}
         medium = VirtualNetwork(

@@ -1,6 +1,6 @@
 """A stop beside a photo that is for others: it is through in seconds, whoever it is for.
 
-The figures of docs/operations.md are held at full size: a hundredth of the runs has no tail that
+The figures of docs/operations.md are held at full size: a share of the runs has no tail that
 they could be read from, so there the median and the worst are.
 """
 

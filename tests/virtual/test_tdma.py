@@ -268,5 +268,6 @@ def test_five_nodes_publish_for_a_day_and_nothing_is_lost(count: Callable[[int],
     hours = count(2400) / 100  # a day in full size
     result = survey(hours)
     assert result.losses == {}
-    assert result.delivered >= 0.99 * result.published
+    # The last ones of each node may still be on their way.
+    assert result.delivered >= 0.99 * result.published - 5
     assert result.longest_s < 20.0
