@@ -22,7 +22,7 @@ import pytest
 SOAK: Final = os.environ.get("ZACOUSTIC_SOAK", "") not in ("", "0")
 EXAMPLES: Final = 25
 """Examples of a Hypothesis test in `make test`."""
-SOAK_EXAMPLES: Final = 2_500
+SOAK_EXAMPLES: Final = 1_000
 SHARE: Final = 200
 """`make test` repeats one of so many times."""
 _LONGEST: Final = ("test_pages.py", "test_packaging.py", "test_examples.py")
