@@ -7,6 +7,7 @@ from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED, LinkEntry, Section
 from zacoustic.config.streams import Fleet
 from zacoustic.core.profiles.rules import LinkRules
+from zacoustic.core.relay.route import Route
 from zacoustic.core.streams.keys import fault_of_name
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.wire.seal import LAST_PORT
@@ -49,31 +50,39 @@ def read_links(
     return (LinkEntry(locator=locator, wire=wire),)
 
 
-def read_routes(
-    place: Place, entries: tuple[LinkEntry, ...], links: tuple[LinkEntry, ...]
+def read_links_of_streams(
+    place: Place,
+    entries: tuple[LinkEntry, ...],
+    links: tuple[LinkEntry, ...],
+    relayed: tuple[Route, ...],
+    own: int,
 ) -> dict[int, str]:
-    """Return the link of each stream that names one.
+    """Return the link, or the route that ends here, of each stream that names one.
 
     Args:
         place: Place of the list of streams.
         entries: The links of the file.
         links: The links of the node: another one, if an argument overrides the file.
+        relayed: The routes.
+        own: Address of the node.
     """
     names = [entry.name for entry in entries if entry.name is not None]
-    routes: dict[int, str] = {}
+    to_ends = {each.name: each.other_end(own) is not None for each in relayed}
+    found: dict[int, str] = {}
     for index, _ in enumerate(place.entries):
         here = place.at(index)
         name, stream_id = here.at("link").written, here.at("id").written
         if name is None:
             continue
-        if name not in names:
+        if name not in names and name not in to_ends:
             here.at("link").refuse(
-                allowed=", ".join(names) or "none, no link has a name",
+                allowed=", ".join((*names, *to_ends)) or "none, no link has a name",
                 hint="give the links of the file a name each",
             )
-        if len(links) > 1 and isinstance(name, str) and isinstance(stream_id, int):
-            routes[stream_id] = name
-    return routes
+        is_used = to_ends[name] if name in to_ends else len(links) > 1
+        if is_used and isinstance(name, str) and isinstance(stream_id, int):
+            found[stream_id] = name
+    return found
 
 
 def read_link_rules(

@@ -17,6 +17,8 @@ _REASONS: Final = {
     "commands_from": "no commands cross it",
     "objects": "what is larger than a packet does not cross",
     "security": "its packets have no room for a seal, and its other programs no key",
+    "routes": "its frames name no route",
+    "relay": "its frames name no route",
     "model": "no stream is dense on it",
 }
 

@@ -12,7 +12,7 @@ from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed
 from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
-from zacoustic.config.links import read_link_rules, read_links, read_routes
+from zacoustic.config.links import read_link_rules, read_links, read_links_of_streams
 from zacoustic.config.lostcontact import LostContactAction, read_lost_contact
 from zacoustic.config.metrics import read_metrics
 from zacoustic.config.model import check_model, read_model
@@ -22,6 +22,7 @@ from zacoustic.config.problems import Place, unknown_key
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.ros import RosConfig, RosReader
+from zacoustic.config.routes import read_relay, read_relayed
 from zacoustic.config.sections import (
     ALLOWED,
     FOLDER_ALLOWED,
@@ -350,7 +351,8 @@ def _read_rules(
     for index, address in enumerate(written.commands_from or ()):
         check_address(place.at("commands_from").at(index), address, fleet)
     commands_from = None if written.commands_from is None else frozenset(written.commands_from)
-    return TransmitRules(
+    relayed = read_relayed(place, written.routes, written.links, fleet)
+    rules = TransmitRules(
         access=own_links[0].access if own_links else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
         max_airtime=own_links[0].max_airtime if own_links else written.max_airtime,
@@ -360,10 +362,15 @@ def _read_rules(
         objects=objects,
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
         links=own_links if any(each.name for each in links) else (),
-        routes=read_routes(place.at("streams"), written.links, links),
+        routes=read_links_of_streams(place.at("streams"), written.links, links, relayed, own),
+        relayed=relayed,
+        relay=read_relay(place.at("relay"), written.relay),
         sealing=seal_rules(security),
         port=own_links[0].port if own_links else None,
     )
+    # Another link, by an argument, has no name.
+    is_other = bool(written.links) and links != written.links
+    return rules.on_one_link() if is_other else rules
 
 
 def _read_agreement(place: Place, written: str | None) -> AgreementMethod:

@@ -56,7 +56,12 @@ ALLOWED: Final = {
     "idle_s": "seconds, 0 or more",
     "nodes": "a list of { address, name }",
     "agreement": ", ".join(f'"{method.value}"' for method in AgreementMethod),
-    "link": "the name of a link",
+    "link": "the name of a link; of a stream also that of a route",
+    "routes": "a list of { id, name, path }",
+    "path": "2..16 addresses, from one end to the other, each once",
+    "lifetime_s": "seconds, 0 or more",
+    "relay": "{ max_airtime, queue }",
+    "queue": "a number, 1..256",
     "links": "a list of { locator, … }, with a name each where there are several",
     "types": "a list of { name, fields } or { name, python }",
     "fields": "a list of { name, type, … }",
@@ -195,6 +200,30 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     port: int | None = None
     """Number of the link in sealed frames, the same at all nodes; default: its place in the
     list."""
+
+
+class RouteEntry(Entry, frozen=True, kw_only=True):
+    """A line of nodes over which frames go from one end to the other, and back."""
+
+    id: int
+    """Number of the route on the channel, the same at all nodes."""
+    name: str
+    """Name of the link that the route is for its two ends."""
+    path: tuple[int, ...]
+    """Addresses of the nodes, from one end to the other."""
+    link: str | None = None
+    """Name of the link of all hops; default: the first one."""
+    lifetime_s: float = 0.0
+    """A frame that has been on its way for longer is dropped, s; 0: 60 s for each hop."""
+
+
+class RelayEntry(Entry, frozen=True, kw_only=True):
+    """How much the node does for the routes of others."""
+
+    max_airtime: float = 0.2
+    """Share of the time that it transmits frames of others."""
+    queue: int = 16
+    """How many frames of others it holds at most."""
 
 
 class TypeEntry(Entry, frozen=True, kw_only=True):
@@ -437,6 +466,10 @@ class Section(Entry, frozen=True, kw_only=True):
     default: `"confirm"`."""
     links: tuple[LinkEntry, ...] = ()
     """The modems, the first one for streams that name none; `--link` overrides them."""
+    routes: tuple[RouteEntry, ...] = ()
+    """Routes over other nodes, equal in the fleet."""
+    relay: RelayEntry | None = None
+    """How much this node does for the routes of others."""
     types: tuple[TypeEntry, ...] = ()
     """Types for streams and for other types."""
     journal: str | None = None
@@ -478,6 +511,8 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "nodes": NodeEntry,
     "links": LinkEntry,
     "slots": ScheduledSlot,
+    "routes": RouteEntry,
+    "relay": RelayEntry,
     "types": TypeEntry,
     "fields": FieldSpec,
     "wildcards": WildcardEntry,

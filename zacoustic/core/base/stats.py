@@ -45,6 +45,8 @@ class Cause(enum.Enum):
     """A frame that only shows that the node is present."""
     EXTENSION = "extension"
     """Extensions of third-party transports."""
+    RELAY = "relay"
+    """Frames of routes: those of other nodes, repetitions, and what a route adds to own ones."""
 
 
 NO_STREAM: Final = 0
@@ -92,9 +94,9 @@ class EngineStats:
         frame to the end of the ACK's frame, ns, by address."""
         self._ledger: dict[tuple[int, Cause], int] = {}
 
-    def on(self, link: str) -> "LinkStats":
-        """Add the counters of a link."""
-        self.links[link] = LinkStats(self)
+    def on(self, link: str, *, is_route: bool = False) -> "LinkStats":
+        """Add the counters of a link, or of a route over other links."""
+        self.links[link] = RouteStats(self) if is_route else LinkStats(self)
         return self.links[link]
 
     def sent(self, frame_bytes: int, airtime_ns: int) -> None:
@@ -174,6 +176,22 @@ class LinkStats(EngineStats):
         """Count a dropped reception."""
         super().drop(reason)
         self._whole.drop(reason)
+
+
+class RouteStats(LinkStats):
+    """The counters of a route: its frames are inside of those of its link, which counts them."""
+
+    def sent(self, frame_bytes: int, airtime_ns: int) -> None:
+        """Count a frame that is given to the route."""
+        EngineStats.sent(self, frame_bytes, airtime_ns)
+
+    def heard(self, frame_bytes: int) -> None:
+        """Count a frame that has arrived."""
+        EngineStats.heard(self, frame_bytes)
+
+    def reported(self, outcome: str) -> None:
+        """Count a transmit report."""
+        EngineStats.reported(self, outcome)
 
 
 def count(counter: dict[int, int], key: int, times: int = 1) -> None:

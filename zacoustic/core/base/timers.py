@@ -44,6 +44,8 @@ class Due(enum.IntEnum):
     """Records are sent again or given up."""
     OBJECT = enum.auto()
     """An outgoing object expires."""
+    RELAY = enum.auto()
+    """A frame of a route is transmitted again or given up."""
     RANGE = enum.auto()
     """A range was not measured in time."""
     CONTACT = enum.auto()

@@ -52,8 +52,10 @@ from zacoustic.core.base.trace import Tracer, TraceSink
 from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, SubscriptionCommands
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.engine.linkstack import LinkStack
+from zacoustic.core.engine.routeports import RoutePorts
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.relay.relay import Hop
 from zacoustic.core.schedule.access import AccessState
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
@@ -139,11 +141,22 @@ class Engine:
         """Commands about transmit silence: `begin` and `resume`."""
         self._routes = rules.routes
         self._stacks: dict[str, LinkStack] = {}
+        self._route_ports = RoutePorts(address, rules)
         for index, own in enumerate(rules.of_links):
             context = Context(node, own.name, index, own.port)
+            relay = self._route_ports.relay(context)
             self._stacks[own.name] = LinkStack(
-                context, rules, own, self.silence, self._trace, transports
+                context, rules, own, self.silence, self._trace, transports, relay
             )
+        self._links = tuple(self._stacks)
+        for route, other_end, own in self._route_ports.ends:
+            index = len(self._stacks)
+            context = Context(node, own.name, index, own.port, other_end=other_end)
+            stack = LinkStack(context, rules, own, self.silence, self._trace, transports)
+            self._stacks[own.name] = stack
+            hop_relay = self._stacks[route.link].relay
+            assert hop_relay is not None
+            self._route_ports.add(route, stack, hop_relay)
         self._first = next(iter(self._stacks.values()))
         self.ranging = self._first.protocols.ranging
         """Commands about ranges: `request`, `cancel` and `repeat`."""
@@ -195,7 +208,9 @@ class Engine:
         self._now = now
         self._begin(now)
         stack = self._stack(link)
-        if stack.handle_state(state, capabilities, now):
+        has_changed = stack.handle_state(state, capabilities, now)
+        self._route_ports.handle_state(stack, state, capabilities, now)
+        if has_changed:
             self._events.append(LinkStateChanged(state=state, changed_at=now, link=stack.name))
             self._trace.note(now, "link", detail=state.value, link=stack.name)
 
@@ -373,8 +388,9 @@ class Engine:
     def poll_transmit(self, now: int) -> Transmission | None:
         """Return the frame that is worth most now, for the first link that can take one."""
         self._now = now
-        for stack in self._stacks.values():
-            made = stack.make(now)
+        self._route_ports.submit(now)
+        for link in self._links:
+            made = self._stacks[link].make(now)
             if made is not None:
                 return made
         return None
@@ -428,7 +444,7 @@ class Engine:
     @property
     def links(self) -> tuple[str, ...]:
         """Names of the links; the first one serves streams that name none."""
-        return tuple(self._stacks)
+        return self._links
 
     @property
     def link_state(self) -> LinkState:
@@ -447,6 +463,17 @@ class Engine:
     def capabilities_of(self, link: str) -> LinkCapabilities | None:
         """Return the capabilities of a link; None before it was up."""
         return self._stack(link).capabilities
+
+    @property
+    def hops(self) -> list[Hop]:
+        """How the hops from this node to the next ones of its routes do."""
+        relays = (self._stacks[link].relay for link in self._links)
+        return [hop for relay in relays if relay is not None for hop in relay.hops()]
+
+    @property
+    def routes(self) -> tuple[str, ...]:
+        """Names of the routes over relays that end here; each is a link for the streams."""
+        return tuple(name for name in self._stacks if name not in self._links)
 
     def link_of(self, stream_id: int) -> str:
         """Return the name of the link that a stream uses."""

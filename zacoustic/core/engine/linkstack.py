@@ -26,15 +26,18 @@ from zacoustic.core.profiles.native.protocols import Protocols
 from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.relay.flow import LONGEST_TRAIN
+from zacoustic.core.relay.relay import Relay
 from zacoustic.core.schedule.airtime import AirtimeCaps
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.port import LinkPort
+from zacoustic.core.schedule.port import MOST_OUTSTANDING, LinkPort
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.schedule.transmitter import Transmitter
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.contract import MakeTransport
 from zacoustic.core.wire.envelope import Envelope, Opened
+from zacoustic.core.wire.relay import is_relayed
 from zacoustic.core.wire.seal import NO_TABLE, Way
 
 _MAYBE_UNSEALED: Final = (Refusal.UNSEALED, Refusal.FORGED, Refusal.OUT_OF_STEP)
@@ -51,6 +54,7 @@ class LinkStack:
         silence: The transmit silence.
         trace: Takes a record of each action.
         transports: Make third-party transports.
+        relay: The routes over this link; None: there are none.
     """
 
     def __init__(
@@ -61,6 +65,7 @@ class LinkStack:
         silence: Silence,
         trace: Tracer,
         transports: Sequence[MakeTransport],
+        relay: Relay | None = None,
     ) -> None:
         self.name = context.link
         """Name of the link."""
@@ -68,11 +73,13 @@ class LinkStack:
         """The ids that the application sees."""
         self.stats = context.stats
         """The link's counters."""
+        self.relay = relay
+        """The routes over this link; None: there are none."""
         self._context = context
         self._seal = context.node.seal
         self._silence = silence
         self._trace = trace
-        self.protocols: Profile = _PROTOCOLS[context.table.wire](context, rules, transports)
+        self.protocols: Profile = _PROTOCOLS[context.table.wire](context, rules, transports, relay)
         """The transports."""
         self._access_rng = context.generators.of("access")
         self._access = own.access
@@ -106,7 +113,9 @@ class LinkStack:
         self.stats.heard(len(frame.frame_bytes))
         for opened in port.envelope.open(frame):
             reason = port.refuse(opened, frame)
-            if isinstance(opened, Opened):
+            if isinstance(opened, Opened) and self._is_relayed(opened):
+                reason = reason or self._take_relayed(opened, frame, port, now)
+            elif isinstance(opened, Opened):
                 take = self._take_plain if self._seal is None else self._take_sealed
                 reason = take(opened, frame, port, reason, now)
             if reason is not None:
@@ -175,6 +184,20 @@ class LinkStack:
         return not (port is not None and port.is_busy) and self.protocols.is_idle
 
     # Below the methods above
+
+    def _is_relayed(self, opened: Opened) -> bool:
+        return self.relay is not None and is_relayed(opened.records)
+
+    def _take_relayed(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> str | None:
+        """Take a frame of a route; return why it is dropped, or None."""
+        assert self.relay is not None
+        if self._seal is None:
+            self._hear(opened, frame, port, now)
+        else:  # nobody has sealed this hop
+            port.heard(opened.source, len(frame.frame_bytes), now, frame.service)
+        return self.relay.handle(opened.source, opened.records, now)
 
     def _take_plain(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
@@ -272,4 +295,5 @@ class LinkStack:
             self._access,
             envelope=envelope,
             measurements=self._context.node.measurements,
+            most_outstanding=MOST_OUTSTANDING if self._context.other_end is None else LONGEST_TRAIN,
         )

@@ -1,13 +1,13 @@
 """Heartbeats of one node on one link; `zacoustic.core.peers.contact` gives the reason."""
 
 import random
+from collections.abc import Sequence
 from typing import Final
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer
 from zacoustic.core.base.stats import Cause
-from zacoustic.core.streams.table import StreamTable
 
 _EARLIEST: Final = 0.75
 """Fixed part of the pause; the rest is random."""
@@ -17,18 +17,17 @@ class Heartbeats:
     """The heartbeats of one node on one link.
 
     Args:
-        address: Address of the node.
-        table: Its table, with the list of nodes.
+        hearers: Addresses of the other nodes; empty: any.
         heartbeat_s: Longest time between two frames of the node, s; None: no heartbeats.
         rng: Draws the pauses.
     """
 
     def __init__(
-        self, address: int, table: StreamTable, heartbeat_s: float | None, rng: random.Random
+        self, hearers: Sequence[int], heartbeat_s: float | None, rng: random.Random
     ) -> None:
         self._heartbeat_s = heartbeat_s
         self._rng = rng
-        self._hearers = [each for each in table.nodes if each != address] or [BROADCAST]
+        self._hearers = list(hearers) or [BROADCAST]
         self._said_at: dict[int, int] = {}
         self._pause_ns = 0
 

@@ -172,6 +172,11 @@ class Profile(ABC):
         """Whether the transfer under way needs the channel to itself."""
         return False
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether its last frame has announced that another one follows at once."""
+        return False
+
     def has_fragment(self, now: int) -> bool:
         """Return whether a fragment of an object is due, which fills its frame."""
         return False

@@ -7,6 +7,8 @@ from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.profiles.entities import DiscoverySpec
+from zacoustic.core.relay.relay import RelayRules
+from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.access.spec import AccessSpec, ClockedSpec, slots_of
 from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.schedule.silence import QuietWindow
@@ -59,12 +61,19 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[LinkRules, ...] = ()
     """The links; a stream without a link uses the first. Empty: one link with the rules above."""
     routes: dict[int, str] = {}
-    """Name of the link by stream id; other streams use the first link."""
+    """Name of the link, or route over relays, by stream id; other streams use the first link."""
+    relayed: tuple[Route, ...] = ()
+    """All routes over relays."""
+    relay: RelayRules = RelayRules()
+    """How much the node does for the routes of others."""
 
     def on_one_link(self) -> "TransmitRules":
         """Return these rules for a node with one link for all streams."""
         port = self.links[0].port if self.links else self.port
-        return msgspec.structs.replace(self, links=(), routes={}, port=port)
+        relayed = tuple(msgspec.structs.replace(each, link=ONE_LINK) for each in self.relayed)
+        names = {each.name for each in relayed}
+        routes = {stream_id: name for stream_id, name in self.routes.items() if name in names}
+        return msgspec.structs.replace(self, links=(), routes=routes, relayed=relayed, port=port)
 
     @property
     def of_links(self) -> tuple[LinkRules, ...]:
@@ -78,9 +87,15 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
         )
         links = self.links or (one,)
         names = [each.name for each in links]
+        for route in self.relayed:
+            if route.link not in names:
+                raise ConfigError(
+                    f"route {route.name!r}: link is {route.link!r}; allowed: {', '.join(names)}"
+                )
+        names += [each.name for each in self.relayed]
         for name in names:
             if names.count(name) > 1:
-                raise ConfigError(f"links: two have the name {name!r}")
+                raise ConfigError(f"links and routes: two have the name {name!r}")
         for stream_id, name in self.routes.items():
             if name not in names:
                 raise ConfigError(

@@ -15,7 +15,7 @@ Order of decisions:
 `zacoustic.core.schedule.filling` decides how records share a frame.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Final
 
@@ -35,7 +35,13 @@ from zacoustic.core.schedule.filling import Filling
 from zacoustic.core.schedule.linkseal import Closing, Unsealed
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
-from zacoustic.core.schedule.sources import DenseSource, ExtensionSource, ObjectSource, Source
+from zacoustic.core.schedule.sources import (
+    DenseSource,
+    ExtensionSource,
+    ForwardingSource,
+    ObjectSource,
+    Source,
+)
 from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES
 from zacoustic.core.wire.controls import EXTENSION_HEADER_BYTES, LONGEST_EXTENSION_BYTES
 from zacoustic.core.wire.frame import PADDING
@@ -102,6 +108,10 @@ class Ingredients(msgspec.Struct, frozen=True, kw_only=True):
     """Closes the frames."""
     extensions: Sequence[ExtensionSource] = ()
     """Third-party transports."""
+    relay: ForwardingSource | None = None
+    """Frames of routes over relays; None: this node is part of none on this link."""
+    other_end: int | None = None
+    """The one other node on this link, so that no frame is a broadcast; None: there are more."""
 
 
 class _Owed:
@@ -175,9 +185,11 @@ class Composer:
         self._heartbeats = made_of.heartbeats
         self._seal = made_of.seal
         self._extensions = made_of.extensions
+        self._relay = made_of.relay
+        self._other_end = made_of.other_end
         self._sources: tuple[Source, ...] = (
             made_of.heartbeats, made_of.objects, _Owed(self._owing, link), made_of.ranging,
-            *made_of.extensions, made_of.queue,
+            *made_of.extensions, *filter(None, [made_of.relay]), made_of.queue,
         )  # fmt: skip
         """Of equal offers the first one wins; the last source is that of the best payload."""
         self._not_objects = tuple(each for each in self._sources if each is not made_of.objects)
@@ -218,8 +230,7 @@ class Composer:
         """Make the frame that is worth most now; return None when there is nothing to send."""
         in_vain: list[Offer] = []
         while (offer := self._best(now, in_vain)) is not None:
-            fill = self._fill_fragment if offer.is_fragment else self._fill
-            composed = fill(port, offer, now)
+            composed = self._how(offer)(port, offer, now)
             if composed is not None:
                 return composed
             in_vain.append(offer)
@@ -301,9 +312,26 @@ class Composer:
             if offer.rank == BESIDE_PAYLOAD:
                 destination = BROADCAST if offer.rides and to_all else offer.destination
                 offer = msgspec.structs.replace(offer, rank=rank, destination=destination)
+            if self._other_end is not None and offer.destination == BROADCAST:
+                offer = msgspec.structs.replace(offer, destination=self._other_end, takes_all=True)
             if offer not in in_vain and (best is None or offer.rank < best.rank):
                 best = offer
         return best
+
+    def _how(self, offer: Offer) -> Callable[[LinkPort, Offer, int], Composed | None]:
+        """Return how the frame of an offer is made."""
+        if offer.is_forwarded:
+            return self._fill_forwarded
+        return self._fill_fragment if offer.is_fragment else self._fill
+
+    def _fill_forwarded(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
+        """Make the frame of a route: it is as its first node has made it, or sealed it."""
+        taken = None if self._relay is None else self._relay.take(port.envelope.room_bytes, now)
+        if taken is None:
+            return None
+        frame_bytes = port.envelope.wrap(taken.content, offer.destination)
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(taken.content))
+        return Composed(destination=offer.destination, frame_bytes=frame_bytes, parts=(taken.part,))
 
     def _fill_fragment(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make the frame of a fragment, or the introduction that must precede it."""

@@ -142,10 +142,17 @@ class Context:
         link: Name of the link.
         index: Index of the link at this node; the first is 0.
         port: The link's number in sealed frames, the same at both ends; None: the index.
+        other_end: For a route over relays the node at its other end; None: it is a link.
     """
 
     def __init__(
-        self, node: NodeContext, link: str, index: int = 0, port: int | None = None
+        self,
+        node: NodeContext,
+        link: str,
+        index: int = 0,
+        port: int | None = None,
+        *,
+        other_end: int | None = None,
     ) -> None:
         apart = index > 0
         self.port_number = index if port is None else port
@@ -166,7 +173,9 @@ class Context:
         """Holds what must survive a restart."""
         self.timers = node.timers.apart(link) if apart else node.timers
         """Call components back when an instant has come."""
-        self.stats = node.stats.on(link)
+        self.other_end = other_end
+        """The only other node on this link; None: there may be more."""
+        self.stats = node.stats.on(link, is_route=other_end is not None)
         self.peers = node.peers
         """The other nodes, and signals about them."""
         self.doubt = node.doubt
@@ -194,6 +203,13 @@ class Context:
         Statements(self.handshake, self.peers, self.lives, self.reception)
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)
+
+    @property
+    def others(self) -> list[int]:
+        """Addresses of the listed nodes at other ends of this link; empty: any may be there."""
+        if self.other_end is not None:
+            return [self.other_end]
+        return [each for each in self.table.nodes if each != self.address]
 
     @property
     def is_sealed(self) -> bool:

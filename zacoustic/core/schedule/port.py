@@ -72,6 +72,7 @@ class LinkPort:
         access: The medium access settings of the config, or None.
         envelope: Wraps frames; None: what the link lacks.
         measurements: Measurements of the other nodes, read-only; None: none.
+        most_outstanding: The most transmissions of the plain service under way.
 
     Raises:
         ConfigError: That medium access cannot work on this link.
@@ -86,6 +87,7 @@ class LinkPort:
         *,
         envelope: Envelope | None = None,
         measurements: Measurements | None = None,
+        most_outstanding: int = MOST_OUTSTANDING,
     ) -> None:
         self.capabilities = capabilities
         self.envelope = envelope or Envelope(capabilities, address)
@@ -97,6 +99,7 @@ class LinkPort:
         has_bulk = capabilities.bulk is not None and not self.access.is_scheduled
         self.bulk = BulkWindow(capabilities.bulk) if has_bulk and capabilities.bulk else None
         """The frames of the service for much data; None: there is none, or nodes have turns."""
+        self._most_outstanding = most_outstanding
         self._outstanding: dict[int, tuple[Part, ...]] = {}
         self._bulk_run_until = 0
         """Instant until which a node that sends this one much data is taken to go on, ns."""
@@ -141,7 +144,7 @@ class LinkPort:
     @property
     def is_full(self) -> bool:
         """Whether a transmission must end before another one may begin."""
-        return len(self._outstanding) >= MOST_OUTSTANDING
+        return len(self._outstanding) >= self._most_outstanding
 
     def free_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the instant from which a frame may start, ns; None: it depends on an input."""

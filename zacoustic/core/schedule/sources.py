@@ -42,6 +42,26 @@ class ExtensionSource(Source, Protocol):
         """Return what to add to a frame to `destination`, with a body of at most `room_bytes`."""
 
 
+class Forwarded(msgspec.Struct, frozen=True, kw_only=True):
+    """The content of a frame for relays, without envelope."""
+
+    content: bytes
+    """It goes as it is, and needs the frame for itself."""
+    part: Part = Part()
+    """Follows its transmission."""
+
+
+class ForwardingSource(Source, Protocol):
+    """The routes over relays of which this node is a part."""
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the last frame has announced that another one follows at once."""
+
+    def take(self, room_bytes: int, now: int) -> Forwarded | None:
+        """Take the frame of `offer`, if it fits."""
+
+
 class Taken(msgspec.Struct, frozen=True, kw_only=True):
     """A record for a frame."""
 

@@ -68,6 +68,10 @@ class FrameSource(Protocol):
     def is_exclusive(self) -> bool:
         """Whether the object under way needs the channel to itself."""
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether its last frame has announced that another one follows at once."""
+
     def has_fragment(self, now: int) -> bool:
         """Return whether a fragment of an object is due, which fills its frame."""
 
@@ -329,7 +333,8 @@ class Transmitter:
         if not is_urgent:
             even_at = self.airtime.free_at(now)
             due_at = max(due_at, even_at) if even_at > now else due_at
-        wanted = Wanted(due_at, is_urgent, is_copy=self._source.queue.has_copy)
+        follows = self._source.queue.has_copy or self._source.goes_on
+        wanted = Wanted(due_at, is_urgent, is_copy=follows)
         return self._after_silence(self.port.free_at(wanted, now), now)
 
     def _last_word_at(self, lane: LaneKey, now: int) -> int | None:

@@ -24,6 +24,7 @@ from zacoustic.core.schedule.composer import BULK_OVERHEAD_BYTES, Composed, Comp
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import LaneKey
+from zacoustic.core.schedule.sources import ForwardingSource
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
@@ -68,20 +69,23 @@ class Protocols(Profile):
         context: What they share.
         rules: The rules of the config.
         transports: Make third-party transports.
+        relay: Has the frames of routes over this link; None: there are none.
 
     Raises:
         ConfigError: Two of them have the same name, or one has none.
     """
 
     def __init__(
-        self, context: Context, rules: TransmitRules, transports: Sequence[MakeTransport] = ()
+        self,
+        context: Context,
+        rules: TransmitRules,
+        transports: Sequence[MakeTransport] = (),
+        relay: ForwardingSource | None = None,
     ) -> None:
         super().__init__(context)
+        self._relay = relay
         self.heartbeats = Heartbeats(
-            context.address,
-            context.table,
-            rules.contact.heartbeat_s,
-            context.generators.of("contact"),
+            context.others, rules.contact.heartbeat_s, context.generators.of("contact")
         )
         self.services: Services = Services(context, self.repeater)
         self.actions: Actions = Actions(context, self.repeater)
@@ -107,6 +111,8 @@ class Protocols(Profile):
             heartbeats=self.heartbeats,
             extensions=tuple(self.transports.values()),
             seal=context.seal,
+            relay=relay,
+            other_end=context.other_end,
         )
         self.composer = Composer(context.link, context.handshake, made_of, context.stats)
 
@@ -172,6 +178,11 @@ class Protocols(Profile):
     def is_exclusive(self) -> bool:
         """Whether the transfer under way needs the channel to itself."""
         return self.objects.is_exclusive
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether its last frame has announced that another one follows at once."""
+        return self._relay is not None and self._relay.goes_on
 
     def owes_acknowledgement(self, now: int) -> bool:
         """Return whether an acknowledgement or feedback waits."""

@@ -39,6 +39,7 @@ from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANE, Waiting
+from zacoustic.core.schedule.sources import ForwardingSource
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.contract import MakeTransport
@@ -59,14 +60,21 @@ class RmwDesertProtocols(Profile):
         context: What they share.
         rules: The rules of the config.
         transports: Must be empty: this wire has no extensions.
+        relay: Must be None: nor has it routes.
 
     Raises:
-        ConfigError: `transports` is not empty.
+        ConfigError: There are transports or routes.
     """
 
     def __init__(
-        self, context: Context, rules: TransmitRules, transports: Sequence[MakeTransport] = ()
+        self,
+        context: Context,
+        rules: TransmitRules,
+        transports: Sequence[MakeTransport] = (),
+        relay: ForwardingSource | None = None,
     ) -> None:
+        if relay is not None:
+            raise ConfigError("wire rmw_desert has no routes; allowed: routes over native links")
         if transports:
             raise ConfigError("wire rmw_desert has no extensions; allowed: no other transports")
         super().__init__(context)

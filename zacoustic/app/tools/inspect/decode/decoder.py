@@ -62,6 +62,8 @@ from zacoustic.core.wire.objects import (
     ListenHint,
     Refused,
 )
+from zacoustic.core.wire.relay import HopAcks, Number, Relayed, is_relayed
+from zacoustic.core.wire.relay import decode as decode_relayed
 from zacoustic.core.wire.subscriptions import PAGE_STREAMS, Subscribe, streams_of
 from zacoustic.errors import UnknownStreamError
 
@@ -121,6 +123,8 @@ class FrameDecoder:
         """
         if self._desert is not None:
             return self._desert.explain(records, source)
+        if is_relayed(records):
+            return self._relayed(records)
         reader = _Reader(self._table, source)
         items: list[DecodedItem] = []
         for item in parse_frame(records, reader.measure, CONTROLS, unicast=unicast):
@@ -131,6 +135,28 @@ class FrameDecoder:
             else:
                 items.append(reader.explain(item))
         return items
+
+    def _relayed(self, records: bytes) -> list[DecodedItem]:
+        """Explain a frame of a route, with the one inside, which is for its other end."""
+        match decode_relayed(records):
+            case Relayed(number, content, more):
+                text = f"RELAY {_number_text(number)}{'; another one follows' if more else ''}"
+                inside = self.decode(content, unicast=True)
+                return [DecodedItem(kind="relay", text=text), *inside]
+            case HopAcks(numbers, more):
+                several = ", ".join(map(_number_text, numbers))
+                text = f"RELAY hop acknowledgement of {several}"
+                text += "; a relayed frame follows" if more else ""
+                return [DecodedItem(kind="relay", text=text)]
+            case _:
+                why = "a relayed frame that is cut short, or of a later version"
+                text = f"STRAY {len(records)} bytes: {why}"
+                return [DecodedItem(kind="stray", text=text, fault="relay_format")]
+
+
+def _number_text(number: Number) -> str:
+    where = "first" if number.is_back else "last"
+    return f"{number.seq} of route {number.route} to its {where} node"
 
 
 class _Reader:

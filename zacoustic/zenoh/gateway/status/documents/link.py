@@ -67,13 +67,30 @@ class LinkStatus:
         The counters of the first cover all links, like the ledger.
         """
         names, whole = self._engine.links, self._engine.stats
-        if len(names) == 1:
-            return {"link": self._link(names[0], whole)}
-        each = {
-            f"link/{name}": self._link(name, stats) | {"ledger": self._ledger(stats)}
-            for name, stats in whole.links.items()
+        found: dict[str, object] = {"link": self._link(names[0], whole)}
+        if len(names) > 1:
+            found |= {
+                f"link/{name}": self._link(name, whole.links[name])
+                | {"ledger": self._ledger(whole.links[name])}
+                for name in names
+            }
+        if self._engine.hops:
+            found["relay"] = {"hops": msgspec.to_builtins(self._engine.hops)}
+        return found | {f"route/{name}": self._route(name) for name in self._engine.routes}
+
+    def _route(self, name: str) -> dict[str, object]:
+        """Return the document of a route that ends here."""
+        stats = self._engine.stats.links[name]
+        return {
+            "name": name,
+            "state": self._engine.state_of(name).value,
+            "capabilities": self._engine.capabilities_of(name),
+            "frames_transmitted": stats.frames_transmitted,
+            "bytes_transmitted": stats.bytes_transmitted,
+            "frames_received": stats.frames_received,
+            "bytes_received": stats.bytes_received,
+            "ledger": self._ledger(stats),
         }
-        return {"link": self._link(names[0], whole), **each}
 
     def _link(self, name: str, stats: EngineStats) -> dict[str, object]:
         side, why_silent = self._runner.side(name), self._why_silent()

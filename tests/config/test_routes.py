@@ -1,0 +1,108 @@
+"""The list `routes` and the table `relay` of a file."""
+
+from typing import Any
+
+import pytest
+
+from zacoustic.config import config_from_mapping
+from zacoustic.core.relay.relay import RelayRules
+from zacoustic.core.relay.route import Route
+from zacoustic.errors import ConfigError
+
+
+def section(address: int = 1, **changes: Any) -> dict[str, Any]:
+    """Return a section with a route from 1 to 3."""
+    return {
+        "address": address,
+        "nodes": [{"address": each, "name": f"n{each}"} for each in (1, 2, 3)],
+        "links": [{"name": "acoustic", "locator": "sim/127.0.0.1:7000"}],
+        "routes": [{"id": 1, "name": "far", "path": [1, 2, 3]}],
+        "streams": [
+            {"id": 1, "topic": "n3/nav", "publishers": [3], "subscribers": [1], "link": "far"},
+            {"id": 2, "topic": "{node}/near"},
+        ],
+        **changes,
+    }
+
+
+def read(*, locator: str | None = None, **changes: Any) -> Any:
+    """Return the rules of a section."""
+    return config_from_mapping(section(**changes), source="fleet.json5", locator=locator).rules
+
+
+def test_streams_go_by_a_route_at_its_ends_alone() -> None:
+    assert read(address=1).routes == {1: "far"}
+    assert read(address=3).routes == {1: "far"}
+    assert read(address=2).routes == {}
+    assert read(address=2).relayed == (
+        Route(route_id=1, name="far", path=(1, 2, 3), link="acoustic"),
+    )
+
+
+def test_another_link_by_argument_is_that_of_the_route() -> None:
+    rules = read(locator="udp/127.0.0.1:0#peers=127.0.0.1:9")
+    assert rules.routes == {1: "far"}
+    assert [each.link for each in rules.relayed] == ["link"]
+    assert [each.name for each in rules.of_links] == ["link"]
+
+
+def test_a_link_without_a_name_is_enough() -> None:
+    rules = read(links=[{"locator": "sim/127.0.0.1:7000"}])
+    assert [each.link for each in rules.relayed] == ["link"]
+    assert [each.name for each in rules.of_links] == ["link"]
+
+
+def test_how_much_a_node_does_for_others() -> None:
+    assert read().relay == RelayRules(max_airtime=0.2, queue=16)
+    assert read(relay={"max_airtime": 0.5, "queue": 3}).relay == RelayRules(
+        max_airtime=0.5, queue=3
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"routes": [{"id": 0, "name": "far", "path": [1, 2]}]}, "routes[0].id: 0; allowed: 1..63"),
+        (
+            {"routes": [{"id": 1, "name": name, "path": [1, 2, 3]} for name in ("far", "b")]},
+            "routes[1].id: 1; allowed",
+        ),
+        ({"routes": [{"id": 1, "name": "a/b", "path": [1, 2]}]}, "routes[0].name"),
+        (
+            {"routes": [{"id": 1, "name": "acoustic", "path": [1, 2]}]},
+            'routes[0].name: "acoustic" a second time',
+        ),
+        (
+            {"routes": [{"id": 1, "name": "far", "path": [1]}]},
+            "routes[0].path: [1]; allowed: 2..16",
+        ),
+        ({"routes": [{"id": 1, "name": "far", "path": [1, 9]}]}, "path[1]: 9 is no node"),
+        (
+            {"routes": [{"id": 1, "name": "far", "path": [1, 2, 1]}]},
+            "routes[0].path[2]: 1 a second time",
+        ),
+        (
+            {"routes": [{"id": 1, "name": "far", "path": [1, 2], "link": "radio"}]},
+            'routes[0].link: "radio"; allowed: acoustic',
+        ),
+        (
+            {"routes": [{"id": 1, "name": "far", "path": [1, 2, 3], "lifetime_s": -1}]},
+            "routes[0].lifetime_s: -1",
+        ),
+        ({"routes": []}, 'streams[0].link: "far"; allowed: acoustic'),
+        ({"relay": {"max_airtime": 0}}, "relay.max_airtime: 0"),
+        ({"relay": {"queue": 0}}, "relay.queue: 0; allowed: a number, 1..256"),
+        (
+            {"links": [{"name": "acoustic", "locator": "sim/127.0.0.1:7000", "port": 65}]},
+            "links[0].port: 65; allowed: 0..64",
+        ),
+        (
+            {"links": [{"locator": "desert/127.0.0.1:1", "wire": "rmw_desert"}], "streams": []},
+            "routes: ",
+        ),
+    ],
+)
+def test_mistakes_are_named(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read(**changes)
+    assert said in str(caught.value)

@@ -1,0 +1,122 @@
+"""The routes over relays of one engine: each is a link to its two ends.
+
+An end of a route has a `LinkStack` for it, like for any link. What that transmits goes into the
+custody of the `Relay` on the link of the hops, and what arrives for this node comes back from
+there. So agreement, dense blocks, acknowledgements, calls, goals, objects and the seal work from
+end to end, and no relay knows of them.
+
+A transmission on a route is over once a node further along the path has the frame, or it was given
+up, and only a few may be under way. So a route fills no relay.
+"""
+
+from collections.abc import Iterator
+
+from zacoustic.core.base.linktypes import (
+    LinkCapabilities,
+    LinkState,
+    ReceivedFrame,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.core.engine.linkstack import LinkStack
+from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.relay.relay import Relay
+from zacoustic.core.relay.route import Route
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.wire.relay import FIRST_PORT
+
+
+class RoutePorts:
+    """The routes of one node.
+
+    Args:
+        address: Address of the node.
+        rules: The rules of the config.
+    """
+
+    def __init__(self, address: int, rules: TransmitRules) -> None:
+        self._address = address
+        self._rules = rules
+        self._routes = [each for each in rules.relayed if address in each.path]
+        self._ends: dict[str, tuple[Route, LinkStack, Relay]] = {}
+
+    def relay(self, context: Context) -> Relay | None:
+        """Make the relay on a link; None: no route goes over it."""
+        routes = {each.route_id: each for each in self._routes if each.link == context.link}
+        if not routes:
+            return None
+        return Relay(
+            self._address,
+            routes,
+            self._rules.relay,
+            rng=context.generators.of("relay"),
+            timers=context.timers,
+            measurements=context.node.measurements,
+            stats=context.stats,
+            deliver=self._deliver,
+        )
+
+    @property
+    def ends(self) -> Iterator[tuple[Route, int, LinkRules]]:
+        """The routes that end at this node, with the other end and the rules of that link."""
+        for route in self._routes:
+            other_end = route.other_end(self._address)
+            if other_end is not None:
+                port = FIRST_PORT - 1 + route.route_id
+                yield route, other_end, LinkRules(name=route.name, port=port)
+
+    def add(self, route: Route, stack: LinkStack, relay: Relay) -> None:
+        """Take the stack of a route that ends here."""
+        self._ends[route.name] = route, stack, relay
+
+    def submit(self, now: int) -> None:
+        """Take into custody what the routes transmit."""
+        for route, stack, relay in self._ends.values():
+            while (made := stack.make(now)) is not None:
+                ended = _Ended(stack, made.transmission_id, now)
+                relay.submit(route, made.frame_bytes, now, ended)
+
+    def handle_state(
+        self, hop: LinkStack, state: LinkState, capabilities: LinkCapabilities | None, now: int
+    ) -> None:
+        """Take the state of a link for the routes over it."""
+        if hop.relay is None:
+            return
+        port = hop.transmitter.port
+        if port is not None:
+            hop.relay.use_link(port.capabilities)
+        if state is not LinkState.UP:
+            hop.relay.link_down(now)
+        for route, stack, _ in self._ends.values():
+            if route.link == hop.name:
+                known = None
+                if capabilities is not None and port is not None:
+                    known = route.capabilities(capabilities, port.envelope.room_bytes)
+                stack.handle_state(state, known, now)
+
+    # Below the methods above
+
+    def _deliver(self, route: Route, source: int, frame_bytes: bytes, now: int) -> None:
+        _, stack, _ = self._ends[route.name]
+        frame = ReceivedFrame(
+            frame_bytes=frame_bytes, received_at=now, source=source, destination=self._address
+        )
+        stack.handle_frame(frame, now)
+
+
+class _Ended:
+    """Reports the end of a transmission on a route."""
+
+    def __init__(self, stack: LinkStack, transmission_id: int, started_at: int) -> None:
+        self._stack = stack
+        self._transmission_id = transmission_id
+        self._started_at = started_at
+
+    def __call__(self, now: int) -> None:
+        report = TransmitReport(
+            transmission_id=self._transmission_id,
+            outcome=TransmitOutcome.SENT,
+            started_at=self._started_at,
+            finished_at=now,
+        )
+        self._stack.handle_report(report, now)

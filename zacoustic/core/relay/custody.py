@@ -1,0 +1,54 @@
+"""Custody of one frame of a route: a node keeps it until a node further along the path has it."""
+
+import enum
+from collections.abc import Callable
+
+from zacoustic.core.wire.relay import Number, Relayed
+
+
+class Stage(enum.Enum):
+    """What a frame in custody waits for."""
+
+    WAITING = enum.auto()
+    """To be transmitted."""
+    ON_AIR = enum.auto()
+    """The end of its transmission."""
+    AWAITING = enum.auto()
+    """A sign of a node further along."""
+
+
+class Custody:
+    """One frame of a route at a node that has to get it to the next one.
+
+    Args:
+        relayed: The frame.
+        queued_at: Instant since which this node has it, ns.
+        expires_at: Instant after which it is dropped, ns.
+        ended: Called with the instant when it is over; None: it comes from another node.
+    """
+
+    __slots__ = ("ended", "expires_at", "queued_at", "relayed", "stage", "tries")
+
+    def __init__(
+        self,
+        relayed: Relayed,
+        queued_at: int,
+        expires_at: int,
+        ended: Callable[[int], None] | None = None,
+    ) -> None:
+        self.relayed = relayed
+        self.queued_at = queued_at
+        self.expires_at = expires_at
+        self.ended = ended
+        self.stage = Stage.WAITING
+        self.tries = 0
+
+    @property
+    def number(self) -> Number:
+        """Which frame of which route it is."""
+        return self.relayed.number
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the route begins at this node."""
+        return self.ended is not None
