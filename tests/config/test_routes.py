@@ -62,7 +62,7 @@ def test_how_much_a_node_does_for_others() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"routes": [{"id": 0, "name": "far", "path": [1, 2]}]}, "routes[0].id: 0; allowed: 1..63"),
+        ({"routes": [{"id": 0, "name": "far", "path": [1, 2]}]}, "routes[0].id: 0; allowed: 1..31"),
         (
             {"routes": [{"id": 1, "name": name, "path": [1, 2, 3]} for name in ("far", "b")]},
             "routes[1].id: 1; allowed",
@@ -93,8 +93,8 @@ def test_how_much_a_node_does_for_others() -> None:
         ({"relay": {"max_airtime": 0}}, "relay.max_airtime: 0"),
         ({"relay": {"queue": 0}}, "relay.queue: 0; allowed: a number, 1..256"),
         (
-            {"links": [{"name": "acoustic", "locator": "sim/127.0.0.1:7000", "port": 65}]},
-            "links[0].port: 65; allowed: 0..64",
+            {"links": [{"name": "acoustic", "locator": "sim/127.0.0.1:7000", "port": 97}]},
+            "links[0].port: 97; allowed: 0..96",
         ),
         (
             {"links": [{"locator": "desert/127.0.0.1:1", "wire": "rmw_desert"}], "streams": []},

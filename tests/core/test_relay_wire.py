@@ -11,6 +11,7 @@ from zacoustic.core.wire.relay import HopAcks, Number, RelayContent, Relayed, de
 VECTORS: dict[str, RelayContent] = {
     "bf 01 3f 01 17": Relayed(Number(1, False, 63), b"\x01\x17"),
     "bf c2 00 01 17": Relayed(Number(2, True, 0), b"\x01\x17", more=True),
+    "bf 21 05 02": Relayed(Number(1, False, 5), b"\x02", is_urgent=True),
     "bf 00 01 3f 82 07": HopAcks((Number(1, False, 63), Number(2, True, 7))),
     "bf 40 01 3f": HopAcks((Number(1, False, 63),), more=True),
 }
@@ -25,12 +26,14 @@ def test_vectors_of_the_page(encoded: str) -> None:
     assert decode(bytes_of) == content
 
 
-numbers = st.builds(Number, st.integers(1, 63), st.booleans(), st.integers(0, 255))
+numbers = st.builds(Number, st.integers(1, 31), st.booleans(), st.integers(0, 255))
 
 
-@given(numbers, st.binary(min_size=1, max_size=80), st.booleans())
-def test_frames_are_what_they_were(number: Number, content: bytes, more: bool) -> None:
-    relayed = Relayed(number, content, more)
+@given(numbers, st.binary(min_size=1, max_size=80), st.booleans(), st.booleans())
+def test_frames_are_what_they_were(
+    number: Number, content: bytes, more: bool, is_urgent: bool
+) -> None:
+    relayed = Relayed(number, content, more, is_urgent)
     assert decode(relayed.encode()) == relayed
 
 

@@ -49,6 +49,11 @@ def _write(path: Path, **endpoints: int) -> Path:
     return path
 
 
+def _arm(query: zenoh.Query) -> None:
+    assert query.payload is not None
+    query.reply("auv/arm", b"armed " + query.payload.to_bytes())
+
+
 def test_programs_beyond_a_relay_that_is_killed_and_started(tmp_path: Path) -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
@@ -82,9 +87,7 @@ def test_programs_beyond_a_relay_that_is_killed_and_started(tmp_path: Path) -> N
             nav, plan = await hear(shore, "auv/nav"), await hear(auv, "auv/plan")
             for session, key in ((auv, "auv/nav"), (shore, "auv/plan")):
                 await matched(session, key)
-            served = auv.declare_queryable(
-                "auv/arm", lambda query: query.reply("auv/arm", b"armed " + bytes(query.payload))
-            )
+            stack.enter_context(auv.declare_queryable("auv/arm", _arm))
             auv.put("auv/nav", b"by two hops")
             assert await nav.payload() == b"by two hops"
             shore.put("auv/plan", b"first")
@@ -104,6 +107,5 @@ def test_programs_beyond_a_relay_that_is_killed_and_started(tmp_path: Path) -> N
             document = json.loads((await get(shore, about)).payload(about))
             assert (document["state"], document["name"]) == ("up", "far")
             assert document["frames_received"] > 0
-            served.undeclare()
 
     run(main())

@@ -14,7 +14,7 @@ import msgspec
 
 from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario
-from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.engine.events import (
     CallFailed,
     Event,
@@ -34,10 +34,10 @@ from zacoustic.testing.virtual import VirtualNetwork
 
 NODES: Final = 5
 APART_M: Final = 1500.0
-FIX, PLAN, KEPT, ARM, MOVE, BACK = 1, 2, 3, 4, 5, 6
+FIX, PLAN, KEPT, ARM, MOVE, BACK, STOP = 1, 2, 3, 4, 5, 6, 7
 """Best effort; reliable; reliable and journalled; a service and an action of the last node; best
-effort from there to the first."""
-STREAMS: Final = (FIX, PLAN, KEPT, ARM, MOVE, BACK)
+effort from there to the first; an emergency for the last one."""
+STREAMS: Final = (FIX, PLAN, KEPT, ARM, MOVE, BACK, STOP)
 SEA_LOSS: Final = 0.096
 """Frames that the channel loses over one hop; over two it loses 40 %, over three 85 %."""
 UNHEARD_DB: Final = -100.0
@@ -67,6 +67,7 @@ def table() -> StreamTable:
             ServiceSpec(stream_id=ARM, name="arm", server=NODES, timeout_s=900.0),
             ActionSpec(stream_id=MOVE, name="move", server=NODES, timeout_s=900.0),
             TopicSpec(stream_id=BACK, name="back", publishers=(NODES,), subscribers=(1,)),
+            TopicSpec(stream_id=STOP, name="stop", qos=Qos(priority=Priority.REAL_TIME), **there),
         ],
         nodes={each: f"n{each}" for each in range(1, NODES + 1)},
     )

@@ -150,6 +150,11 @@ class LinkStack:
 
     def make(self, now: int) -> Transmission | None:
         """Return the frame that is worth most now, if the link can take one."""
+        made = self.make_ranked(now)
+        return None if made is None else made[0]
+
+    def make_ranked(self, now: int) -> tuple[Transmission, bool] | None:
+        """Return that frame, and whether it is urgent."""
         made = self.transmitter.make(now)
         if made is None:
             return None
@@ -162,7 +167,7 @@ class LinkStack:
             streams=streams,
             link=self.name,
         )
-        return transmission
+        return transmission, any(map(self._is_urgent, streams))
 
     # Getters
 

@@ -72,9 +72,10 @@ class RoutePorts:
     def submit(self, now: int) -> None:
         """Take into custody what the routes transmit."""
         for route, stack, relay in self._ends.values():
-            while (made := stack.make(now)) is not None:
-                ended = _Ended(stack, made.transmission_id, now)
-                relay.submit(route, made.frame_bytes, now, ended)
+            while (made := stack.make_ranked(now)) is not None:
+                frame, is_urgent = made
+                ended = _Ended(stack, frame.transmission_id, now)
+                relay.submit(route, frame.frame_bytes, now, ended, is_urgent=is_urgent)
 
     def handle_state(
         self, hop: LinkStack, state: LinkState, capabilities: LinkCapabilities | None, now: int

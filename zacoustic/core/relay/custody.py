@@ -49,6 +49,11 @@ class Custody:
         return self.relayed.number
 
     @property
+    def is_urgent(self) -> bool:
+        """Whether it goes before all others."""
+        return self.relayed.is_urgent
+
+    @property
     def is_own(self) -> bool:
         """Whether the route begins at this node."""
         return self.ended is not None

@@ -70,11 +70,17 @@ class Flow:
         return self._train > 0
 
     def first_waiting(self) -> Custody | None:
-        """Return the frame that goes next; None: none waits, or an answer is awaited."""
-        if self.is_awaiting:
-            return None
-        waiting = (each for each in self.frames.values() if each.stage is Stage.WAITING)
-        return next(waiting, None)
+        """Return the frame that goes next; None: none waits, or an answer is awaited.
+
+        An urgent one goes first, and awaits no answer to others.
+        """
+        first: Custody | None = None
+        for each in self.frames.values():
+            if each.stage is Stage.WAITING:
+                if each.is_urgent:
+                    return each
+                first = first or each
+        return None if self.is_awaiting else first
 
     def begin(self) -> Custody:
         """Begin to transmit the first waiting frame; `is_in_train` tells whether another follows.
@@ -89,7 +95,9 @@ class Flow:
         custody.stage = Stage.ON_AIR
         custody.tries += 1
         self.transmissions += 1
-        has_more = self.first_waiting() is not None and self._train + 1 < LONGEST_TRAIN
+        # An urgent one ends its train, so that the next node can send it on at once.
+        has_room = self._train + 1 < LONGEST_TRAIN and not custody.is_urgent
+        has_more = has_room and self.first_waiting() is not None
         self._train = self._train + 1 if has_more else 0
         return custody
 
@@ -104,7 +112,11 @@ class Flow:
         self._train = 0
         return True
 
-    def again(self, now: int) -> list[Custody]:
+    def awaits_urgent(self) -> bool:
+        """Return whether a sign of an urgent frame is awaited."""
+        return any(each.is_urgent and each.stage is Stage.AWAITING for each in self.frames.values())
+
+    def again(self, now: int, *, urgent_only: bool = False) -> list[Custody]:
         """Let the frames that were not heard further along wait again.
 
         Returns:
@@ -113,7 +125,7 @@ class Flow:
         self.is_awaiting = False
         given_up = []
         for each in self.frames.values():
-            if each.stage is Stage.AWAITING:
+            if each.stage is Stage.AWAITING and (each.is_urgent or not urgent_only):
                 each.stage = Stage.WAITING
                 if each.tries >= MOST_TRIES or now >= each.expires_at:
                     given_up.append(each)

@@ -27,9 +27,10 @@ class Gate:
         self._heard = 0
         self._heard_until = 0
 
-    @property
-    def free_at(self) -> int:
-        """Instant from which a train may begin, ns."""
+    def free_at(self, *, is_urgent: bool = False) -> int:
+        """Return the instant from which a train, or an urgent frame, may begin, ns."""
+        if is_urgent:  # to send while a frame arrives helps nobody
+            return self._received_until
         return max(self._received_until, self._answered_until, self._held_until)
 
     def received(self, frame_ns: int, now: int, *, more: bool) -> None:

@@ -166,7 +166,15 @@ class Relay:
 
     # What this node sends
 
-    def submit(self, route: Route, content: bytes, now: int, ended: Callable[[int], None]) -> None:
+    def submit(
+        self,
+        route: Route,
+        content: bytes,
+        now: int,
+        ended: Callable[[int], None],
+        *,
+        is_urgent: bool = False,
+    ) -> None:
         """Take a frame of this node into custody.
 
         Args:
@@ -174,12 +182,14 @@ class Relay:
             content: The frame.
             now: The instant, ns.
             ended: Called with the instant when the next node has it, or it is given up.
+            is_urgent: Whether it goes before all others.
         """
         seq = self._next_seq[route.route_id]
         self._next_seq[route.route_id] = (seq + 1) % NUMBERS
         number = Number(route.route_id, self._address == route.path[-1], seq)
         expires_at = now + seconds_to_ns(route.longest_s)
-        self._flow(number).frames[seq] = Custody(Relayed(number, content), now, expires_at, ended)
+        relayed = Relayed(number, content, is_urgent=is_urgent)
+        self._flow(number).frames[seq] = Custody(relayed, now, expires_at, ended)
 
     def hops(self) -> list[Hop]:
         """Return how the hops from this node do, in the order of the routes."""
@@ -200,13 +210,15 @@ class Relay:
 
     def due_at(self, now: int) -> int | None:
         """Return the instant at which a frame is due, ns; None: none."""
-        earliest = min((self._gate(each).free_at for each in self._acks), default=None)
+        earliest = self._acks_at(now)
         even_at: int | None = None
         for (route, _), flow in self._flows.items():
             custody = flow.first_waiting()
             if custody is None:
                 continue
-            ready_at = now if flow.is_in_train else self._gates[route].free_at
+            ready_at = now
+            if not flow.is_in_train:
+                ready_at = self._gates[route].free_at(is_urgent=custody.is_urgent)
             if not custody.is_own:
                 even_at = self._account.even_at(now) if even_at is None else even_at
                 ready_at = max(ready_at, even_at)
@@ -227,8 +239,14 @@ class Relay:
         if found is None:
             return None
         flow, custody = found
-        rank = FIRST_BUT_URGENT if flow.is_in_train else custody.queued_at + _PATIENCE_NS
-        return Offer(destination=BROADCAST, rank=rank, is_forwarded=True)
+        is_first = flow.is_in_train or custody.is_urgent
+        rank = FIRST_BUT_URGENT if is_first else custody.queued_at + _PATIENCE_NS
+        return Offer(
+            destination=BROADCAST,
+            rank=rank,
+            is_forwarded=True,
+            ignores_hold=custody.is_urgent,
+        )
 
     def take(self, room_bytes: int, now: int) -> Forwarded | None:
         """Take the content of the frame that goes now, of at most `room_bytes`."""
@@ -238,6 +256,7 @@ class Relay:
                 del self._acks[each]
             said = HopAcks(numbers, more=self._next(now) is not None).encode()
             self._stats.attribute(NO_STREAM, Cause.RELAY, len(said))
+            self._spend(said, now)
             return Forwarded(content=said)
         found = self._next(now)
         if found is None:
@@ -252,8 +271,8 @@ class Relay:
         is_in_ledger = custody.is_own and custody.tries == 1
         new_bytes = HEADER_BYTES if is_in_ledger else len(said)
         self._stats.attribute(NO_STREAM, Cause.RELAY, new_bytes)
-        if self._hop is not None and not custody.is_own:
-            self._account.spend(self._hop.airtime_ns(len(said)), now)
+        if not custody.is_own:
+            self._spend(said, now)
         return Forwarded(content=said, part=Part(reported=partial(self._reported, flow, custody)))
 
     # What this node hears
@@ -361,10 +380,21 @@ class Relay:
             return seconds_to_ns(known.propagation_s)
         return 0 if self._hop is None else seconds_to_ns(self._hop.propagation_s)
 
+    def _spend(self, said: bytes, now: int) -> None:
+        if self._hop is not None:
+            self._account.spend(self._hop.airtime_ns(len(said)), now)
+
     def _due_acks(self, now: int) -> list[Number]:
         if not self._acks or self.goes_on:
             return []
-        return [each for each in self._acks if self._gate(each).free_at <= now]
+        if self._account.even_at(now) > now:
+            return []
+        return [each for each in self._acks if self._gate(each).free_at() <= now]
+
+    def _acks_at(self, now: int) -> int | None:
+        """Return when hop acknowledgements are due, ns; None: there are none."""
+        earliest = min((self._gate(each).free_at() for each in self._acks), default=None)
+        return None if earliest is None else max(earliest, self._account.even_at(now))
 
     def _next(self, now: int) -> tuple[Flow, Custody] | None:
         """Return the frame that goes next, and its flow; None: none may go."""
@@ -374,11 +404,14 @@ class Relay:
             custody = flow.first_waiting()
             if custody is None:
                 continue
-            if flow.is_in_train:
+            if flow.is_in_train and not (best and best[1].is_urgent):
                 return flow, custody
-            if not (custody.is_own or may_forward) or self._gates[route].free_at > now:
+            if (
+                not (custody.is_own or may_forward)
+                or self._gates[route].free_at(is_urgent=custody.is_urgent) > now
+            ):
                 continue
-            if best is None or custody.queued_at < best[1].queued_at:
+            if best is None or _rank(custody) < _rank(best[1]):
                 best = flow, custody
         return best
 
@@ -391,9 +424,10 @@ class Relay:
         """Wait for the answer to a train that is over, or no longer."""
         if not flow.has_stopped():
             return
-        is_awaiting = flow.has(Stage.AWAITING)
-        if is_awaiting and not flow.is_awaiting:
+        is_awaiting, awaits_urgent = flow.has(Stage.AWAITING), flow.awaits_urgent()
+        if is_awaiting and (awaits_urgent or not flow.is_awaiting):
             sent = sum(each.stage is Stage.AWAITING for each in flow.frames.values())
+            sent = 1 if awaits_urgent else sent  # the next node sends it on first
             pause_ns = 2 * self._way_ns(flow) + sent * self._frame_ns + _ANSWER_NS
             self._gates[flow.route].transmitted(now + pause_ns)
             spread = _SPREAD * min(flow.vain, _MOST_SPREADS) * self._rng.random()
@@ -408,14 +442,15 @@ class Relay:
     def _overdue(self, flow: Flow, now: int) -> None:
         """Transmit again what was not heard further along in time."""
         flow.vain += not flow.was_answered
-        self._again(flow, now)
+        self._again(flow, now, urgent_only=flow.awaits_urgent())
 
-    def _again(self, flow: Flow, now: int) -> None:
+    def _again(self, flow: Flow, now: int, *, urgent_only: bool = False) -> None:
         """Let what was not heard further along wait again: the answer is over."""
         self._gates[flow.route].answered(now)
         self._timers.cancel(_key(flow))
-        for custody in flow.again(now):
+        for custody in flow.again(now, urgent_only=urgent_only):
             self._give_up(flow, custody, now)
+        self._settle(flow, now)
 
     def _give_up(self, flow: Flow, custody: Custody, now: int) -> None:
         self._stats.drop("relay_given_up")
@@ -459,6 +494,10 @@ class Relay:
 
 def _seen(relayed: Relayed) -> _Seen:
     return relayed.number, zlib.crc32(relayed.content)
+
+
+def _rank(custody: Custody) -> tuple[bool, int]:
+    return not custody.is_urgent, custody.queued_at
 
 
 def _flow_at(address: int, route: Route, *, is_back: bool) -> Flow:

@@ -23,7 +23,7 @@ class Route(msgspec.Struct, frozen=True, kw_only=True):
     """A line of nodes; each hears at least its neighbours in it."""
 
     route_id: int
-    """Its number on the wire, 1…63, the same at all its nodes."""
+    """Its number on the wire, 1…31, the same at all its nodes."""
     name: str
     """Name of the link that it is for its two ends."""
     path: tuple[int, ...]

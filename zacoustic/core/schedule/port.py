@@ -146,9 +146,14 @@ class LinkPort:
         """Whether a transmission must end before another one may begin."""
         return len(self._outstanding) >= self._most_outstanding
 
+    @property
+    def keeps_reserve(self) -> bool:
+        """Whether an urgent frame may begin although the port is full: it overtakes the others."""
+        return self._most_outstanding > MOST_OUTSTANDING
+
     def free_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the instant from which a frame may start, ns; None: it depends on an input."""
-        if self.is_full:
+        if self.is_full and not (self.keeps_reserve and wanted.is_urgent):
             return None
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
         if now > self._bulk_pause_until:

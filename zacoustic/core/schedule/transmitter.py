@@ -320,7 +320,10 @@ class Transmitter:
 
     def _transmit_at(self, now: int) -> int | None:
         """Return when a frame of waiting records goes, ns, or None."""
-        if self.link_state is not LinkState.UP or self.port is None or self.port.is_full:
+        if self.link_state is not LinkState.UP or self.port is None:
+            return None
+        is_full = self.port.is_full
+        if is_full and not (self.port.keeps_reserve and self._source.queue.is_urgent(now)):
             return None
         if not self._source.may_speak:
             return None
@@ -333,8 +336,10 @@ class Transmitter:
         if not is_urgent:
             even_at = self.airtime.free_at(now)
             due_at = max(due_at, even_at) if even_at > now else due_at
-        follows = self._source.queue.has_copy or self._source.goes_on
-        wanted = Wanted(due_at, is_urgent, is_copy=follows)
+        source = self._source
+        wanted = Wanted(
+            due_at, is_urgent, is_copy=source.queue.has_copy, is_in_train=source.goes_on
+        )
         return self._after_silence(self.port.free_at(wanted, now), now)
 
     def _last_word_at(self, lane: LaneKey, now: int) -> int | None:

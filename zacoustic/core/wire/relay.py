@@ -2,9 +2,10 @@
 
 A frame that begins with `RELAY_CODE` has no records::
 
-    BF  dmrrrrrr  seq 1  frame      the frame of route r = 1…63, one hop further; d: towards the
-                                    first node of the path; m: more of them follow at once
-    BF  0m000000  (d0rrrrrr seq 1)+ these frames have arrived where nobody will transmit them again
+    BF  dmurrrrr  seq 1  frame      the frame of route r = 1…31, one hop further; d: towards the
+                                    first node of the path; m: another one follows at once; u: it is
+                                    urgent
+    BF  0m000000  (d00rrrrr seq 1)+ these frames have arrived where nobody will transmit them again
 
 The direction must be in the frame. Its sender does not tell it: who hears the next node of a path
 transmit hears either its own frame one hop further, or a frame that comes the other way.
@@ -19,7 +20,7 @@ from zacoustic.core.wire.seal import LAST_PORT
 
 RELAY_CODE: Final = 0xBF
 """First byte of a relayed frame; no sealed frame begins with it."""
-LAST_ROUTE: Final = 63
+LAST_ROUTE: Final = 31
 """Routes have the numbers from 1 to this one."""
 FIRST_PORT: Final = LAST_PORT + 1 - LAST_ROUTE
 """In sealed frames a route has the number of a link: this one for the first route."""
@@ -31,14 +32,15 @@ _HOP_ACKS: Final = 0
 _ENTRY_BYTES: Final = 2
 _BACK: Final = 0x80
 _MORE: Final = 0x40
-_ROUTE: Final = 0x3F
+_URGENT: Final = 0x20
+_ROUTE: Final = 0x1F
 
 
 class Number(msgspec.Struct, frozen=True):
     """Which frame of a route, within the lifetime of the route."""
 
     route: int
-    """The route, 1…63."""
+    """The route, 1…31."""
     is_back: bool
     """Whether it goes from the last node of the path to the first."""
     seq: int
@@ -58,11 +60,14 @@ class Relayed(msgspec.Struct, frozen=True):
     """The frame, as the link of the route gives it to its ends."""
     more: bool = False
     """Whether the sender transmits another frame of this route right after it."""
+    is_urgent: bool = False
+    """Whether it goes before all others."""
 
     def encode(self) -> bytes:
         """Return the content of the frame of one hop."""
         first, seq = self.number.encode()
-        return bytes((RELAY_CODE, first | _MORE * self.more, seq)) + self.content
+        first |= _MORE * self.more | _URGENT * self.is_urgent
+        return bytes((RELAY_CODE, first, seq)) + self.content
 
 
 class HopAcks(msgspec.Struct, frozen=True):
@@ -100,8 +105,10 @@ def decode(content: bytes) -> RelayContent | None:
         return None
     if content[1] & ~_MORE != _HOP_ACKS:
         first, seq, frame = content[1], content[2], content[HEADER_BYTES:]
-        number = _number((first & ~_MORE, seq))
-        return Relayed(number, frame, bool(first & _MORE)) if number and frame else None
+        number = _number((first & ~(_MORE | _URGENT), seq))
+        if number is None or not frame:
+            return None
+        return Relayed(number, frame, bool(first & _MORE), bool(first & _URGENT))
     entries = content[2:]
     if len(entries) % _ENTRY_BYTES:
         return None

@@ -281,7 +281,9 @@ class Protocols(Profile):
         capabilities = port.capabilities
         self._context.handshake.use_link(self._context.link, capabilities, now)
         self.ranging.use_link(capabilities)
-        times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
+        # Nobody pauses on a route, and its relays repeat what is lost.
+        has_pauses = not port.access.is_scheduled and self._context.other_end is None
+        times = LinkTimes(capabilities, port.listening if has_pauses else None)
         settling_ns = SETTLING_UNITS * unit_ns(capabilities)
         self._context.pacers.times = times
         self.topics.use_link(times, settling_ns)

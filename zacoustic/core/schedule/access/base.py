@@ -32,6 +32,8 @@ class Wanted(msgspec.Struct, frozen=True):
     on."""
     is_in_rhythm: bool = False
     """Whether other nodes count on the run that it belongs to, or it is part of an object."""
+    is_in_train: bool = False
+    """Whether the last frame has announced that this one follows at once."""
 
     def earliest(self, now: int) -> int:
         """Return the earliest instant at which it could start, ns."""

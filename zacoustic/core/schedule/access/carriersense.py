@@ -71,7 +71,7 @@ class CarrierSense(MediumAccess):
         elif wanted.is_urgent:
             return wanted.due_at
         else:
-            is_apart = not (wanted.is_in_rhythm or wanted.is_copy)
+            is_apart = not (wanted.is_in_rhythm or wanted.is_copy or wanted.is_in_train)
             clear_at = max(self._resume_at, self._apart_until if is_apart else 0)
         if wanted.due_at <= now < clear_at:
             self._waits = True

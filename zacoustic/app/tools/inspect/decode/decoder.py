@@ -139,8 +139,9 @@ class FrameDecoder:
     def _relayed(self, records: bytes) -> list[DecodedItem]:
         """Explain a frame of a route, with the one inside, which is for its other end."""
         match decode_relayed(records):
-            case Relayed(number, content, more):
-                text = f"RELAY {_number_text(number)}{'; another one follows' if more else ''}"
+            case Relayed(number, content, more, is_urgent):
+                text = f"RELAY {'urgent, ' if is_urgent else ''}{_number_text(number)}"
+                text += "; another one follows" if more else ""
                 inside = self.decode(content, unicast=True)
                 return [DecodedItem(kind="relay", text=text), *inside]
             case HopAcks(numbers, more):
