@@ -8,6 +8,9 @@ from zacoustic.config import Config
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 from zacoustic.link.contract import Finding
 
+_POOR: Final = 3
+"""A hop with more transmissions than this for each frame that arrives is poor."""
+_LEAST_STRANGE: Final = 10
 _LEAST_OWN: Final = 2
 """Least number of frames from the own address that damage does not explain."""
 
@@ -40,6 +43,7 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
         )
     yield from _clash(config, health)
     yield from _tables(config, running)
+    yield from _routes(health)
     doubt = _part(health, "journal").get("doubt")
     if doubt:
         yield Finding(
@@ -95,6 +99,39 @@ def _tables(config: Config, running: Running) -> Iterator[Finding]:
         "table anew",
         cure="give both ends the same file; zacoustic check shows the digest of a table",
     )
+
+
+def _routes(health: Mapping[str, Any]) -> Iterator[Finding]:
+    """Name the worst hop of the routes over this node, and a route that others have otherwise."""
+    hops = [each for each in _part(health, "relay").get("hops", ()) if _is_poor(each)]
+    if hops:
+        worst = max(hops, key=lambda each: each["transmissions"] / max(1, each.get("passed_on", 0)))
+        yield Finding(
+            what=f"route {worst.get('route')}: {worst['transmissions']} transmissions to node "
+            f"{worst.get('next_node')} for {worst.get('passed_on')} frames that arrived there, "
+            f"{worst.get('given_up')} given up",
+            why="what goes over this hop comes late or not at all, and takes the channel of others",
+            cure="bring the two nodes nearer to each other, or put another relay between them; "
+            "see that the gateway there runs and has the same routes",
+        )
+    strange = _part(_part(health, "dropped"), "channel").get("relay_route", 0)
+    if isinstance(strange, int) and strange >= _LEAST_STRANGE:
+        yield Finding(
+            what=f"{strange} frames came of a route that this node's file lacks or has otherwise",
+            why="a relay that has another path transmits nothing of it",
+            cure="give all nodes the same routes",
+        )
+
+
+def _is_poor(hop: object) -> bool:
+    if not isinstance(hop, Mapping):
+        return False
+    transmissions, passed_on, given_up = (
+        value if isinstance(value := hop.get(key), int) else 0
+        for key in ("transmissions", "passed_on", "given_up")
+    )
+    is_known = transmissions >= UNHEARD_FRAMES
+    return is_known and (transmissions > _POOR * passed_on or given_up > passed_on / 10)
 
 
 def _part(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
