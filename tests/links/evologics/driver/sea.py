@@ -233,15 +233,19 @@ class Sea:
         self.after(0.2, partial(self._connect, node))
 
     def _serve(self, node: Node) -> None:
-        while (output := node.dialogue.poll_output()) is not None:
-            if node.port_id is not None:
-                self.fleet.handle_bytes(node.port_id, output, self.now)
+        self._write(node)
         while (event := node.dialogue.poll_event()) is not None:
             node.take(event, self.now)
+            self._write(node)  # a received frame may have caused one, as on the link itself
             if isinstance(event, ConnectionUseless) and node.port_id is not None:
                 port_id, node.port_id = node.port_id, None
                 self.fleet.close_port(port_id, now=self.now)
                 self.after(0.0, partial(self._lose, node, event.reason))
+
+    def _write(self, node: Node) -> None:
+        while (output := node.dialogue.poll_output()) is not None:
+            if node.port_id is not None:
+                self.fleet.handle_bytes(node.port_id, output, self.now)
 
 
 def outcomes(node: Node) -> dict[TransmitOutcome, int]:
