@@ -5,6 +5,7 @@ from typing import Final
 
 from tests.links.desert.desert_rig import DesertHarness
 from tests.links.evologics.driver.harness import HAS_TERMINALS, EvologicsHarness
+from tests.links.iridium.harness import DirectIpHarness, IridiumHarness
 from tests.links.udp_pair import UdpHarness
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.link import Link, registry
@@ -114,6 +115,7 @@ HARNESSES: Final[dict[str, dict[str, MakeHarness]]] = {
         "tcp-bulk": lambda: EvologicsHarness(EvologicsConfig(bulk=True)),
         **(_TERMINALS if HAS_TERMINALS else {}),
     },
+    "iridium": {"tcp": IridiumHarness, "directip": DirectIpHarness},
     "sim": {
         "here": lambda: SimHarness("evologics_s2c_18_34", 50.0, SimConfig()),
         "here-unframed": lambda: SimHarness("nanomodem", 50.0, SimConfig(framed=False)),

@@ -1,0 +1,1 @@
+"""Emulated SBD modems, and the provider's gateway behind them."""

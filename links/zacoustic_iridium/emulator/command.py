@@ -1,0 +1,99 @@
+"""The verb `zacoustic emulate iridium`: SBD modems on TCP ports, and the provider's gateway."""
+
+import argparse
+import asyncio
+from typing import TYPE_CHECKING, Final
+
+from zacoustic.command import EXIT_OK, Command
+from zacoustic.errors import ConfigError
+from zacoustic.link.serving import LineWriter, parse_place, run_until_stopped
+from zacoustic.text.safetext import json_line, one_line
+
+if TYPE_CHECKING:
+    from zacoustic_iridium.emulator.server import SbdServer
+
+FIRST_PORT: Final = 9600
+_MOST_MODEMS: Final = 64
+
+
+class IridiumEmulation(Command):
+    """Serves emulated SBD modems until it is interrupted."""
+
+    name = "iridium"
+    summary = "Iridium SBD modems, on TCP ports, and the gateway behind them"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare modems, places, faults and form of the output."""
+        parser.epilog = (
+            "example: a vehicle and its shore\n"
+            "  zacoustic emulate iridium --modems 1 --shore 127.0.0.1:9700\n"
+            "  zacoustic gateway fleet.json5 --address 2 \\\n"
+            "    --link 'iridium/tcp:127.0.0.1:9600#max_bytes_per_day=5000'"
+        )
+        add = parser.add_argument
+        add("--modems", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
+        add("--listen", default=f"127.0.0.1:{FIRST_PORT}", metavar="HOST:PORT",
+            help="of the first modem; the others have the next ports, DirectIP the one behind; "
+            "port 0 takes any that are free (default: %(default)s)")  # fmt: skip
+        add("--shore", metavar="HOST:PORT", help="where the gateway delivers by DirectIP "
+            "(default: modems write to each other)")  # fmt: skip
+        add("--session", type=float, nargs=2, default=(6.0, 30.0), metavar=("LEAST", "MOST"),
+            help="duration of a session, s (default: 6 30)")  # fmt: skip
+        add("--no-network", type=float, default=0.0, metavar="SHARE",
+            help="sessions without a network (default: %(default)s)")  # fmt: skip
+        add("--breaks", type=float, default=0.0, metavar="SHARE", help="sessions that break off "
+            "after the message is at the gateway (default: %(default)s)")  # fmt: skip
+        add("--seed", type=int, default=1, help="of all draws (default: %(default)s)")
+        add("--time-scale", type=float, default=1.0, metavar="X",
+            help="how many times faster than real (default: %(default)s)")  # fmt: skip
+        add("--json", action="store_true", help="one JSON object per line")
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Serve until SIGINT or SIGTERM.
+
+        Raises:
+            ConfigError: An argument is wrong.
+            LinkOpenError: An address cannot be listened at.
+        """
+        run_until_stopped(lambda stop: _serve(arguments, stop))
+        return EXIT_OK
+
+
+async def _serve(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
+    server = _server(arguments)
+    await server.open(*parse_place(arguments.listen))
+    try:
+        with LineWriter("emulate iridium", stop) as writer:
+            for isu, place in zip(server.isus, server.places, strict=True):
+                record = {"event": "listening", "imei": isu.imei, "locator": f"tcp:{place}"}
+                text = f"modem {isu.imei} at tcp:{place}: --link iridium/tcp:{place}"
+                writer.write(json_line(record) if arguments.json else one_line(text))
+            place = server.directip
+            record = {"event": "directip", "place": place}
+            text = f"DirectIP for messages to modems at {place}"
+            writer.write(json_line(record) if arguments.json else one_line(text))
+            await asyncio.get_running_loop().create_future()  # until it is cancelled
+    finally:
+        await server.close()
+
+
+def _server(arguments: argparse.Namespace) -> "SbdServer":
+    from zacoustic_iridium.emulator.isu import IsuFaults
+    from zacoustic_iridium.emulator.server import SbdServer
+
+    if not 1 <= arguments.modems <= _MOST_MODEMS:
+        raise ConfigError(f"--modems is {arguments.modems}; allowed: 1..{_MOST_MODEMS}")
+    least_s, most_s = arguments.session
+    if not 0 < least_s <= most_s:
+        raise ConfigError(f"--session is {least_s:g} {most_s:g}; allowed: above 0, ascending")
+    for name in ("no_network", "breaks"):
+        if not 0 <= getattr(arguments, name) <= 1:
+            raise ConfigError(f"--{name.replace('_', '-')}: allowed: 0..1")
+    return SbdServer(
+        arguments.modems,
+        shore=None if arguments.shore is None else parse_place(arguments.shore),
+        session_s=(least_s, most_s),
+        faults=IsuFaults(statuses={32: arguments.no_network}, breaks_after=arguments.breaks),
+        seed=arguments.seed,
+        time_scale=arguments.time_scale,
+    )
