@@ -151,7 +151,7 @@ def half_of_the_frames(rng: random.Random) -> Pass:
 
 
 def test_dense_samples_beside_open_ended_records_fit(count: Callable[[int], int]) -> None:
-    for seed in range(count(200)):
+    for seed in range(count(100)):
         rng = random.Random(seed)
         mtu_bytes, blob_bytes = rng.randint(30, 70), rng.randint(3, 20)
         tables = {address: fleet.table(ADDRESSES) for address in (1, 2)}

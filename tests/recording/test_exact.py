@@ -12,10 +12,12 @@ import pytest
 
 import tests.virtual.commandscenario
 from tests.recording.memory import MemorySink, record_networks, recorded
+from tests.virtual import lineoffive
 from tests.virtual.callscenario import CallScenario
 from tests.virtual.commandscenario import CommandScenario
 from tests.virtual.fleet import line
 from tests.virtual.goalscenario import GoalScenario
+from tests.virtual.lineoffive import LineOfFive
 from tests.virtual.sealed import KEY, SealedFleet
 from tests.virtual.twolinks import ARM, BESIDE, PLAN, RADIO, SOUND, TwoLinks
 from zacoustic.app.tools.design.sim.recorder import recorded_to
@@ -301,7 +303,7 @@ def test_the_tap_stands_on_every_public_method_that_is_no_getter() -> None:
     getters = {"delivering", "pending", "peers", "epoch", "link_state", "capabilities", "is_idle",
                "expired", "superseded", "is_delivering", "owes_acknowledgement",
                "links", "link_of", "state_of", "capabilities_of", "transport",
-               "seal_failure", "access_state"}  # fmt: skip
+               "seal_failure", "access_state", "hops", "routes"}  # fmt: skip
     public = {name for name in vars(Engine) if not name.startswith("_")}
     assert public - getters == {name for name in CALLS if "." not in name}
 
@@ -344,3 +346,15 @@ def test_sealed_engines_are_made_again_with_their_key_and_not_without() -> None:
     with pytest.raises(ConfigError, match="were sealed"):
         check_messages(sink.messages, "memory")
     assert not any(KEY.secret in message.data for message in sink.messages)
+
+
+def test_nodes_of_a_route() -> None:
+    recorder, sink = recorded()
+    five = LineOfFive(0.1, seed=2, build=recorder.make)
+    for number in range(6):
+        five.network.at(100.0 * number, partial(five.publish, lineoffive.PLAN, b"plan %d" % number))
+    five.network.at(350.0, partial(five.network.restart, 3))
+    five.network.run(until_s=2000)
+    assert len(five.values(lineoffive.PLAN)) == 6
+    verdict = checked(recorder, sink)
+    assert [life.node for life in verdict.epochs].count(3) == 2

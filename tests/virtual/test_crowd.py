@@ -167,7 +167,7 @@ def test_a_bare_frame_of_a_node_that_believes_itself_confirmed_draws_a_question(
 
 
 def test_nodes_that_agree_in_different_ways_misread_nothing(count: Callable[[int], int]) -> None:
-    for seed in range(count(200)):
+    for seed in range(count(100)):
         rng = random.Random(f"ways {seed}")
         nodes = rng.choice((2, 3, 4))
         ways: Mapping[int, AgreementMethod] = {

@@ -43,7 +43,7 @@ def tell(trial: Trial, seed: int, settings: object) -> None:
 def test_nothing_is_misread_and_what_agrees_goes_on(
     count: Callable[[int], int], repeat: float, number: int
 ) -> None:
-    for seed in block(number, count(600)):
+    for seed in block(number, count(400)):
         rng = random.Random(f"settings {seed}")
         nodes = rng.choice((2, 2, 2, 3, 4))
         mtu_bytes = rng.choice((8, 11, 16, 24, 32, 64))
@@ -60,7 +60,7 @@ def test_nothing_is_misread_and_what_agrees_goes_on(
 def test_nothing_is_misread_in_a_storm_of_restarts(
     count: Callable[[int], int], number: int
 ) -> None:
-    for seed in block(number, count(1_000)):
+    for seed in block(number, count(600)):
         rng = random.Random(f"storm {seed}")
         nodes = rng.choice((2, 2, 3))
         mtu_bytes, repeat = rng.choice((8, 16, 64)), rng.choice((0.0, 0.5, 0.9))
@@ -82,7 +82,7 @@ def test_nothing_is_misread_in_a_storm_of_restarts(
 def test_nothing_is_misread_when_frames_are_damaged(
     count: Callable[[int], int], number: int
 ) -> None:
-    for seed in block(number, count(300)):
+    for seed in block(number, count(200)):
         rng = random.Random(f"damage {seed}")
         modem = rng.choice(
             (Modem(checked=False), Modem(checked=False, framed=False, addressed=False))

@@ -28,7 +28,7 @@ def jumping(seed: int, **settings: Any) -> Slotted:
 
 
 def test_nothing_collides_while_nothing_is_wrong(count: Callable[[int], int]) -> None:
-    for seed in range(count(200)):
+    for seed in range(count(100)):
         fleet = Slotted(seed, measured=seed % 2 == 0)
         fleet.run(300)
         assert len(fleet.sent) > 100, seed
@@ -89,7 +89,7 @@ def test_clock_that_creeps_away_is_noticed_before_it_destroys_anything(
 
 
 def test_two_nodes_go_and_one_joins(count: Callable[[int], int]) -> None:
-    for seed in range(count(200)):
+    for seed in range(count(100)):
         fleet = Slotted(seed, strangers=1, absent=(6,), measured=seed % 2 == 0)
 
         def change(fleet: Slotted = fleet) -> None:

@@ -16,7 +16,7 @@ from tests.virtual.throughput import (
 )
 
 SHARE = 0.05
-ARRIVALS = 3_000
+ARRIVALS = 2_000
 
 
 def check(point: Point, theory: float) -> None:
