@@ -1,9 +1,13 @@
 """The list `routes` and the table `relay` of a file."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from zacoustic.app.tools.design.check.report import report_of
+from zacoustic.app.tools.design.sim.simulation import simulate
 from zacoustic.config import config_from_mapping
 from zacoustic.core.relay.relay import RelayRules
 from zacoustic.core.relay.route import Route
@@ -106,3 +110,32 @@ def test_mistakes_are_named(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(ConfigError) as caught:
         read(**changes)
     assert said in str(caught.value)
+
+
+def test_check_says_where_routes_go() -> None:
+    said = {each: _notes(each) for each in (1, 2, 3)}
+    assert "route far: n1 - n2 - n3, 2 hops over acoustic; streams: n3/nav" in said[1]
+    assert "route far: n1 - n2 - n3, 2 hops over acoustic; node 2 is a relay of it" in said[2]
+    assert said[3][-1].startswith("zacoustic plan counts a stream of a route once")
+
+
+def _notes(address: int) -> tuple[str, ...]:
+    config = config_from_mapping(section(address), source="fleet.json5")
+    return report_of(config, None).notes
+
+
+def test_a_scenario_runs_the_routes_of_its_config(tmp_path: Path) -> None:
+    (tmp_path / "fleet.json5").write_text(
+        json.dumps({"plugins": {"acoustic": section()}}), encoding="utf-8"
+    )
+    scenario = {
+        "config": "fleet.json5",
+        "nodes": [{"address": each, "position": [1500 * each, 0, 10]} for each in (1, 2, 3)],
+        "links": [{"from": 1, "to": 3, "gain_db": -100}, {"from": 3, "to": 1, "gain_db": -100}],
+        "traffic": [{"node": 3, "topic": "n3/nav", "every_s": 60, "size_bytes": 20}],
+    }
+    path = tmp_path / "sea.json5"
+    path.write_text(json.dumps(scenario), encoding="utf-8")
+    report = simulate(path)
+    (stream,) = [each for each in report.streams if each.name == "n3/nav"]
+    assert stream.delivered >= 57

@@ -24,12 +24,14 @@ from tests.virtual.lineoffive import (
 )
 from tests.virtual.sealed import SealedFleet
 from zacoustic.core.base.stats import NO_STREAM, Cause
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, PeerFound, PeerLost
 from zacoustic.core.linktypes import LinkState, ReceivedFrame
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.relay.relay import RelayRules
 from zacoustic.errors import ConfigError
+from zacoustic.testing.virtual import Modem
 
 HOUR_S = 3600.0
 RELAYS = (2, 3, 4)
@@ -245,6 +247,39 @@ def test_no_frame_raises_and_memory_is_bounded(count: Callable[[int], int]) -> N
     assert sum(each.waiting for each in relay.hops) <= 16
     line.network.run(until_s=2 * HOUR_S)
     assert _is_quiet(line)
+
+
+@pytest.mark.parametrize("sealed", [False, True])
+@pytest.mark.parametrize(
+    "modem",
+    [
+        Modem(addressed=False, checked=False),
+        Modem(addressed=False, checked=False, framed=False),
+        Modem(senses_carrier=False),
+    ],
+)
+def test_routes_over_poorer_links(modem: Modem, sealed: bool) -> None:
+    line = LineOfFive(0.1, seed=11, modem=modem, build=SealedFleet() if sealed else Engine)
+    for number in range(8):
+        line.network.at(90.0 * number, partial(line.publish, KEPT, b"%d" % number))
+    line.network.at(100.0, partial(line.call, b"arm"))
+    line.network.run(until_s=HOUR_S)
+    assert line.values(KEPT) == [b"%d" % number for number in range(8)]
+    assert line.served[ARM, b"arm"] == 1
+
+
+def test_two_routes_of_different_ends_cross_at_one_relay() -> None:
+    there = route(1, 2, 3, 4, 5)
+    across = route(2, 3, 4, route_id=2, name="middle")
+    line = LineOfFive(0.1, seed=12, routes=(there, across))
+    for number in range(20):
+        line.network.at(60.0 * number, partial(line.publish, FIX, b"%d" % number))
+        line.network.at(60.0 * number + 30.0, partial(line.publish, BACK, b"%d" % number))
+    line.network.run(until_s=HOUR_S)
+    assert len(line.values(FIX)) >= 18
+    assert len(line.values(BACK)) >= 18
+    assert line.network.engine(2).routes == ("middle",)
+    assert {each.route for each in line.network.engine(3).hops} == {"far", "middle"}
 
 
 def test_contact_over_a_route() -> None:

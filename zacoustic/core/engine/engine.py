@@ -139,7 +139,6 @@ class Engine:
             rules.quiet, stored, host=self.clock, journal=journal, timers=timers, emit=emit
         )
         """Commands about transmit silence: `begin` and `resume`."""
-        self._routes = rules.routes
         self._stacks: dict[str, LinkStack] = {}
         self._route_ports = RoutePorts(address, rules)
         for index, own in enumerate(rules.of_links):
@@ -157,6 +156,10 @@ class Engine:
             hop_relay = self._stacks[route.link].relay
             assert hop_relay is not None
             self._route_ports.add(route, stack, hop_relay)
+        # Of the routes over relays only those that end here are links.
+        self._routes = {
+            stream_id: name for stream_id, name in rules.routes.items() if name in self._stacks
+        }
         self._first = next(iter(self._stacks.values()))
         self.ranging = self._first.protocols.ranging
         """Commands about ranges: `request`, `cancel` and `repeat`."""

@@ -332,10 +332,30 @@ def _notes(
     if config.journal is not None and not _is_writable(config.journal):
         yield f"journal: this user cannot write {config.journal}: the node would not start"
     yield from _access_notes(config, profile)
+    yield from _route_notes(config)
     yield from _lost_contact_notes(config)
     if config.ros is not None:
         ids = ", ".join(map(str, sorted(config.ros.streams)))
         yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
+
+
+def _route_notes(config: Config) -> Iterator[str]:
+    """Say where each route goes, and which streams name it."""
+    for route in config.rules.relayed:
+        way = " - ".join(config.nodes.get(each, str(each)) for each in route.path)
+        text = f"route {route.name}: {way}, {route.hops} hops over {route.link}"
+        if route.other_end(config.address) is None:
+            place = "a relay of it" if config.address in route.path else "not in it"
+            yield f"{text}; node {config.address} is {place}"
+            continue
+        names = [
+            stream.name
+            for stream in config.table
+            if config.rules.routes.get(stream.stream_id) == route.name
+        ]
+        yield f"{text}; streams: {', '.join(names) or 'none'}"
+    if config.rules.relayed:
+        yield "zacoustic plan counts a stream of a route once, not for each hop; sim runs it"
 
 
 def _lost_contact(config: Config) -> Iterator[str]:
