@@ -279,6 +279,7 @@ def test_two_routes_of_different_ends_cross_at_one_relay() -> None:
     assert len(line.values(FIX)) >= 18
     assert len(line.values(BACK)) >= 18
     assert line.network.engine(2).routes == ("middle",)
+    assert line.dropped("relay_route") == 0  # of the other route, at the ends of the first
     assert {each.route for each in line.network.engine(3).hops} == {"far", "middle"}
 
 

@@ -45,9 +45,11 @@ class RoutePorts:
         routes = {each.route_id: each for each in self._routes if each.link == context.link}
         if not routes:
             return None
+        others = {each.route_id for each in self._rules.relayed if each.link == context.link}
         return Relay(
             self._address,
             routes,
+            others - set(routes),
             self._rules.relay,
             rng=context.generators.of("relay"),
             timers=context.timers,

@@ -22,14 +22,15 @@ Drop                    reason
 ======================  ===================================================================
 
 Source:
-    G. Toso et al. and others compare repetition by hop and by end; `docs/network.md` has the
+    Hearing the next node is the passive acknowledgement of J. Jubin and J. D. Tornow, The DARPA
+    packet radio network protocols, Proceedings of the IEEE 75(1), 1987. `docs/network.md` has the
     figures of this implementation.
 """
 
 import random
 import zlib
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from functools import partial
 from typing import Final
 
@@ -110,6 +111,7 @@ class Relay:
     Args:
         address: Address of this node.
         routes: The routes that it is part of.
+        others: Numbers of the other routes over this link.
         rules: How much it does for others.
         rng: Draws first numbers, and spreads pauses.
         timers: Timers of this link.
@@ -122,6 +124,7 @@ class Relay:
         self,
         address: int,
         routes: Mapping[int, Route],
+        others: Set[int],
         rules: RelayRules,
         *,
         rng: random.Random,
@@ -132,6 +135,7 @@ class Relay:
     ) -> None:
         self._address = address
         self._routes = dict(routes)
+        self._others = others
         self._most_frames = rules.queue
         self._account = AirtimeAccount(rules.max_airtime)
         self._rng = rng
@@ -219,9 +223,9 @@ class Relay:
             ready_at = now
             if not flow.is_in_train:
                 ready_at = self._gates[route].free_at(is_urgent=custody.is_urgent)
-            if not custody.is_own:
-                even_at = self._account.even_at(now) if even_at is None else even_at
-                ready_at = max(ready_at, even_at)
+                if not custody.is_own:
+                    even_at = self._account.even_at(now) if even_at is None else even_at
+                    ready_at = max(ready_at, even_at)
             if earliest is None or ready_at < earliest:
                 earliest = ready_at
         return earliest
@@ -294,7 +298,7 @@ class Relay:
         number = decoded.number
         steps = self._steps(number, source)
         if steps == 0:
-            return "relay_route"
+            return None if number.route in self._others else "relay_route"
         flow = self._flow(number)
         if steps > 0:
             if steps == 1:
