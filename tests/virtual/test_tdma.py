@@ -208,7 +208,7 @@ def test_computer_that_starts_in_the_seventies_speaks_in_nobodys_slot(
         fleet.talk(20)
         assert fleet.collided == 0, seed
         own = [at_s for at_s, node in fleet.sent if node == 1]
-        assert min(own) > 300.0, seed
+        assert min(own) >= 300.0, seed  # at once, where its slot is then
         doubts = [
             each.doubt
             for node, each in fleet.network.events
