@@ -103,6 +103,7 @@ VERBS: Final[dict[str, tuple[str, ...]]] = {
     "medium": ("medium", "water.json5", "--listen", NO_HOST),
     "emulate desert": ("emulate", "desert", "--listen", NO_HOST),
     "emulate evologics": ("emulate", "evologics", "--listen", NO_HOST),
+    "emulate iridium": ("emulate", "iridium", "--listen", NO_HOST),
     "acl": ("acl", "fleet.json5"),
     "audit": ("audit", "node-2.audit"),
     "predive": ("predive", "fleet.json5", *NOBODY),

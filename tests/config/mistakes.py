@@ -5,9 +5,9 @@ LATER = "(a later version will have it)"
 
 MISTAKES: list[tuple[str, object, str]] = [
     # keys
-    ("adress", 2, ".adress: unknown key; allowed: address, nodes, agreement, links, types"),
+    ("adress", 2, ".adress: unknown key; allowed: address, nodes, agreement, links, routes"),
     ("adress", 2, '(did you mean "address"?)'),
-    ("zzz", 2, ".zzz: unknown key; allowed: address, nodes, agreement, links, types, journal"),
+    ("zzz", 2, ".zzz: unknown key; allowed: address, nodes, agreement, links, routes, relay"),
     ("journal", 3, ".journal: 3; allowed: a text, the folder of the journal"),
     ("journal", "", '.journal: ""; allowed: a text, the folder of the journal'),
     ("journal", "a\0b", "allowed: a text, the folder of the journal"),
