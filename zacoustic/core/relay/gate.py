@@ -10,6 +10,7 @@ after that will need for it.
 from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.relay.flow import LONGEST_TRAIN
 
 SLACK_NS: Final = NS_PER_S // 2
 """Time in which a node that has received a train begins to transmit it, ns."""
@@ -60,7 +61,8 @@ class Gate:
             now: The instant, ns.
             next_is_end: Whether it sends to the end of the route, which only acknowledges.
         """
-        self._heard = self._heard + 1 if now <= self._heard_until else 1
+        # More than a train comes of no node that keeps to the rules.
+        self._heard = min(self._heard + 1, LONGEST_TRAIN) if now <= self._heard_until else 1
         self._heard_until = now + 2 * frame_ns + SLACK_NS
         frames = 1 if next_is_end else self._heard
         self._held_until = max(self._held_until, now + frames * frame_ns + way_ns + SLACK_NS)
