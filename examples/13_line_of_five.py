@@ -32,8 +32,8 @@ def network() -> VirtualNetwork:
         NodeSpec(address=each, position=(APART_M * each, 0.0, 10.0)) for each in table.nodes
     )
     far = Route(route_id=1, name="far", path=(SHORE, 2, 3, 4, AUV), link="link")
-    relay = TransmitRules(relayed=(far,))
-    end = TransmitRules(relayed=(far,), routes={NAV: "far", ARM: "far"})
+    relay = TransmitRules(routes=(far,))
+    end = TransmitRules(routes=(far,), links_of_streams={NAV: "far", ARM: "far"})
     rules = {each: end if each in (SHORE, AUV) else relay for each in table.nodes}
     return VirtualNetwork(Scenario(nodes=nodes), table, seed=1, rules=rules)
 

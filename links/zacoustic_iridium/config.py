@@ -1,7 +1,9 @@
 """Settings of a link over Iridium, from its locator."""
 
+import math
 from typing import Final
 
+from zacoustic.core.clock import DURATIONS, is_duration
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.errors import ConfigError
 from zacoustic.link import LinkConfig
@@ -46,12 +48,16 @@ class IridiumConfig(LinkConfig, frozen=True, kw_only=True):
         Raises:
             ValueError: A value is outside its range.
         """
-        if not (self.max_bytes_per_day >= 0 and self.quantum_bytes >= 1 and self.price >= 0):
-            raise ValueError("allowed: max_bytes_per_day, price at least 0, quantum_bytes 1")
+        if not (self.max_bytes_per_day >= 0 and self.quantum_bytes >= 1):
+            raise ValueError("allowed: max_bytes_per_day at least 0, quantum_bytes at least 1")
+        if not 0 <= self.price < math.inf:
+            raise ValueError(f"price is {self.price}; allowed: at least 0")
         if not _LEAST_MTU_BYTES <= self.mtu <= MOST_SENT_BYTES:
             raise ValueError(f"mtu is {self.mtu}; allowed: {_LEAST_MTU_BYTES}..{MOST_SENT_BYTES}")
-        if not (self.give_up_s > 0 and self.check_s >= 0 and self.session_s > 0):
-            raise ValueError("allowed: give_up_s, session_s above 0, check_s at least 0")
+        for name in ("give_up_s", "session_s", "check_s"):
+            duration_s = getattr(self, name)
+            if not is_duration(duration_s, or_zero=name == "check_s"):
+                raise ValueError(f"{name} is {duration_s}; allowed: {DURATIONS}")
 
     def capabilities(self) -> LinkCapabilities:
         """Return what the link can do: all the time is in sessions, at both ends."""

@@ -1,6 +1,7 @@
 """Iridium as a link: what a modem at sea and the shore have in common."""
 
 import time
+from abc import abstractmethod
 from typing import Self
 
 from zacoustic.core.clock import Clock
@@ -122,13 +123,13 @@ class IridiumLink(Link):
 
     # For the two kinds
 
+    @abstractmethod
     def _begin(self, frame_bytes: bytes, now: int) -> None:
         """Begin to send a frame."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _soon(self) -> None:
         """Call `_flush` from the loop, and do what is due."""
-        raise NotImplementedError
 
     def _change_state(self, state: LinkState, detail: str = "") -> None:
         if (state, detail) == (self._state, self._detail):

@@ -170,10 +170,6 @@ class SbdModem:
         self._give_up_at = now + self._give_up_ns
         self._go_on(now)
 
-    def cancel(self, now: int) -> None:
-        """Give up the frame; `Ended` follows if there was one."""
-        self._end(is_sent=False, detail="given up")
-
     def received(self, data: bytes, now: int) -> None:
         """Take bytes of the modem."""
         self._buffer += data
@@ -352,8 +348,6 @@ class SbdModem:
             return
         self._number = buffers.next_number
         session = yield from self._session(len(frame))
-        if self._frame is not frame:
-            return  # it was cancelled meanwhile
         if session is None:
             self._failed("the modem has not answered in a session")
         elif session.sent in SENT:

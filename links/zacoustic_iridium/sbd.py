@@ -64,7 +64,7 @@ class Buffers(msgspec.Struct, frozen=True):
     has_message: bool
     """Whether there is a message to send."""
     next_number: int
-    """The MOMSN of the next session that succeeds: it grows with each that had a message."""
+    """The MOMSN of the next session: it grows with each that succeeds, a look included."""
 
 
 def checked(data: bytes) -> bytes:

@@ -52,7 +52,7 @@ def test_streams_go_by_the_link_that_they_name() -> None:
     rules = config.rules
     assert [each.locator for each in config.links] == ["sim/127.0.0.1:7000", "udp/239.1.2.3:7000"]
     assert [each.name for each in rules.of_links] == ["acoustic", "radio"]
-    assert rules.routes == {2: "radio", 3: "acoustic", 4: "radio"}
+    assert rules.links_of_streams == {2: "radio", 3: "acoustic", 4: "radio"}
     first, second = rules.of_links
     assert isinstance(first.access, TdmaSpec)
     assert first.max_airtime == 0.5
@@ -67,13 +67,13 @@ def test_link_does_not_change_what_both_ends_must_agree_on() -> None:
         for changes in ({}, {"streams": streams})
     )
     assert one.table.digest == other.table.digest
-    assert one.rules.routes != other.rules.routes
+    assert one.rules.links_of_streams != other.rules.links_of_streams
 
 
 def test_link_that_is_given_beside_the_file_stands_for_all() -> None:
     config = config_from_mapping(section(), source="fleet.json5", locator="sim/127.0.0.1:7001")
     assert [each.locator for each in config.links] == ["sim/127.0.0.1:7001"]
-    assert config.rules.routes == {}
+    assert config.rules.links_of_streams == {}
     assert len(config.rules.of_links) == 1
     assert isinstance(config.rules.access, TdmaSpec)
 

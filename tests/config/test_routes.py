@@ -35,24 +35,24 @@ def read(*, locator: str | None = None, **changes: Any) -> Any:
 
 
 def test_streams_go_by_a_route_at_its_ends_alone() -> None:
-    assert read(address=1).routes == {1: "far"}
-    assert read(address=3).routes == {1: "far"}
-    assert read(address=2).routes == {}
-    assert read(address=2).relayed == (
+    assert read(address=1).links_of_streams == {1: "far"}
+    assert read(address=3).links_of_streams == {1: "far"}
+    assert read(address=2).links_of_streams == {}
+    assert read(address=2).routes == (
         Route(route_id=1, name="far", path=(1, 2, 3), link="acoustic"),
     )
 
 
 def test_another_link_by_argument_is_that_of_the_route() -> None:
     rules = read(locator="udp/127.0.0.1:0#peers=127.0.0.1:9")
-    assert rules.routes == {1: "far"}
-    assert [each.link for each in rules.relayed] == ["link"]
+    assert rules.links_of_streams == {1: "far"}
+    assert [each.link for each in rules.routes] == ["link"]
     assert [each.name for each in rules.of_links] == ["link"]
 
 
 def test_a_link_without_a_name_is_enough() -> None:
     rules = read(links=[{"locator": "sim/127.0.0.1:7000"}])
-    assert [each.link for each in rules.relayed] == ["link"]
+    assert [each.link for each in rules.routes] == ["link"]
     assert [each.name for each in rules.of_links] == ["link"]
 
 

@@ -105,7 +105,7 @@ def test_programs_beyond_a_relay_that_is_killed_and_started(tmp_path: Path) -> N
 
             about = "@acoustic/1/route/far"
             document = json.loads((await get(shore, about)).payload(about))
-            assert (document["state"], document["name"]) == ("up", "far")
+            assert (document["link_state"], document["path"]) == ("up", [1, 2, 3])
             assert document["frames_received"] > 0
 
     run(main())

@@ -34,7 +34,9 @@ from zacoustic.seal.ccm import FleetCipher
 from zacoustic.seal.keys import new_key
 from zacoustic_sim.medium import SimMedium
 
-RULES = TransmitRules(links=(LinkRules(name="sound"), LinkRules(name="radio")), routes={2: "radio"})
+RULES = TransmitRules(
+    links=(LinkRules(name="sound"), LinkRules(name="radio")), links_of_streams={2: "radio"}
+)
 
 
 def table() -> StreamTable:

@@ -61,7 +61,8 @@ PAIR_BYTES: Final = KEY_BYTES + NONCE_BYTES
 NAV, LOG, ARM = 10, 11, 20
 _DECLARED: Final = range(100, 150)
 _RULES: Final = TransmitRules(
-    links=(LinkRules(name="sound"), LinkRules(name="radio", port=1)), routes={LOG: "radio"}
+    links=(LinkRules(name="sound"), LinkRules(name="radio", port=1)),
+    links_of_streams={LOG: "radio"},
 )
 _FAULTS: Final = 0.03
 """How many steps of a faulty disk fail."""

@@ -81,6 +81,7 @@ class LineOfFive:
             None: the channel decides.
         seed: Of medium and engines.
         routes: The routes; the streams go by the first one.
+        streams: Table of all nodes; None: that of `table`.
         rules: Other rules of all nodes.
         happened: Takes each event as well.
         more: Arguments of `VirtualNetwork`.
@@ -92,6 +93,7 @@ class LineOfFive:
         *,
         seed: int = 1,
         routes: tuple[Route, ...] | None = None,
+        streams: StreamTable | None = None,
         rules: TransmitRules = _NO_RULES,
         happened: Callable[[int, Event], None] | None = None,
         **more: Any,
@@ -114,11 +116,11 @@ class LineOfFive:
         )
         self._also = happened
         of_ends = dict.fromkeys(STREAMS, routes[0].name)
-        rules = msgspec.structs.replace(rules, relayed=routes)
-        at_end = msgspec.structs.replace(rules, routes=of_ends)
+        rules = msgspec.structs.replace(rules, routes=routes)
+        at_end = msgspec.structs.replace(rules, links_of_streams=of_ends)
         of_all = {each: at_end if routes[0].other_end(each) else rules for each in addresses}
         self.network = VirtualNetwork(
-            scenario, table(), rules=of_all, deliver=self._happened, digest=False, **more
+            scenario, streams or table(), rules=of_all, deliver=self._happened, digest=False, **more
         )
 
     def every(

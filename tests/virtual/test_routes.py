@@ -20,17 +20,21 @@ from tests.virtual.lineoffive import (
     NODES,
     PLAN,
     STOP,
+    STREAMS,
     LineOfFive,
     route,
 )
 from tests.virtual.sealed import SealedFleet
 from zacoustic.core.base.stats import NO_STREAM, Cause
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, PeerFound, PeerLost
 from zacoustic.core.linktypes import LinkState, ReceivedFrame
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.relay.relay import RelayRules
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError
 from zacoustic.testing.virtual import Modem
 
@@ -208,6 +212,69 @@ def test_a_sealed_fleet_uses_routes_and_no_relay_reads_them() -> None:
         assert not line.network.engine(relay).peers()
 
 
+@pytest.mark.parametrize("sealed", [False, True])
+def test_all_frames_of_a_route_are_for_its_other_end(sealed: bool) -> None:
+    """So the end may take them for what they were made, and its nonce is that of the seal."""
+    ways: set[tuple[int, int]] = set()
+
+    def note(record: TraceRecord) -> None:
+        if record.what == "transmit" and record.link == "far":
+            ways.add((record.node, record.peer))
+
+    line = LineOfFive(0.1, seed=3, build=SealedFleet() if sealed else Engine, trace=note)
+    line.publish(PLAN, random.Random(1).randbytes(2000))
+    for number in range(10):
+        line.network.at(60.0 * number, partial(line.publish, FIX, b"%d" % number))
+        line.network.at(60.0 * number + 20.0, partial(line.publish, BACK, b"%d" % number))
+    line.network.at(100.0, partial(line.call, b"arm"))
+    line.network.at(120.0, partial(line.send_goal, b"move"))
+    line.network.run(until_s=HOUR_S)
+    assert ways == {(1, NODES), (NODES, 1)}
+
+
+def test_frames_of_another_fleet_on_the_same_route_change_nothing() -> None:
+    """The same addresses and the same path, but other streams."""
+    foreign: list[tuple[int, bytes]] = []
+    other = LineOfFive(
+        0.1,
+        seed=14,
+        streams=StreamTable(
+            [
+                TopicSpec(stream_id=each, name=f"other/{each}", publishers=(1, NODES))
+                for each in STREAMS
+            ],
+            nodes={each: f"other{each}" for each in range(1, NODES + 1)},
+        ),
+        trace=lambda record: (
+            foreign.append((record.node, bytes.fromhex(record.frame)))
+            if record.what == "transmit" and record.link == "link"
+            else None
+        ),
+    )
+    line = LineOfFive(0.1, seed=15)
+    for number in range(20):
+        for stream_id in (FIX, BACK):
+            value = b"other %d" % number
+            other.network.at(60.0 * number, partial(other.publish, stream_id, value))
+        line.network.at(60.0 * number + 30.0, partial(line.publish, KEPT, b"%d" % number))
+    other.network.run(until_s=HOUR_S)
+    assert len(foreign) > 100
+    for number, (source, frame_bytes) in enumerate(foreign):
+        for node in line.network.addresses:
+            if node != source:
+                frame = partial(_hear, line, node, source, frame_bytes)
+                line.network.at(0.3 * number + 5.0, frame)
+    line.network.run(until_s=2 * HOUR_S)
+    assert line.values(KEPT) == [b"%d" % number for number in range(20)]
+    assert not [value for _, _, value in line.received if value.startswith(b"other")]
+
+
+def _hear(line: LineOfFive, node: int, source: int, frame_bytes: bytes) -> None:
+    now = line.network.local_ns(node)
+    frame = ReceivedFrame(frame_bytes=frame_bytes, received_at=now, source=source, destination=255)
+    line.network.apply(node, lambda engine, now: engine.handle_frame(frame, now))
+
+
 def test_nobody_makes_a_relay_transmit_for_more_than_its_share() -> None:
     """A stranger between the nodes floods the route."""
     share = 0.05
@@ -295,7 +362,7 @@ def test_two_routes_of_different_ends_cross_at_one_relay() -> None:
     line.network.run(until_s=HOUR_S)
     assert len(line.values(FIX)) >= 18
     assert len(line.values(BACK)) >= 18
-    assert line.network.engine(2).routes == ("middle",)
+    assert line.network.engine(2).routes == (across,)
     assert line.dropped("relay_route") == 0  # of the other route, at the ends of the first
     assert {each.route for each in line.network.engine(3).hops} == {"far", "middle"}
 
@@ -342,6 +409,8 @@ def test_a_link_that_goes_ends_what_is_under_way() -> None:
         ({"path": (1, 255)}, "path"),
         ({"route_id": 0}, "1..31"),
         ({"lifetime_s": -1.0}, "lifetime_s"),
+        ({"lifetime_s": float("nan")}, "lifetime_s"),
+        ({"lifetime_s": float("inf")}, "lifetime_s"),
     ],
 )
 def test_wrong_routes_are_refused(wrong: dict[str, object], said: str) -> None:
@@ -356,4 +425,4 @@ def test_a_route_needs_its_link_and_a_name_of_its_own() -> None:
         ((LinkRules(name="link"), LinkRules(name="far")), "two have the name 'far'"),
     ]:
         with pytest.raises(ConfigError, match=said):
-            TransmitRules(links=links, relayed=(far,)).of_links  # noqa: B018
+            TransmitRules(links=links, routes=(far,)).of_links  # noqa: B018

@@ -289,10 +289,10 @@ def test_ids_of_two_links_are_not_confused() -> None:
             "two have the name 'a'",
         ),
         (
-            TransmitRules(links=(LinkRules(name="a"),), routes={7: "b"}),
+            TransmitRules(links=(LinkRules(name="a"),), links_of_streams={7: "b"}),
             "stream 7: link is 'b'; allowed: a",
         ),
-        (TransmitRules(routes={7: "b"}), "stream 7: link is 'b'; allowed: link"),
+        (TransmitRules(links_of_streams={7: "b"}), "stream 7: link is 'b'; allowed: link"),
     ],
 )
 def test_rules_that_cannot_work_are_refused(rules: TransmitRules, message: str) -> None:

@@ -59,7 +59,7 @@ def rules(
 ) -> TransmitRules:
     """Return rules with both links."""
     links = (sound or LinkRules(name=SOUND), radio or LinkRules(name=RADIO))
-    return TransmitRules(links=links, routes=ROUTES, **more)
+    return TransmitRules(links=links, links_of_streams=ROUTES, **more)
 
 
 def medium(nodes: int, *, apart_m: float, profile: str, loss: float, seed: int) -> Scenario:

@@ -54,7 +54,7 @@ def read_links_of_streams(
     place: Place,
     entries: tuple[LinkEntry, ...],
     links: tuple[LinkEntry, ...],
-    relayed: tuple[Route, ...],
+    routes: tuple[Route, ...],
     own: int,
 ) -> dict[int, str]:
     """Return the link, or the route that ends here, of each stream that names one.
@@ -63,11 +63,11 @@ def read_links_of_streams(
         place: Place of the list of streams.
         entries: The links of the file.
         links: The links of the node: another one, if an argument overrides the file.
-        relayed: The routes.
+        routes: The routes.
         own: Address of the node.
     """
     names = [entry.name for entry in entries if entry.name is not None]
-    to_ends = {each.name: each.other_end(own) is not None for each in relayed}
+    to_ends = {each.name: each.other_end(own) is not None for each in routes}
     found: dict[int, str] = {}
     for index, _ in enumerate(place.entries):
         here = place.at(index)

@@ -22,7 +22,7 @@ from zacoustic.config.problems import Place, unknown_key
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.ros import RosConfig, RosReader
-from zacoustic.config.routes import read_relay, read_relayed
+from zacoustic.config.routes import read_relay, read_routes
 from zacoustic.config.sections import (
     ALLOWED,
     FOLDER_ALLOWED,
@@ -351,7 +351,7 @@ def _read_rules(
     for index, address in enumerate(written.commands_from or ()):
         check_address(place.at("commands_from").at(index), address, fleet)
     commands_from = None if written.commands_from is None else frozenset(written.commands_from)
-    relayed = read_relayed(place, written.routes, written.links, fleet)
+    routes = read_routes(place, written.routes, written.links, fleet)
     rules = TransmitRules(
         access=own_links[0].access if own_links else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
@@ -362,8 +362,10 @@ def _read_rules(
         objects=objects,
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
         links=own_links if any(each.name for each in links) else (),
-        routes=read_links_of_streams(place.at("streams"), written.links, links, relayed, own),
-        relayed=relayed,
+        links_of_streams=read_links_of_streams(
+            place.at("streams"), written.links, links, routes, own
+        ),
+        routes=routes,
         relay=read_relay(place.at("relay"), written.relay),
         sealing=seal_rules(security),
         port=own_links[0].port if own_links else None,

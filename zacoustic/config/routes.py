@@ -3,6 +3,7 @@
 from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED, LinkEntry, RelayEntry, RouteEntry
 from zacoustic.config.streams import Fleet, check_address
+from zacoustic.core.base.clock import is_duration
 from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.relay.relay import MOST_IN_CUSTODY, RelayRules
 from zacoustic.core.relay.route import MOST_NODES, Route
@@ -10,7 +11,7 @@ from zacoustic.core.streams.keys import fault_of_name
 from zacoustic.core.wire.relay import FIRST_PORT, LAST_ROUTE
 
 
-def read_relayed(
+def read_routes(
     place: Place,
     entries: tuple[RouteEntry, ...],
     links: tuple[LinkEntry, ...],
@@ -46,7 +47,7 @@ def read_relayed(
         _check_path(here.at("path"), entry.path, fleet)
         if entry.link is not None and entry.link not in names:
             here.at("link").refuse(allowed=", ".join(names) or "none, no link has a name")
-        if not entry.lifetime_s >= 0:
+        if not is_duration(entry.lifetime_s, or_zero=True):
             here.at("lifetime_s").refuse(allowed=ALLOWED["lifetime_s"])
         found.append(
             Route(

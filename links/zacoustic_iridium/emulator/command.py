@@ -5,6 +5,7 @@ import asyncio
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
+from zacoustic.core.clock import DURATIONS, is_duration
 from zacoustic.errors import ConfigError
 from zacoustic.link.serving import LineWriter, parse_place, run_until_stopped
 from zacoustic.text.safetext import json_line, one_line
@@ -84,8 +85,8 @@ def _server(arguments: argparse.Namespace) -> "SbdServer":
     if not 1 <= arguments.modems <= _MOST_MODEMS:
         raise ConfigError(f"--modems is {arguments.modems}; allowed: 1..{_MOST_MODEMS}")
     least_s, most_s = arguments.session
-    if not 0 < least_s <= most_s:
-        raise ConfigError(f"--session is {least_s:g} {most_s:g}; allowed: above 0, ascending")
+    if not (is_duration(least_s) and is_duration(most_s) and least_s <= most_s):
+        raise ConfigError(f"--session is {least_s:g} {most_s:g}; allowed: {DURATIONS}, ascending")
     for name in ("no_network", "breaks"):
         if not 0 <= getattr(arguments, name) <= 1:
             raise ConfigError(f"--{name.replace('_', '-')}: allowed: 0..1")

@@ -188,7 +188,7 @@ class EmulatedIsu:
             self._report(status, self._number, 0, 0, 0, 0)
             return
         number = self._hand_over()
-        self._number = (self._number + bool(self._sent)) & 0xFFFF
+        self._number = (self._number + 1) & 0xFFFF
         if self._rng.random() < self.faults.mute_after:
             return
         taken = self._gateway.take(self.imei)

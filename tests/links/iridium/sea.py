@@ -1,7 +1,6 @@
 """A host's side of an SBD modem and the emulated modem, in virtual time."""
 
 import random
-from collections.abc import Callable
 from typing import Any, Final
 
 from zacoustic.channel.agenda import Agenda
@@ -48,7 +47,6 @@ class Host:
         self.arrived: list[bytes] = []
         self.readies = 0
         self.silences: list[str] = []
-        self.happened: Callable[[], None] = lambda: None
         self._armed = 0
         self.modem.connected(agenda.now)
         self.serve()
@@ -88,7 +86,6 @@ class Host:
                     self.readies += 1
                 case Silent(reason):
                     self.silences.append(reason)
-            self.happened()
         self._armed += 1
         for due_at in (self.modem.poll_timeout(), self.isu.poll_timeout()):
             if due_at is not None:

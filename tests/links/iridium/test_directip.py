@@ -62,8 +62,13 @@ def test_what_comes_twice_is_handed_on_once_and_strangers_are_not_heard() -> Non
             await _deliver(shore, encode(message))
         await _deliver(shore, b"\x01\xff\xff nonsense")
         await _deliver(shore, b"\x01\x00\x09\x01")
-        await receiver.wait("both", lambda: len(receiver.frames) == 2, 10.0)
-        assert [each.frame_bytes for each in receiver.frames] == [b"one", b"cut short no more"]
+        await _deliver(shore, encode(FromModem(IMEI, 5, 0, b"the last one")))
+        await receiver.wait("three", lambda: len(receiver.frames) == 3, 10.0)
+        assert [each.frame_bytes for each in receiver.frames] == [
+            b"one",
+            b"cut short no more",
+            b"the last one",
+        ]
         await shore.close()
         await sea.close()
         await server.close()
@@ -72,11 +77,12 @@ def test_what_comes_twice_is_handed_on_once_and_strangers_are_not_heard() -> Non
 
 
 async def _deliver(shore: ShoreLink, encoded: bytes) -> None:
-    _, writer = await asyncio.open_connection("127.0.0.1", shore.port)
+    """Deliver as the gateway does; returns when the shore has closed the connection."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", shore.port)
     writer.write(encoded)
+    writer.write_eof()
+    await reader.read()
     writer.close()
-    await writer.wait_closed()
-    await asyncio.sleep(0.02)
 
 
 def test_a_gateway_that_is_gone_or_refuses_is_told() -> None:
@@ -125,6 +131,9 @@ def test_a_port_in_use_is_an_error_and_may_be_tried_again() -> None:
         ("iridium/ttyUSB0#max_bytes_per_day=100", "serial:PORT, tcp:HOST:PORT"),
         ("iridium/serial:/dev/x#max_bytes_per_day=100&mtu=400", "mtu is 400"),
         ("iridium/serial:/dev/x#max_bytes_per_day=100&imei=1", "are for directip"),
+        ("iridium/serial:/dev/x#max_bytes_per_day=100&give_up_s=inf", "give_up_s is inf"),
+        ("iridium/serial:/dev/x#max_bytes_per_day=100&session_s=nan", "session_s is nan"),
+        ("iridium/serial:/dev/x#max_bytes_per_day=100&price=inf", "price is inf"),
         ("iridium/directip:127.0.0.1:1#max_bytes_per_day=100", "gateway is ''"),
         (
             "iridium/directip:127.0.0.1:1#max_bytes_per_day=100&gateway=a:1&imei=12",

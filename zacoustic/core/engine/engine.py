@@ -24,8 +24,8 @@ Who does what, on each link (`zacoustic.core.engine.linkstack`)::
     ranging.request, .repeat ──► Composer: frames sent to measure a range
     measurements ◄── handle_measurement, handle_frame
 
-A stream goes by the link that `TransmitRules.routes` names, else by the first one; so do remote
-commands and ranges. The handshake is one for all links.
+A stream goes by the link, or route, that `TransmitRules.links_of_streams` names, else by the first
+link; so do remote commands and ranges. The handshake is one for all links.
 
 The wire profile of the stream table (`StreamTable.wire`) decides what is transmitted and
 understood. Medium access and airtime caps are the same for all profiles.
@@ -56,6 +56,7 @@ from zacoustic.core.engine.routeports import RoutePorts
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.relay.relay import Hop
+from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.access import AccessState
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
@@ -157,8 +158,10 @@ class Engine:
             assert hop_relay is not None
             self._route_ports.add(route, stack, hop_relay)
         # Of the routes over relays only those that end here are links.
-        self._routes = {
-            stream_id: name for stream_id, name in rules.routes.items() if name in self._stacks
+        self._links_of_streams = {
+            stream_id: name
+            for stream_id, name in rules.links_of_streams.items()
+            if name in self._stacks
         }
         self._first = next(iter(self._stacks.values()))
         self.ranging = self._first.protocols.ranging
@@ -474,9 +477,9 @@ class Engine:
         return [hop for relay in relays if relay is not None for hop in relay.hops()]
 
     @property
-    def routes(self) -> tuple[str, ...]:
-        """Names of the routes over relays that end here; each is a link for the streams."""
-        return tuple(name for name in self._stacks if name not in self._links)
+    def routes(self) -> tuple[Route, ...]:
+        """The routes over relays that end here; each is a link for the streams."""
+        return tuple(route for route, _, _ in self._route_ports.ends)
 
     def link_of(self, stream_id: int) -> str:
         """Return the name of the link that a stream uses."""
@@ -578,7 +581,7 @@ class Engine:
         return stack
 
     def _stack_of(self, stream_id: int) -> LinkStack:
-        return self._stack(self._routes.get(stream_id))
+        return self._stack(self._links_of_streams.get(stream_id))
 
     def _given_by(self, outer: int) -> tuple[LinkStack, int] | None:
         """Return the link that issued an id, and the id on that link."""

@@ -37,7 +37,7 @@ class RoutePorts:
     def __init__(self, address: int, rules: TransmitRules) -> None:
         self._address = address
         self._rules = rules
-        self._routes = [each for each in rules.relayed if address in each.path]
+        self._routes = [each for each in rules.routes if address in each.path]
         self._ends: dict[str, tuple[Route, LinkStack, Relay]] = {}
 
     def relay(self, context: Context) -> Relay | None:
@@ -45,7 +45,7 @@ class RoutePorts:
         routes = {each.route_id: each for each in self._routes if each.link == context.link}
         if not routes:
             return None
-        others = {each.route_id for each in self._rules.relayed if each.link == context.link}
+        others = {each.route_id for each in self._rules.routes if each.link == context.link}
         return Relay(
             self._address,
             routes,

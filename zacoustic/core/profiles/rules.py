@@ -60,9 +60,9 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """As `LinkRules.port`, for a single link."""
     links: tuple[LinkRules, ...] = ()
     """The links; a stream without a link uses the first. Empty: one link with the rules above."""
-    routes: dict[int, str] = {}
+    links_of_streams: dict[int, str] = {}
     """Name of the link, or route over relays, by stream id; other streams use the first link."""
-    relayed: tuple[Route, ...] = ()
+    routes: tuple[Route, ...] = ()
     """All routes over relays."""
     relay: RelayRules = RelayRules()
     """How much the node does for the routes of others."""
@@ -70,10 +70,14 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     def on_one_link(self) -> "TransmitRules":
         """Return these rules for a node with one link for all streams."""
         port = self.links[0].port if self.links else self.port
-        relayed = tuple(msgspec.structs.replace(each, link=ONE_LINK) for each in self.relayed)
-        names = {each.name for each in relayed}
-        routes = {stream_id: name for stream_id, name in self.routes.items() if name in names}
-        return msgspec.structs.replace(self, links=(), routes=routes, relayed=relayed, port=port)
+        routes = tuple(msgspec.structs.replace(each, link=ONE_LINK) for each in self.routes)
+        names = {each.name for each in routes}
+        named = {
+            stream_id: name for stream_id, name in self.links_of_streams.items() if name in names
+        }
+        return msgspec.structs.replace(
+            self, links=(), links_of_streams=named, routes=routes, port=port
+        )
 
     @property
     def of_links(self) -> tuple[LinkRules, ...]:
@@ -87,16 +91,16 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
         )
         links = self.links or (one,)
         names = [each.name for each in links]
-        for route in self.relayed:
+        for route in self.routes:
             if route.link not in names:
                 raise ConfigError(
                     f"route {route.name!r}: link is {route.link!r}; allowed: {', '.join(names)}"
                 )
-        names += [each.name for each in self.relayed]
+        names += [each.name for each in self.routes]
         for name in names:
             if names.count(name) > 1:
                 raise ConfigError(f"links and routes: two have the name {name!r}")
-        for stream_id, name in self.routes.items():
+        for stream_id, name in self.links_of_streams.items():
             if name not in names:
                 raise ConfigError(
                     f"stream {stream_id}: link is {name!r}; allowed: {', '.join(names)}"

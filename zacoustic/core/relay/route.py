@@ -4,6 +4,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.clock import DURATIONS, is_duration
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.wire.relay import HEADER_BYTES, LAST_ROUTE
 from zacoustic.errors import ConfigError
@@ -49,9 +50,9 @@ class Route(msgspec.Struct, frozen=True, kw_only=True):
             )
         if not all(1 <= each <= 254 for each in path):
             raise ConfigError(f"route {self.route_id}: path is {list(path)}; allowed: 1..254")
-        if self.lifetime_s < 0:
+        if not is_duration(self.lifetime_s, or_zero=True):
             raise ConfigError(
-                f"route {self.route_id}: lifetime_s is {self.lifetime_s}; allowed: at least 0"
+                f"route {self.route_id}: lifetime_s is {self.lifetime_s}; allowed: 0, {DURATIONS}"
             )
 
     @property

@@ -224,7 +224,8 @@ class Composer:
         first = next(self._queue.candidates(now, lane), None)
         if first is None:
             return None
-        return self._fill(port, Offer(destination=first[1].destination, lane=lane), now)
+        offer = self._for_link(Offer(destination=first[1].destination, lane=lane))
+        return self._fill(port, offer, now)
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now; return None when there is nothing to send."""
@@ -312,11 +313,16 @@ class Composer:
             if offer.rank == BESIDE_PAYLOAD:
                 destination = BROADCAST if offer.rides and to_all else offer.destination
                 offer = msgspec.structs.replace(offer, rank=rank, destination=destination)
-            if self._other_end is not None and offer.destination == BROADCAST:
-                offer = msgspec.structs.replace(offer, destination=self._other_end, takes_all=True)
+            offer = self._for_link(offer)
             if offer not in in_vain and (best is None or offer.rank < best.rank):
                 best = offer
         return best
+
+    def _for_link(self, offer: Offer) -> Offer:
+        """Return an offer as the link can carry it: where there is one other node, for that."""
+        if self._other_end is None or offer.destination != BROADCAST:
+            return offer
+        return msgspec.structs.replace(offer, destination=self._other_end, takes_all=True)
 
     def _how(self, offer: Offer) -> Callable[[LinkPort, Offer, int], Composed | None]:
         """Return how the frame of an offer is made."""
@@ -337,9 +343,7 @@ class Composer:
         """Make the frame of a fragment, or the introduction that must precede it."""
         destination = offer.destination
         room_bytes = port.envelope.room_bytes - self._seal.fragment_overhead_bytes
-        tells_all = self._introductions.concerns_others(destination) and port.reaches_all(
-            port.envelope.room_bytes
-        )
+        tells_all = self._has_others(destination) and port.reaches_all(port.envelope.room_bytes)
         for hearers in (destination, BROADCAST) if tells_all else (destination,):
             if not self._seal.is_known(hearers, now):
                 hello = self._introductions.introduction(self._link, hearers, room_bytes, now)
@@ -353,7 +357,7 @@ class Composer:
             return None
         if taken.ends_run:
             port.end_run()
-            if self._introductions.concerns_others(destination) and port.reaches_all(
+            if self._has_others(destination) and port.reaches_all(
                 len(taken.record) + self._seal.fragment_overhead_bytes
             ):
                 destination = BROADCAST  # the pause that follows concerns all nodes
@@ -372,6 +376,10 @@ class Composer:
             object_stream=taken.stream_id,
             parts=[taken.part],
         )
+
+    def _has_others(self, destination: int) -> bool:
+        """Return whether other nodes on this link are concerned by a frame to one of them."""
+        return self._other_end is None and self._introductions.concerns_others(destination)
 
     def _introduces_fragment(self, destination: int, now: int) -> bool:
         """Return whether this node must introduce itself before a fragment, of either service."""

@@ -341,7 +341,7 @@ def _notes(
 
 def _route_notes(config: Config) -> Iterator[str]:
     """Say where each route goes, and which streams name it."""
-    for route in config.rules.relayed:
+    for route in config.rules.routes:
         way = " - ".join(config.nodes.get(each, str(each)) for each in route.path)
         text = f"route {route.name}: {way}, {route.hops} hops over {route.link}"
         if route.other_end(config.address) is None:
@@ -351,10 +351,10 @@ def _route_notes(config: Config) -> Iterator[str]:
         names = [
             stream.name
             for stream in config.table
-            if config.rules.routes.get(stream.stream_id) == route.name
+            if config.rules.links_of_streams.get(stream.stream_id) == route.name
         ]
         yield f"{text}; streams: {', '.join(names) or 'none'}"
-    if config.rules.relayed:
+    if config.rules.routes:
         yield "zacoustic plan counts a stream of a route once, not for each hop; sim runs it"
 
 

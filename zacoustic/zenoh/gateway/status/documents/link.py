@@ -7,6 +7,7 @@ import msgspec
 from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.engine.engine import Engine
+from zacoustic.core.relay.route import Route
 from zacoustic.run.runner import LinkRunner
 
 
@@ -76,15 +77,17 @@ class LinkStatus:
             }
         if self._engine.hops:
             found["relay"] = {"hops": msgspec.to_builtins(self._engine.hops)}
-        return found | {f"route/{name}": self._route(name) for name in self._engine.routes}
+        return found | {f"route/{each.name}": self._route(each) for each in self._engine.routes}
 
-    def _route(self, name: str) -> dict[str, object]:
-        """Return the document of a route that ends here."""
-        stats = self._engine.stats.links[name]
+    def _route(self, route: Route) -> dict[str, object]:
+        """Return the document of a route that ends here; nobody knows whether its relays live."""
+        stats = self._engine.stats.links[route.name]
         return {
-            "name": name,
-            "state": self._engine.state_of(name).value,
-            "capabilities": self._engine.capabilities_of(name),
+            "name": route.name,
+            "path": route.path,
+            "link": route.link,
+            "link_state": self._engine.state_of(route.name).value,
+            "capabilities": self._engine.capabilities_of(route.name),
             "frames_transmitted": stats.frames_transmitted,
             "bytes_transmitted": stats.bytes_transmitted,
             "frames_received": stats.frames_received,
