@@ -355,7 +355,8 @@ def test_routes_over_poorer_links(modem: Modem, sealed: bool) -> None:
 def test_two_routes_of_different_ends_cross_at_one_relay() -> None:
     there = route(1, 2, 3, 4, 5)
     across = route(2, 3, 4, route_id=2, name="middle")
-    line = LineOfFive(0.1, seed=12, routes=(there, across))
+    near = route(3, 4, route_id=3, name="near")
+    line = LineOfFive(0.1, seed=12, routes=(there, across, near))
     for number in range(20):
         line.network.at(60.0 * number, partial(line.publish, FIX, b"%d" % number))
         line.network.at(60.0 * number + 30.0, partial(line.publish, BACK, b"%d" % number))
@@ -363,8 +364,19 @@ def test_two_routes_of_different_ends_cross_at_one_relay() -> None:
     assert len(line.values(FIX)) >= 18
     assert len(line.values(BACK)) >= 18
     assert line.network.engine(2).routes == (across,)
-    assert line.dropped("relay_route") == 0  # of the other route, at the ends of the first
-    assert {each.route for each in line.network.engine(3).hops} == {"far", "middle"}
+    # Of the routes that a node is not part of, it takes nothing, and nothing is wrong with them.
+    assert line.dropped("relay_route") == line.dropped("reserved") == 0
+    assert {each.route for each in line.network.engine(3).hops} == {"far", "middle", "near"}
+
+
+def test_who_is_part_of_no_route_takes_their_frames_for_no_fault() -> None:
+    line = LineOfFive(0.0, seed=16, routes=(route(1, 2, 3),))
+    line.network.at(60.0, partial(line.network.publish, 1, FIX, b"for nobody here"))
+    line.network.run(until_s=600.0)
+    assert line.network.engine(2).stats.frames_transmitted
+    assert line.network.engine(4).stats.frames_received
+    assert not line.network.engine(4).stats.dropped
+    assert not line.network.engine(4).hops
 
 
 def test_contact_over_a_route() -> None:

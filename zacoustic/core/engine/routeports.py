@@ -42,14 +42,14 @@ class RoutePorts:
 
     def relay(self, context: Context) -> Relay | None:
         """Make the relay on a link; None: no route goes over it."""
-        routes = {each.route_id: each for each in self._routes if each.link == context.link}
-        if not routes:
+        over_it = [each for each in self._rules.routes if each.link == context.link]
+        if not over_it:
             return None
-        others = {each.route_id for each in self._rules.routes if each.link == context.link}
+        routes = {each.route_id: each for each in over_it if self._address in each.path}
         return Relay(
             self._address,
             routes,
-            others - set(routes),
+            {each.route_id for each in over_it} - set(routes),
             self._rules.relay,
             rng=context.generators.of("relay"),
             timers=context.timers,
