@@ -73,12 +73,13 @@ def test_links_closed_at_any_instant_leave_nothing(
         else:
             place = await server.listen(1, "127.0.0.1", 0)
         try:
-            before, opened = Held(), 0
-            for _ in range(TIMES):
+            before, closed, opened = Held(), 0, 0
+            while closed < TIMES or opened < 3:  # a machine under load takes longer to open one
                 stream = ByteStream(place.locator, first_delay_s=0.02, last_delay_s=0.1)
                 side = Side(EvologicsLink(stream, CONFIG, node_address=1), 1)
-                await use(side, rng.uniform(0.0, 1.2))
+                await use(side, rng.uniform(0.0, 1.2) * max(1.0, closed / TIMES))
                 await side.close()
+                closed += 1
                 side.receiver.raise_faults()
                 opened += side.is_up
                 assert set(threading.enumerate()) <= before.threads
@@ -86,7 +87,6 @@ def test_links_closed_at_any_instant_leave_nothing(
             for _ in range(100):  # turns in which the emulator notices that its clients are gone
                 await asyncio.sleep(0)
             assert Held().descriptors <= before.descriptors
-            assert opened >= 3, "the links were never used"
         finally:
             await server.close()
 
