@@ -52,7 +52,7 @@ class Forwarded(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ForwardingSource(Source, Protocol):
-    """The routes over relays of which this node is a part."""
+    """The routes over relays of which this node is a part, or the bonds of its links."""
 
     @property
     def goes_on(self) -> bool:

@@ -69,7 +69,7 @@ class Protocols(Profile):
         context: What they share.
         rules: The rules of the config.
         transports: Make third-party transports.
-        relay: Has the frames of routes over this link; None: there are none.
+        relay: Has the frames of routes and bonds over this link; None: there are none.
 
     Raises:
         ConfigError: Two of them have the same name, or one has none.
@@ -284,7 +284,7 @@ class Protocols(Profile):
         # Nobody pauses on a route, and its relays repeat what is lost.
         has_pauses = not port.access.is_scheduled and self._context.other_end is None
         times = LinkTimes(capabilities, port.listening if has_pauses else None)
-        settling_ns = SETTLING_UNITS * unit_ns(capabilities)
+        settling_ns = max(SETTLING_UNITS * unit_ns(capabilities), self._context.settling_ns)
         self._context.pacers.times = times
         self.topics.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
