@@ -300,6 +300,8 @@ class Bonding:
             ledger_bytes = 0 if is_counted else len(frame.frame_bytes)
             is_counted = True
             self._give(link, seq, frame, now, ledger_bytes, sent, awaited, is_urgent=is_urgent)
+        for link in self._to_try(now):
+            self._probe(link, now)
         self._rearm(now)
 
     def handle(
