@@ -7,6 +7,7 @@ from functools import partial
 
 import pytest
 
+from tests.virtual.sealed import SealedFleet
 from tests.virtual.surfacing import (
     ARM,
     ASK,
@@ -81,6 +82,7 @@ def dive(seed: int) -> None:
         radio_loss=rng.choice((0.0, 0.0, 0.2)),
         hears_above=rng.random() < 0.5,
         copies=rng.choice(((), (0.3,), (2.0, 20.0))),
+        build=SealedFleet() if seed % 2 else Engine,
     )
     for number in range(40):
         water.publish_at(rng.uniform(10.0, 3000.0), LOG, b"l%d" % number)
@@ -218,6 +220,41 @@ def test_a_forged_question_has_no_effect_that_lasts() -> None:
     [status] = water.network.engine(SHORE).bonds
     assert status.reach[AUV][SOUND] is Reach.UP
     assert status.reach[AUV][RADIO] is not Reach.UP
+
+
+def test_whoever_forges_a_radio_takes_no_frame_from_the_sound_of_a_sealed_fleet() -> None:
+    """A stranger repeats all that he hears by sound as datagrams, and answers each question."""
+    water = Surfacing(build=SealedFleet())
+    capabilities = water.network.capabilities(SHORE, RADIO)
+    heard = 0
+
+    def forge() -> None:
+        nonlocal heard
+        for _, node, link, frame in water.frames[heard:]:
+            other = SHORE + AUV - node
+            envelope = Envelope(capabilities, node)
+            said = [Bonded(BOND.number, heard % 256, b"", wants_answer=True).encode()]
+            if link == SOUND:
+                said.append(frame)
+            for content in said:
+                arrived = ReceivedFrame(
+                    frame_bytes=envelope.wrap(content, other), received_at=water.network.now
+                )
+                water.network.apply(
+                    other, lambda engine, now, arrived=arrived: engine.handle_frame(
+                        arrived, now, RADIO
+                    )
+                )  # fmt: skip
+        heard = len(water.frames)
+
+    # Between two times at the surface.
+    water.network.at(UP_S + 20.0, partial(water.network.every, 1.0, forge))
+    for number in range(40):
+        water.publish_at(UP_S + 30.0 + 10.0 * number, REPORT, b"r%d" % number)
+    water.network.run(until_s=PERIOD_S - 20.0)
+    assert len(water.got_s) == 40
+    assert {len(each) for each in water.got_s.values()} == {1}
+    assert max(water.delays_s(REPORT)) < 5.0
 
 
 def test_wrong_rules_are_refused() -> None:
