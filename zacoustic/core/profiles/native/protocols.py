@@ -10,6 +10,7 @@ This is the native wire; `zacoustic.core.profiles.rmw_desert.protocols` has the 
 from collections.abc import Sequence, Set
 from types import MappingProxyType
 
+from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
 from zacoustic.core.peers.contact import PeerFound, PeerLost
@@ -85,7 +86,10 @@ class Protocols(Profile):
         super().__init__(context)
         self._relay = relay
         self.heartbeats = Heartbeats(
-            context.others, rules.contact.heartbeat_s, context.generators.of("contact")
+            context.others,
+            rules.contact.heartbeat_s,
+            context.generators.of("contact"),
+            announces=rules.contact.announces and _has_lived(context),
         )
         self.services: Services = Services(context, self.repeater)
         self.actions: Actions = Actions(context, self.repeater)
@@ -311,6 +315,7 @@ class Protocols(Profile):
     def link_up(self, now: int) -> None:
         """Resume the work of all components: the link is up."""
         self._context.doubt.link_up(now)
+        self.heartbeats.link_up(now)
         self.topics.link_up(now)
         self._context.pacers.link_up(now)
         self.services.link_up(now)
@@ -325,6 +330,11 @@ class Protocols(Profile):
     def handle_timeout(self, now: int) -> None:
         """Do, while the node is awake, the work that has no timer of its own."""
         self.topics.awake(now)
+
+
+def _has_lived(context: Context) -> bool:
+    """Return whether the journal shows an earlier start of this node."""
+    return int.from_bytes(context.stored.get(LIFE_KEY, b""), "big") > 1
 
 
 def make_transports(
