@@ -5,6 +5,7 @@ import random
 from collections.abc import Callable
 from functools import partial
 
+import msgspec
 import pytest
 
 from tests.virtual.sealed import SealedFleet
@@ -157,6 +158,38 @@ def test_commands_go_by_the_list_as_well() -> None:
     assert not engine.stats.links[RADIO].ledger() or {
         each.cause for each in engine.stats.links[RADIO].ledger()
     } <= {Cause.RELAY, Cause.ENVELOPE}
+
+
+@pytest.mark.parametrize("at_s", [60.0, 300.0])
+def test_a_commanded_silence_is_answered_and_kept_on_every_link(at_s: float) -> None:
+    water = Surfacing()
+    for number in range(5):  # they know each other
+        water.publish_at(10.0 + number, LOG, b"l%d" % number)
+        water.call_at(20.0 + number, ARM, b"a%d" % number)
+    silence = RemoteCommand(kind=CommandKind.SILENCE, for_s=600.0)
+    water.network.at(
+        at_s,
+        lambda: water.network.apply(
+            SHORE, lambda engine, now: engine.commands.send(AUV, silence, now)
+        ),
+    )
+    for number in range(20):
+        water.publish_at(at_s + 20.0 + 10.0 * number, REPORT, b"r%d" % number)
+        water.publish_at(at_s + 25.0 + 10.0 * number, STOP, b"s%d" % number)
+    water.network.run(until_s=at_s + 300.0)
+    assert water.network.engine(AUV).silence.is_silent(water.network.local_ns(AUV))
+    assert water.answers["answered"] == 6
+    assert not [at for at, node, _, _ in water.frames if node == AUV and at > at_s + 10.0]
+
+
+def test_an_urgent_frame_is_under_no_cap_of_a_link() -> None:
+    capped = rules()
+    links = tuple(msgspec.structs.replace(each, max_airtime=1e-6) for each in capped.links)
+    water = Surfacing(rules=msgspec.structs.replace(capped, links=links))
+    water.publish_at(190.0, LOG, b"l")
+    water.publish_at(200.0, STOP, b"stop")
+    water.network.run(until_s=210.0)
+    assert max(water.delays_s(STOP)) < 3.0
 
 
 def test_a_node_without_radio_uses_the_list_on_its_one_link() -> None:

@@ -203,7 +203,7 @@ class _TimersOf(Timers):
         self._timers.changed(self._key(key), find, callback)
 
     def is_armed(self, purposes: Set[Due]) -> bool:
-        return any(key[1:2] == (self._owner,) for key in self._timers.armed(purposes))
+        return any(self._owner in key for key in self._timers.armed(purposes))
 
     def next_at(self) -> int | None:
         return self._timers.next_at()

@@ -270,13 +270,21 @@ class Bonding:
         self.outboxes[link].clear(now)
         self._review(now)
 
-    def submit(self, frame: Transmission, now: int, *, is_urgent: bool = False) -> None:
+    def submit(
+        self,
+        frame: Transmission,
+        now: int,
+        *,
+        is_urgent: bool = False,
+        is_granted: bool = False,
+    ) -> None:
         """Take a frame of this node.
 
         Args:
             frame: The frame.
             now: The instant, ns.
             is_urgent: Whether it goes before all others.
+            is_granted: Whether it may go although the node is silent.
         """
         by_link: dict[str, set[int]] = {}
         for peer in self._hearers_of(frame):
@@ -299,7 +307,10 @@ class Bonding:
         for link in by_link:
             ledger_bytes = 0 if is_counted else len(frame.frame_bytes)
             is_counted = True
-            self._give(link, seq, frame, now, ledger_bytes, sent, awaited, is_urgent=is_urgent)
+            self._give(
+                link, seq, frame, now, ledger_bytes, sent, awaited,
+                is_urgent=is_urgent, is_granted=is_granted,
+            )  # fmt: skip
         for link in self._to_try(now):
             self._probe(link, now)
         self._rearm(now)
@@ -377,6 +388,7 @@ class Bonding:
         awaited: _Awaited | None,
         *,
         is_urgent: bool,
+        is_granted: bool = False,
     ) -> None:
         """Let a frame go by one link."""
         wants_answer = awaited is not None and link in awaited.by_link
@@ -398,6 +410,7 @@ class Bonding:
             is_urgent=is_urgent,
             ended=ended,
             ledger_bytes=ledger_bytes,
+            is_granted=is_granted,
         )
         self.outboxes[link].put(waiting, now)
 

@@ -37,6 +37,8 @@ class Waiting(msgspec.Struct, eq=False):
     """Told when its transmission has ended, or will not begin."""
     ledger_bytes: int = 0
     """Bytes of it that are in the ledger of the bond."""
+    is_granted: bool = False
+    """Whether it may go although the node is silent."""
 
 
 class Outbox:
@@ -69,6 +71,22 @@ class Outbox:
 
     # A source of the composer
 
+    @property
+    def is_urgent(self) -> bool:
+        """Whether a frame waits that medium access is to treat as urgent."""
+        return any(each.is_urgent for each in self._waiting)
+
+    @property
+    def has_granted(self) -> bool:
+        """Whether a frame waits that may go although the node is silent."""
+        return any(each.is_granted for each in self._waiting)
+
+    def take_granted(self, room_bytes: int, now: int) -> tuple[int, Forwarded] | None:
+        """Take the frame that may go in silence, and its destination; None: it does not fit."""
+        frame = next(each for each in self._waiting if each.is_granted)
+        taken = self._take(frame, room_bytes, now)
+        return None if taken is None else (frame.destination, taken)
+
     def due_at(self, now: int) -> int | None:
         """Return the instant at which a frame is due, ns; None: none."""
         return now if self._waiting else None
@@ -89,7 +107,11 @@ class Outbox:
         """Take the content of the frame that goes now, of at most `room_bytes`."""
         if not self._waiting:
             return None
-        frame = self._first()
+        return self._take(self._first(), room_bytes, now)
+
+    # Below the methods above
+
+    def _take(self, frame: Waiting, room_bytes: int, now: int) -> Forwarded | None:
         self._waiting.remove(frame)
         content = frame.make(room_bytes, now)
         if content is None:
@@ -98,8 +120,6 @@ class Outbox:
         self._stats.attribute(NO_STREAM, Cause.RELAY, len(content) - frame.ledger_bytes)
         part = Part() if frame.ended is None else Part(reported=frame.ended)
         return Forwarded(content=content, part=part)
-
-    # Below the methods above
 
     def _first(self) -> Waiting:
         return next((each for each in self._waiting if each.is_urgent), self._waiting[0])

@@ -21,6 +21,7 @@ from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.relay import FIRST_PORT
@@ -39,10 +40,14 @@ class BondPorts:
         address: Address of the node.
         table: Its streams.
         rules: The rules of the config.
+        silence: The transmit silence.
     """
 
-    def __init__(self, address: int, table: StreamTable, rules: TransmitRules) -> None:
+    def __init__(
+        self, address: int, table: StreamTable, rules: TransmitRules, silence: Silence
+    ) -> None:
         self._address = address
+        self._silence = silence
         self._table = table
         self._streams = {
             bond.name: [
@@ -109,7 +114,8 @@ class BondPorts:
             self._follow(bonding, stack, now)
             while (made := stack.make_ranked(now)) is not None:
                 frame, is_urgent = made
-                bonding.submit(frame, now, is_urgent=is_urgent)
+                is_granted = self._silence.is_silent(now)
+                bonding.submit(frame, now, is_urgent=is_urgent, is_granted=is_granted)
 
     def handle_state(self, hop: LinkStack, state: LinkState, now: int) -> None:
         """Take the state of a link for the bonds over it."""

@@ -146,7 +146,7 @@ class Engine:
         """Commands about transmit silence: `begin` and `resume`."""
         self._stacks: dict[str, LinkStack] = {}
         self._route_ports = RoutePorts(address, rules)
-        self._bond_ports = BondPorts(address, table, rules)
+        self._bond_ports = BondPorts(address, table, rules, self.silence)
         contexts = [
             Context(node, own.name, index, own.port) for index, own in enumerate(rules.of_links)
         ]

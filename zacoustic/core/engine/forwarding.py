@@ -64,6 +64,21 @@ class Forwarding:
         """Whether the last frame has announced that another one follows at once."""
         return any(each.goes_on for each in self._sources)
 
+    @property
+    def is_urgent(self) -> bool:
+        """Whether a frame waits that medium access is to treat as urgent."""
+        return any(each.is_urgent for each in self._sources)
+
+    @property
+    def has_granted(self) -> bool:
+        """Whether a frame waits that may go although the node is silent."""
+        return any(each.has_granted for each in self._sources)
+
+    def take_granted(self, room_bytes: int, now: int) -> tuple[int, Forwarded] | None:
+        """Take the frame that may go in silence, and its destination; None: it does not fit."""
+        source = next(each for each in self._sources if each.has_granted)
+        return source.take_granted(room_bytes, now)
+
     def due_at(self, now: int) -> int | None:
         """Return the instant at which a frame is due, ns; None: none."""
         instants = (each.due_at(now) for each in self._sources)

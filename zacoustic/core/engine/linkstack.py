@@ -150,6 +150,7 @@ class LinkStack:
 
     def switch(self, capabilities: LinkCapabilities, now: int) -> None:
         """Go on by another medium, by which whatever waits for an answer is due at once."""
+        self._context.pacers.begin_anew()
         self.transmitter.use_link(capabilities, now)
         self.protocols.link_up(now)
 

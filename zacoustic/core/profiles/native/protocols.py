@@ -188,6 +188,20 @@ class Protocols(Profile):
         """Whether its last frame has announced that another one follows at once."""
         return self._relay is not None and self._relay.goes_on
 
+    def is_urgent(self, now: int) -> bool:
+        """Return whether something waits that goes before everything else."""
+        is_forwarded = self._relay is not None and self._relay.is_urgent
+        return is_forwarded or super().is_urgent(now)
+
+    @property
+    def has_granted(self) -> bool:
+        """Whether a frame of another link waits that may go although the node is silent."""
+        return self._relay is not None and self._relay.has_granted
+
+    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
+        """Make that frame, or return None."""
+        return self.composer.compose_granted(port, now)
+
     def owes_acknowledgement(self, now: int) -> bool:
         """Return whether an acknowledgement or feedback waits."""
         return self.queue.has_acknowledgement or self.objects.owes_answer(now)
