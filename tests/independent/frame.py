@@ -91,10 +91,13 @@ class Frame:
     padding: int
 
 
-def read(records: bytes, way: Way, judge: Judge | None = None) -> Frame:
-    """Read the records of a frame. What cannot be read is among the items as `Unread`."""
+def read(records: bytes, way: Way, judge: Judge | None = None, *, life: int | None = None) -> Frame:
+    """Read the records of a frame. What cannot be read is among the items as `Unread`.
+
+    `life`: of the sender of a sealed frame, which is read as if it began with a TAG of its life.
+    """
     judge = Trusting() if judge is None else judge
-    splitter = _Splitter(records, way, judge)
+    splitter = _Splitter(records, way, judge, life)
     pieces = splitter.split()
     controls = tuple(piece for piece in pieces if isinstance(piece, agreement.Control))
     judge.learn(controls)
@@ -124,13 +127,14 @@ def _decoded(data: bytes, way: Way, judge: Judge, introduction: Introduction | N
 class _Splitter:
     """Cuts a frame into its pieces."""
 
-    def __init__(self, records: bytes, way: Way, judge: Judge) -> None:
+    def __init__(self, records: bytes, way: Way, judge: Judge, life: int | None) -> None:
         self._cursor = Cursor(records)
         self._way = way
         self._judge = judge
         self._behind_record = False
         self._pieces: list[Piece] = []
-        self.introduction: Introduction | None = None
+        self._sealed = life is not None
+        self.introduction: Introduction | None = None if life is None else Tag(life)
         self.padding = 0
 
     def split(self) -> list[Piece]:
@@ -214,14 +218,14 @@ class _Splitter:
         """Take a record without LEN."""
         cursor = self._cursor
         self._behind_record = True
-        if self.introduction is not None:
+        if self.introduction is not None and not self._sealed:
             self._pieces.append(RecordBytes(cursor.rest()))
             return
         start = cursor.position
         ahead = Cursor(cursor.data, start)
         data = cursor.data[start:]
         if not record.is_acknowledgement(data):
-            verdict = self._judge.verdict(None, record.stream_of(data))
+            verdict = self._judge.verdict(self.introduction, record.stream_of(data))
             if verdict != Verdict.DECODE:
                 raise ReadError(verdict.value)
         record.read(ahead, self._way)

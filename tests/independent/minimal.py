@@ -15,6 +15,7 @@ from enum import Enum
 
 from tests.independent import agreement, calls, compose, envelope, frame, record, reliable
 from tests.independent.agreement import Ask, Confirm, Hello, Row, Tag, Verdict
+from tests.independent.cursor import Cursor
 from tests.independent.envelope import BROADCAST, Capabilities, Opened
 from tests.independent.errors import ReadError
 from tests.independent.record import Acknowledgement, Call, Payload, Sample, Way
@@ -36,8 +37,8 @@ _IN_VAIN = 8
 _COPIES_KNOWN = 8
 _LINEAGES_KNOWN = 16
 
-Handler = Callable[[Payload], Payload]
-"""Serves a request; raises RuntimeError to fail with a text."""
+Handler = Callable[[Payload], Payload | None]
+"""Serves a request; raises RuntimeError to fail with a text; None: `respond` follows."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,18 @@ class NotRead:
     reason: str
 
 
-Event = Delivered | Ended | Answered | NotRead
+@dataclass(frozen=True)
+class Requested:
+    """A handler has left the answer for later: `Node.respond` with this."""
+
+    client: int
+    epoch: int
+    stream: int
+    number: int
+    payload: Payload
+
+
+Event = Delivered | Ended | Answered | NotRead | Requested
 
 
 # What a node knows of another one
@@ -285,7 +297,7 @@ class Served:
     number: int
     taken_s: float
     named: bool
-    answer: Payload | calls.Failure
+    answer: Payload | calls.Failure | None
     again: Repetition
     done: bool = False
 
@@ -362,6 +374,10 @@ class Node:
         node = service.server if service.server is not None else server
         if node is None:
             raise ReadError("no server")
+        head = calls.Head(calls.REQUEST, 0, from_server=False)
+        every = None if service.server is not None else node
+        if len(self._written(Call(stream, head, payload, every, 0.0))) > self.link.room - 8:
+            raise ReadError("a request that fits no frame with HELLO")
         client = self._clients.setdefault(stream, Client())
         index = client.begun + len(client.waiting)
         number = (calls.first_number(self.epoch) + index) % _NUMBERS
@@ -370,6 +386,14 @@ class Node:
         client.waiting.append(request)
         self._begin_calls(client, now)
         return index
+
+    def respond(self, request: Requested, answer: Payload | calls.Failure, now: float) -> None:
+        """Give the answer that a handler has left for later."""
+        name = (request.client, request.epoch, request.stream, request.number)
+        served = self._served.get(name)
+        if served is not None and served.answer is None:
+            served.answer = answer
+            served.again = Repetition(now)
 
     # Frames that arrive
 
@@ -427,6 +451,33 @@ class Node:
                 self._request(item, peer, introduction, now)
         elif isinstance(item, frame.Unread):
             self._unread(item, peer, now)
+            if listed and not way.broadcast:
+                self._refuse_request(item, peer, introduction, now)
+
+    def _refuse_request(
+        self,
+        item: frame.Unread,
+        peer: Peer,
+        introduction: frame.Introduction | None,
+        now: float,
+    ) -> None:
+        """Answer a request that cannot be decoded."""
+        differs = item.reason == Verdict.DIFFERS.value
+        if item.reason == Verdict.UNCONFIRMED.value or peer.known.hello is None:
+            return
+        try:
+            cursor = Cursor(item.data)
+            stream = record.stream_of(item.data)
+            service = self.table.stream(stream)
+            cursor.take(1)
+            head = calls.read_head(cursor, from_server=False)
+        except ReadError:
+            return
+        if not isinstance(service, Service) or service.server != self.address:
+            return
+        if head.kind == calls.REQUEST and (not differs or stream in peer.known.rows):
+            failure = calls.Failure(4 if differs else 3, "")
+            self._request(Call(stream, head, failure), peer, introduction, now)
 
     def _unread(self, item: frame.Unread, peer: Peer, now: float) -> None:
         self.events.append(NotRead(peer.address, item.reason))
@@ -576,6 +627,8 @@ class Node:
             peer.asked.discard(row.stream)
             peer.asks.pop(row.stream, None)
             peer.known.take(row, now)
+            if row.digest != own:
+                self._fail_calls(peer, row.stream)
         else:
             peer.passing[row.stream] = row.digest
             if row.digest != peer.known.rows.get(row.stream, own):
@@ -781,6 +834,16 @@ class Node:
             self._finish(client, request, item.payload)
         self._begin_calls(client, now)
 
+    def _fail_calls(self, peer: Peer, stream: int) -> None:
+        """End the calls of a stream that the server defines differently.
+
+        Its failure 4 says the same, but section 8 lets nobody decode a record of such a stream.
+        """
+        client = self._clients.get(stream, Client())
+        for request in [*client.active.values()]:
+            if request.server == peer.address:
+                self._finish(client, request, calls.Failure(4, ""))
+
     def _finish(self, client: Client, request: Request, result: Payload | calls.Failure) -> None:
         client.active.pop(request.index, None)
         if request.last_sent_s is not None:
@@ -806,6 +869,8 @@ class Node:
             served.named = introduction is not None
             served.done = False
             served.again.due_s = now
+            if served.answer is None:
+                self._confirm_request(served)
             return
         if epoch in peer.epochs and epoch != peer.epochs[-1]:
             return
@@ -816,7 +881,7 @@ class Node:
         if len(ours) >= _CALLS_KEPT:
             return
         answer = self._execute(item)
-        self._served[name] = Served(
+        served = self._served[name] = Served(
             peer.address,
             epoch,
             service,
@@ -826,10 +891,24 @@ class Node:
             answer,
             Repetition(now),
         )
+        if answer is None:
+            self._confirm_request(served)
+            if item.payload is not None and not isinstance(item.payload, calls.Failure):
+                self.events.append(Requested(*name, item.payload))
 
-    def _execute(self, item: Call) -> Payload | calls.Failure:
+    def _confirm_request(self, served: Served) -> None:
+        epoch = served.epoch & 63 if served.named else None
+        head = calls.Head(calls.CONFIRM, served.number, True, epoch)
+        server = self.address if served.service.server is None else None
+        confirm = (served.client, Call(served.service.id, head, None, server))
+        if confirm not in self._confirms:
+            self._confirms.append(confirm)
+
+    def _execute(self, item: Call) -> Payload | calls.Failure | None:
+        if isinstance(item.payload, calls.Failure):
+            return item.payload
         handler = self.handlers.get(item.stream)
-        if handler is None or item.payload is None or isinstance(item.payload, calls.Failure):
+        if handler is None or item.payload is None:
             return calls.Failure(2, "")
         try:
             return handler(item.payload)
@@ -906,7 +985,9 @@ class Node:
 
     def _answers(self) -> Iterator[Served]:
         for served in self._served.values():
-            if not served.done and served.again.due_s < served.taken_s + served.service.timeout_s:
+            if served.answer is None or served.done:
+                continue
+            if served.again.due_s < served.taken_s + served.service.timeout_s:
                 yield served
 
     def _destination(self, publication: Publication, number: int) -> int:
@@ -927,7 +1008,8 @@ class Node:
         if not due:
             return None
         destination = min(due)[2]
-        return Opened(self.address, destination, self._compose(destination, now))
+        records = self._compose(destination, now)
+        return Opened(self.address, destination, records) if records else None
 
     def _compose(self, destination: int, now: float) -> bytes:
         controls = self._introduction(destination, now)
@@ -1028,7 +1110,11 @@ class Node:
                     request.last_sent_s = now
                     self._repeat(request.again, now)
         for served in self._answers():
-            if served.client == destination and served.again.due_s <= now:
+            if (
+                served.client == destination
+                and served.again.due_s <= now
+                and served.answer is not None
+            ):
                 is_failure = isinstance(served.answer, calls.Failure)
                 kind = calls.ERROR if is_failure else calls.RESPONSE
                 epoch = served.epoch & 63 if served.named else None

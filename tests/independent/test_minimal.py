@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from tests.independent import calls, fleet
-from tests.independent.minimal import Answered, Delivered, Link, Node, NotRead
+from tests.independent.minimal import Answered, Delivered, Link, Node, NotRead, Requested
 from tests.independent.record import Payload
 from tests.independent.table import Service, Table, Topic
 
@@ -215,6 +215,42 @@ def test_the_status_of_a_node_by_a_call() -> None:
     channel.nodes[1].call(0xAE, {}, 0.0, server=2)
     channel.run(30)
     assert channel.nodes[1].events == [Answered(0xAE, 0, status)]
+
+
+def test_an_answer_that_takes_its_time() -> None:
+    channel = _channel(4, loss=0.3)
+    one, two = channel.nodes[1], channel.nodes[2]
+    two.handlers[20] = lambda _: None
+    one.call(20, b"\x01", 0.0)
+    channel.run(18)
+    (request,) = [event for event in two.events if isinstance(event, Requested)]
+    assert not one.events
+    two.respond(request, b"late", channel.now)
+    channel.run(40)
+    assert [event for event in one.events if isinstance(event, Answered)] == [
+        Answered(20, 0, b"late")
+    ]
+
+
+def test_a_request_that_does_not_decode() -> None:
+    streams = {**fleet.TABLE.streams, 20: Service(20, "auv1/arm", 2, request="Nav")}
+    table = Table(streams, fleet.TABLE.types, fleet.TABLE.nodes)
+    channel = _channel()
+    channel.nodes[2] = _node(2, 9, table)
+    channel.nodes[1].call(20, b"\x01", 0.0)
+    channel.run(30)
+    assert channel.nodes[1].events == [Answered(20, 0, calls.Failure(3, ""))]
+
+
+def test_a_request_of_a_stream_that_differs() -> None:
+    channel = _channel()
+    rows = {**ROWS, 20: bytes(4)}
+    digest = bytes.fromhex("01020304")
+    channel.nodes[2] = Node(2, fleet.TABLE, digest, 9, LINK, random.Random(1), 0.0, rows)
+    channel.nodes[1].call(20, b"\x01", 0.0)
+    channel.run(60)
+    answers = [one for one in channel.nodes[1].events if isinstance(one, Answered)]
+    assert answers == [Answered(20, 0, calls.Failure(4, ""))]
 
 
 def test_a_service_that_nobody_serves() -> None:

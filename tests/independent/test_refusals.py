@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.independent import (
+    agreement,
     cborpos,
+    dense,
     encodings,
     envelope,
     fleet,
@@ -101,6 +103,7 @@ READINGS: dict[str, Callable[[bytes], object]] = {
     "goal": lambda data: goals.read_head(Cursor(data), from_server=True),
     "relay": relay.read,
     "seal": _open,
+    "dense": dense.read_head,
     "record": lambda data: record.read(Cursor(data), WAYS[0]),
     "byte stream": lambda data: envelope.unwrap(data, envelope.Capabilities()),
     "cobs": envelope.uncobs,
@@ -156,6 +159,14 @@ def test_what_was_read_can_be_written_and_read_again() -> None:
     assert taken > CASES
 
 
+class _Strict(frame.Trusting):
+    """Knows that stream 10 is another one at the source."""
+
+    def verdict(self, introduction: frame.Introduction | None, stream: int) -> agreement.Verdict:
+        differs = stream == 10
+        return agreement.Verdict.DIFFERS if differs else agreement.Verdict.DECODE
+
+
 REFUSED = {
     "not in shortest form": ("i", "1800"),
     "an integer that is a float": ("i", "f93c00"),
@@ -196,6 +207,20 @@ def test_frames_that_are_refused(reason: str) -> None:
     (last,) = frame.read(bytes.fromhex(data), WAYS[1]).items[-1:]
     assert isinstance(last, frame.Unread)
     assert last.reason == why
+
+
+def test_a_sealed_frame_shows_the_ends_of_equal_streams() -> None:
+    """Section 15: it is as if each frame began with a TAG, but where streams are equal."""
+    data = bytes.fromhex("0a1a02b4bfc0187b190a9b010b726177")
+    samples = frame.read(data, WAYS[1], life=7).items
+    assert samples == frame.read(data, WAYS[1]).items
+    assert len(samples) == 2
+    whole = frame.read(data, WAYS[1], _Strict(), life=7)
+    assert whole.introduction == agreement.Tag(7)
+    assert whole.items == (frame.Unread(data, "differs"),)
+    delimited = b"\xb2\x0c" + data[:12] + b"\x0braw"
+    whole = frame.read(delimited, WAYS[1], _Strict(), life=7)
+    assert whole.items == (frame.Unread(data[:12], "differs"), record.Sample(11, (), b"raw"))
 
 
 def test_an_extension_is_skipped() -> None:

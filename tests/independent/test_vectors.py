@@ -587,6 +587,38 @@ def test_blocks_of_the_vectors_are_the_rest_of_a_frame() -> None:
         assert whole.items == (Sample(11, (), b"raw"), dense.Block(data))
 
 
+@pytest.mark.parametrize("model", ["model", "no model"])
+def test_names_of_references(model: str) -> None:
+    """Of a block that refers to nothing near, the name is its turn, three on from the last one."""
+    heads = [dense.read_head(bytes.fromhex(data)) for data in DENSE[model]["acknowledged"]]
+    assert [head.kind for head in heads] == 3 * [dense.INDEPENDENT] + 57 * [dense.REFERRING]
+    names = [head.name for head in heads[3:]]
+    turn = names[0]
+    assert turn is not None
+    for place in range(0, len(names), 3):
+        name = names[place]
+        assert name is not None
+        assert names[place : place + 3] == [name] * 3
+        assert name in ((turn + place) % 38, *range(38, 44))
+    assert sum(name is not None and name >= 38 for name in names) == (3 if model == "model" else 0)
+
+
+@pytest.mark.parametrize("model", ["model", "no model"])
+def test_blocks_for_themselves_refer_to_nothing(model: str) -> None:
+    blocks = [*DENSE[model]["each for itself"], DENSE[model]["together"]]
+    kinds = {dense.read_head(bytes.fromhex(data)).kind for data in blocks}
+    assert kinds <= {dense.INDEPENDENT, dense.SINGLE}
+
+
+def test_the_blocks_of_the_page_are_of_the_kinds_that_it_says() -> None:
+    kinds = {"dense_first": dense.INDEPENDENT, "dense_several": dense.INDEPENDENT}
+    kinds |= {"dense_referring": dense.REFERRING, "dense_text": dense.INDEPENDENT}
+    for name, kind in kinds.items():
+        block = _read(name).items[-1]
+        assert isinstance(block, dense.Block)
+        assert dense.read_head(block.data).kind == kind
+
+
 def test_an_acknowledgement_names_its_block() -> None:
     """The vector `dense_acknowledged` answers `dense_several`."""
     (hello,) = _read("dense_first").agreement
