@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from tests.independent import calls, fleet
+from tests.independent import calls, envelope, fleet
 from tests.independent.minimal import Answered, Delivered, Link, Node, NotRead, Requested
 from tests.independent.record import Payload
 from tests.independent.table import Service, Table, Topic
@@ -311,3 +311,52 @@ def test_random_frames_do_no_harm() -> None:
         data = bytes((chance.choice((1, 255)), source)) + chance.randbytes(chance.randrange(30))
         node.handle(data, float(count))
         node.poll(float(count))
+
+
+def _from_two(records: str) -> bytes:
+    link = LINK.capabilities
+    return envelope.wrap(envelope.Opened(2, 1, bytes.fromhex(records)), link)
+
+
+HELLO_OF_TWO = "b0025678200b2be1"
+
+
+def test_an_unnamed_answer_is_taken_only_of_a_server_that_has_confirmed_the_epoch() -> None:
+    node = _node(1, 1)
+    node.call(20, b"\x01", 0.0)
+    assert node.poll(0.0) is not None
+    node.handle(_from_two(HELLO_OF_TWO + "14406f6b"), 1.0)
+    assert not node.events
+    opened = node.poll_opened(1.0)
+    assert opened is not None
+    assert opened.records.startswith(bytes.fromhex("b0020001200b2be1"))
+    assert opened.records.endswith(bytes.fromhex("140001"))
+    node.handle(_from_two(HELLO_OF_TWO + "b501000214406f6b"), 2.0)
+    assert not node.events
+    node.handle(_from_two(HELLO_OF_TWO + "b501000114406f6b"), 3.0)
+    assert node.events == [Answered(20, 0, b"ok")]
+
+
+def test_a_named_answer_of_another_epoch_is_not_taken() -> None:
+    node = _node(1, 1)
+    node.call(20, b"\x01", 0.0)
+    assert node.poll(0.0) is not None
+    node.handle(_from_two(HELLO_OF_TWO + "1400426f6b"), 1.0)
+    assert not node.events
+    node.handle(_from_two(HELLO_OF_TWO + "1400416f6b"), 2.0)
+    assert node.events == [Answered(20, 0, b"ok")]
+    opened = node.poll_opened(2.0)
+    assert opened is not None
+    assert opened.records.endswith(bytes.fromhex("14c0"))
+
+
+def test_a_record_without_introduction_waits_for_the_settling_time() -> None:
+    node = _node(1, 1)
+    node.handle(_from_two(HELLO_OF_TWO + "0b61"), 0.0)
+    node.handle(_from_two("0b62"), 3.9)
+    assert _payloads(node, 11) == [b"a"]
+    node.handle(_from_two("0b63"), 4.0)
+    node.handle(_from_two("b156780b64"), 4.0)
+    node.handle(_from_two("b156790b65"), 4.0)
+    node.handle(_from_two("0b66"), 9.0)
+    assert _payloads(node, 11) == [b"a", b"c", b"d"]
