@@ -1,10 +1,14 @@
 """A minimal node: best effort, reliable topics and calls, unsealed. From docs/wire.md alone.
 
 It has no clock, no link and no thread: `handle` takes a frame that has arrived, `poll` gives the
-next one to transmit, and `events` what has come of them. Times are in seconds of any clock.
+next one to transmit (ask again until it gives None, when `next_due` says, and after `handle`,
+`publish`, `call` and `respond`), and `events` lists what has come of them. Times are in seconds of
+any clock. `handle_opened` and `poll_opened` do the same without the envelope, for links that carry
+addresses.
 
-It lacks what a node may lack: a journal, objects, actions, on-demand topics, dense blocks, medium
-access. Of what is only a SHOULD it has a simple form, first of all of the pace of repetitions.
+It lacks what a node may lack: a journal, objects (which it refuses as too large), actions,
+on-demand topics, dense blocks, medium access. Of what is only a SHOULD it has a simple form, first
+of all of the pace of repetitions.
 """
 
 import random
@@ -13,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from tests.independent import agreement, calls, compose, envelope, frame, record, reliable
+from tests.independent import agreement, calls, compose, envelope, frame, objects, record, reliable
 from tests.independent.agreement import Ask, Confirm, Hello, Row, Tag, Verdict
 from tests.independent.cursor import Cursor
 from tests.independent.envelope import BROADCAST, Capabilities, Opened
@@ -36,6 +40,8 @@ _CALLS_KEPT = 128
 _IN_VAIN = 8
 _COPIES_KNOWN = 8
 _LINEAGES_KNOWN = 16
+_TOO_LARGE = 2
+_PATIENCE = 5
 
 Handler = Callable[[Payload], Payload | None]
 """Serves a request; raises RuntimeError to fail with a text; None: `respond` follows."""
@@ -165,6 +171,9 @@ class Peer:
     """The epochs in which it has confirmed the present epoch of this node, the last one last."""
     epoch_again: tuple[int, float] | None = None
     in_vain: int = 0
+    """Frames to it since the last one of it."""
+    refused: set[int] = field(default_factory=set)
+    """Transfers of objects that this node has refused."""
 
     @property
     def differs(self) -> bool:
@@ -337,6 +346,7 @@ class Node:
         self._clients: dict[int, Client] = {}
         self._served: dict[tuple[int, int, int, int], Served] = {}
         self._confirms: list[tuple[int, Call]] = []
+        self._feedback: list[tuple[int, objects.Feedback]] = []
         for node in table.nodes:
             if node != address:
                 self._peer(node)
@@ -449,6 +459,8 @@ class Node:
                 self._answer(item, peer, now)
             else:
                 self._request(item, peer, introduction, now)
+        elif isinstance(item, objects.Fragment) and listed:
+            self._refuse_object(item, peer)
         elif isinstance(item, frame.Unread):
             self._unread(item, peer, now)
             if listed and not way.broadcast:
@@ -491,6 +503,23 @@ class Node:
                 return
             if stream not in peer.known.rows:
                 self._owe_ask(peer, stream, now)
+
+    def _refuse_object(self, fragment: objects.Fragment, peer: Peer) -> None:
+        """Refuse an object of a subscribed topic, so that its publisher goes on without it."""
+        if fragment.index == objects.NO_FRAGMENT:
+            return
+        if fragment.index == 0:
+            peer.refused.discard(fragment.number)
+            try:
+                topic = self.table.stream(objects.read_manifest(fragment.data).stream)
+            except ReadError:
+                return
+            if isinstance(topic, Topic) and self._subscribes(topic, peer.address):
+                peer.refused.add(fragment.number)
+        if fragment.number in peer.refused and fragment.hint == 0:
+            feedback = objects.Feedback(fragment.number, objects.REFUSED, reason=_TOO_LARGE)
+            if (peer.address, feedback) not in self._feedback:
+                self._feedback.append((peer.address, feedback))
 
     def _subscribes(self, topic: Topic, source: int) -> bool:
         if topic.publishers and source not in topic.publishers:
@@ -958,7 +987,7 @@ class Node:
 
     def _reasons(self) -> Iterator[tuple[int, float, int]]:
         """Return what needs a frame: its destination, when it is due, and its rank."""
-        for node, _ in self._confirms:
+        for node, _ in (*self._confirms, *self._feedback):
             yield node, 0.0, 0
         for request in self._requests():
             yield request.server, request.again.due_s, 1
@@ -1012,6 +1041,8 @@ class Node:
         return Opened(self.address, destination, records) if records else None
 
     def _compose(self, destination: int, now: float) -> bytes:
+        if destination != BROADCAST:
+            self._peers[destination].in_vain += 1
         controls = self._introduction(destination, now)
         filling = _Filling(controls, self.link.room)
         for peer in self._peers.values():
@@ -1029,6 +1060,7 @@ class Node:
             return self._broadcast_introduction(hello)
         peer = self._peers[destination]
         wanted = peer.hello is not None and peer.hello.allowed_s <= now
+        wanted = wanted or peer.in_vain > _PATIENCE
         if peer.state == Agreement.CONFIRMED and not wanted:
             return []
         if peer.state == Agreement.PROVISIONAL and not wanted:
@@ -1091,6 +1123,9 @@ class Node:
             self._samples.popleft()
 
     def _fill_unicast(self, destination: int, filling: "_Filling", now: float) -> None:
+        for report in [one for one in self._feedback if one[0] == destination]:
+            if filling.control(report[1]):
+                self._feedback.remove(report)
         for entry in [one for one in self._confirms if one[0] == destination]:
             if filling.record(entry[1], self.table):
                 self._confirms.remove(entry)
@@ -1209,7 +1244,7 @@ class _Filling:
             out += data if bare else compose.delimited(data)
         return out
 
-    def control(self, control: agreement.Control) -> bool:
+    def control(self, control: agreement.Control | objects.Feedback) -> bool:
         """Put a control in, if it fits."""
         if len(self._assembled()) + len(control.write()) > self._room:
             return False

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from tests.independent import calls, envelope, fleet
+from tests.independent import calls, envelope, fleet, objects
 from tests.independent.minimal import Answered, Delivered, Link, Node, NotRead, Requested
 from tests.independent.record import Payload
 from tests.independent.table import Service, Table, Topic
@@ -360,3 +360,20 @@ def test_a_record_without_introduction_waits_for_the_settling_time() -> None:
     node.handle(_from_two("b156790b65"), 4.0)
     node.handle(_from_two("0b66"), 9.0)
     assert _payloads(node, 11) == [b"a", b"c", b"d"]
+
+
+def test_an_object_is_refused() -> None:
+    node = _node(2, 1)
+    whole = objects.make_object(30, 0x1234, 7, b"", None, bytes(60))
+    parts = objects.cut(whole, 40)
+    out: list[str] = []
+    for index, part in enumerate(parts):
+        hint = 0 if index == len(parts) - 1 else 1
+        fragment = objects.Fragment(5, hint, index, part)
+        data = envelope.wrap(envelope.Opened(1, 2, fragment.write()), LINK.capabilities)
+        node.handle(data, float(index))
+        opened = node.poll_opened(float(index))
+        out += [] if opened is None else [opened.records.hex()]
+    assert len(parts) == 2
+    assert out[-1].endswith("bb8502")
+    assert sum("bb8502" in records for records in out) == 1
