@@ -482,6 +482,13 @@ class Bonding:
         for link, known in self._reach.items():
             for peer in list(known):
                 self._change(link, peer, now, PeerReach.review)
+        for link in self._tried:
+            in_doubt = [
+                peer for peer in self._in_doubt(link) if self._reach[link][peer].asks_at <= now
+            ]
+            for peer in in_doubt:
+                self._reach[link][peer].asked(now)
+                self._ask(link, peer, now)
         if self._is_waiting():
             for link in self._to_try(now):
                 self._probe(link, now)
@@ -531,19 +538,24 @@ class Bonding:
         peers = [each for each in self._worse_off(link) if self._reach[link][each].may_try(now)]
         for peer in peers:
             self._reach[link][peer].tried(now)
-        destination = peers[0] if len(peers) == 1 else BROADCAST
+        self._ask(link, peers[0] if len(peers) == 1 else BROADCAST, now)
+
+    def _ask(self, link: str, destination: int, now: int) -> None:
         content = Bonded(self.bond.number, self._take_number(), b"", True).encode()
         self.outboxes[link].put(Waiting(destination, lambda room, now: content, now), now)
+
+    def _in_doubt(self, link: str) -> list[int]:
+        known = self._reach[link]
+        return [peer for peer, reach in known.items() if reach.state is Reach.DOUBT]
 
     def _rearm(self, now: int) -> None:
         """Set the timer to what is due next."""
         instants = [at for awaited in self._awaited.values() for at in awaited.due_at.values()]
-        instants.extend(
-            reach.doubt_ends_at
-            for known in self._reach.values()
-            for reach in known.values()
-            if reach.state is Reach.DOUBT
-        )
+        for link, known in self._reach.items():
+            for peer in self._in_doubt(link):
+                instants.append(known[peer].doubt_ends_at)
+                if link in self._up:
+                    instants.append(known[peer].asks_at)
         if self._is_waiting():
             for link in self._tried:
                 for peer in self._worse_off(link):

@@ -10,10 +10,10 @@ State      Event                               Next
 any        the device is gone                  ``DOWN``
 =========  ==================================  =========
 
-In ``DOUBT`` frames go by this link and by the next one. So does the next frame when the node was
-just heard on a link that is down: that proves one direction only, for a vehicle at the edge of
-radio coverage hears the mast, which does not hear the vehicle. A link that was up for less than a
-minute is tried again after twice the pause before.
+In ``DOUBT`` frames go by this link and by the next one, and the node is asked three times. A frame
+goes by both as well when the node was just heard on a link that is down: that proves one direction
+only, for a vehicle at the edge of radio coverage hears the mast, which does not hear the vehicle. A
+link that was up for less than a minute is tried again after twice the pause before.
 
 On a link whose receivers do not answer, silence counts: it goes from ``UP`` to ``DOWN`` when the
 node was not heard for `silence_s` while several frames went, and back when it is heard. The last
@@ -32,6 +32,8 @@ _FRESH_NS: Final = 10 * NS_PER_S
 """What was heard on a link counts for so long without more."""
 _LONGEST_PAUSE: Final = 12
 """The pause grows to at most this many times what the rules say."""
+_QUESTIONS: Final = 3
+"""How often a node is asked on a link in doubt."""
 _UNHEARD: Final = 8
 """So many frames may go unheard where receivers do not answer."""
 
@@ -56,8 +58,8 @@ class PeerReach:
     """
 
     __slots__ = (
-        "_answered_at", "_doubted_at", "_heard_at", "_is_last", "_pauses", "_rules", "_try_at",
-        "_unheard", "_up_at", "state",
+        "_answered_at", "_asks_at", "_doubted_at", "_heard_at", "_is_last", "_pauses", "_rules",
+        "_try_at", "_unheard", "_up_at", "state",
     )  # fmt: skip
 
     def __init__(self, rules: BondLink, *, is_last: bool = False) -> None:
@@ -65,7 +67,7 @@ class PeerReach:
         self._is_last = is_last
         self.state = Reach.DOWN if rules.answers else Reach.UP
         """Whether the link reaches the node."""
-        self._answered_at = self._doubted_at = self._up_at = self._try_at = 0
+        self._answered_at = self._doubted_at = self._up_at = self._try_at = self._asks_at = 0
         self._heard_at: int | None = None
         self._unheard = 0
         self._pauses = 1
@@ -95,7 +97,7 @@ class PeerReach:
     def overdue(self, now: int) -> None:
         """Take that an answer did not come in time."""
         if self.state is Reach.UP:
-            self.state, self._doubted_at = Reach.DOUBT, now
+            self.state, self._doubted_at, self._asks_at = Reach.DOUBT, now, now
 
     def transmitted(self, now: int) -> None:
         """Take that a frame for the node goes by this link."""
@@ -112,6 +114,15 @@ class PeerReach:
         """Give up a link in doubt when its time is over."""
         if self.state is Reach.DOUBT and now >= self.doubt_ends_at:
             self._down(now)
+
+    @property
+    def asks_at(self) -> int:
+        """The instant at which to ask the node on a link in doubt, ns."""
+        return self._asks_at
+
+    def asked(self, now: int) -> None:
+        """Take that the node is asked on a link in doubt."""
+        self._asks_at = now + seconds_to_ns(self._rules.silence_s) // _QUESTIONS
 
     @property
     def doubt_ends_at(self) -> int:
