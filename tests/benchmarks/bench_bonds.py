@@ -64,15 +64,15 @@ def run(hours: float, loss: float, radio_loss: float, *, hears_above: bool) -> S
 def _switches(water: Surfacing) -> list[float]:
     """Return how long after it had something to say at the surface the vehicle used the radio."""
     given = sorted(water.given_s.values())
-    found = []
+    found: dict[float, float] = {}
     for at_s, event in water.reach:
         is_up = (event.address, event.link, event.reach) == (SHORE, RADIO, Reach.UP)
         if not is_up or at_s % PERIOD_S > UP_S:
             continue
         surfaced_s = at_s - at_s % PERIOD_S
         first_s = next((each for each in given if surfaced_s <= each <= at_s), at_s)
-        found.append(at_s - first_s)
-    return sorted(found)
+        found.setdefault(surfaced_s, at_s - first_s)
+    return sorted(found.values())
 
 
 def _at(values: list[float], share: float) -> float:

@@ -213,7 +213,9 @@ class Bonding:
             gap_s=used.gap_s,
             propagation_s=used.propagation_s,
             half_duplex=used.half_duplex,
-            controls_access=True,
+            # Medium access is at the link itself; the pauses of repetitions follow from these.
+            controls_access=used.controls_access,
+            senses_carrier=used.senses_carrier,
         )
 
     @property
