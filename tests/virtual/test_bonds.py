@@ -2,6 +2,7 @@
 
 import itertools
 import random
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 
@@ -26,16 +27,29 @@ from tests.virtual.surfacing import (
     rules,
 )
 from tests.virtual.twolinks import RADIO, SOUND
+from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.bond.reach import Reach
+from zacoustic.core.bond.spec import Bond, BondLink
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.events import DeliveryOutcome
+from zacoustic.core.engine.events import (
+    CallFailed,
+    DeliveryOutcome,
+    Event,
+    RequestReceived,
+    ResponseReceived,
+)
 from zacoustic.core.linktypes import ReceivedFrame
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.relay.route import Route
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.bond import Bonded
 from zacoustic.core.wire.envelope import Envelope
 from zacoustic.errors import ConfigError
+from zacoustic.testing.virtual import VirtualNetwork
 
 
 def test_a_frame_goes_by_radio_at_the_surface_and_by_sound_below() -> None:
@@ -288,6 +302,81 @@ def test_whoever_forges_a_radio_takes_no_frame_from_the_sound_of_a_sealed_fleet(
     assert len(water.got_s) == 40
     assert {len(each) for each in water.got_s.values()} == {1}
     assert max(water.delays_s(REPORT)) < 5.0
+
+
+def diamond(seed: int, kills: list[tuple[float, float, int]]) -> tuple[list[int], list[str]]:
+    """Let 1 and 4 reach each other over 2 or 3, which are down at times; calls go both ways.
+
+    Returns:
+        How often each call ran, and how each of them ended.
+    """
+    link = "link"
+    two = Route(route_id=1, name="by2", path=(1, 2, 4), link=link)
+    three = Route(route_id=2, name="by3", path=(1, 3, 4), link=link)
+    both = Bond(number=31, links=(two.name, three.name))
+    table = StreamTable(
+        [
+            ServiceSpec(stream_id=1, name="a", server=4, timeout_s=1800.0),
+            ServiceSpec(stream_id=2, name="b", server=1, timeout_s=1800.0),
+        ],
+        nodes={each: f"n{each}" for each in (1, 2, 3, 4)},
+    )
+    rules_of = TransmitRules(
+        routes=(two, three),
+        bonds=(both,),
+        bonded_routes=dict.fromkeys(both.links, BondLink(down_after_s=90.0, probe_s=120.0)),
+        links_of_streams={1: both.name, 2: both.name},
+    )
+    places = {1: (0, 0), 2: (1200, 900), 3: (1200, -900), 4: (2400, 0)}
+    scenario = scenario_from_mapping(
+        {
+            "seed": seed,
+            "channel": "none",
+            "loss": {"frame": 0.1},
+            "links": [{"from": a, "to": b, "loss": {"frame": 1.0}} for a, b in ((1, 4), (4, 1))],
+            "nodes": [{"address": each, "position": [*at, 10]} for each, at in places.items()],
+        },
+        source="a test",
+    )
+    served: Counter[tuple[int, bytes]] = Counter()
+    ended: list[str] = []
+
+    def happened(node: int, event: Event) -> None:
+        if isinstance(event, RequestReceived):
+            call = event.call
+            served[call.stream_id, bytes(event.value)] += 1
+            network.at(
+                network.now / NS_PER_S,
+                lambda: network.apply(node, lambda engine, now: engine.reply(call, b"", now)),
+            )
+        elif isinstance(event, ResponseReceived | CallFailed):
+            ended.append(type(event).__name__)
+
+    network = VirtualNetwork(scenario, table, rules=rules_of, deliver=happened, digest=False)
+    rng = random.Random(seed)
+    for number in range(20):
+        for node, stream_id in ((1, 1), (4, 2)):
+            request = b"%d" % number
+            network.at(
+                rng.uniform(10.0, 3600.0),
+                lambda node=node, stream_id=stream_id, request=request: network.apply(
+                    node, lambda engine, now: engine.call(stream_id, request, now)
+                ),
+            )  # fmt: skip
+    for from_s, to_s, node in kills:
+        network.at(from_s, partial(network.crash, node))
+        network.at(to_s, partial(network.start, node))
+    network.run(until_s=6000.0)
+    return list(served.values()), ended
+
+
+def test_of_two_routes_the_one_that_works_is_used(count: Callable[[int], int]) -> None:
+    """Each relay is down for ten minutes in twenty, in turns."""
+    for seed in range(count(100)):
+        kills = [(600.0 * turn + 5.0, 600.0 * turn + 595.0, 2 + turn % 2) for turn in range(6)]
+        times, ended = diamond(seed, kills)
+        assert times == [1] * 40, seed
+        assert ended == ["ResponseReceived"] * 40, seed
 
 
 def test_wrong_rules_are_refused() -> None:

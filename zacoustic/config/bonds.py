@@ -1,7 +1,7 @@
 """The lists `links` of streams, and `default_links`: several links used as one."""
 
 from zacoustic.config.problems import Place
-from zacoustic.config.sections import LinkEntry
+from zacoustic.config.sections import LinkEntry, RouteEntry
 from zacoustic.core.base.clock import DURATIONS, is_duration
 from zacoustic.core.bond.spec import Bond, BondLink, LinkCost
 from zacoustic.core.relay.route import Route
@@ -20,7 +20,8 @@ class Bonds:
     """
 
     def __init__(self, links: tuple[LinkEntry, ...], routes: tuple[Route, ...]) -> None:
-        self._names = [each.name for each in links if each.name is not None]
+        names = [each.name for each in links if each.name is not None]
+        self._names = list(dict.fromkeys([*names, *(each.name for each in routes)]))
         taken = {each.route_id for each in routes}
         self._free = [each for each in range(LAST_ROUTE, 0, -1) if each not in taken]
         self._found: dict[tuple[str, ...], Bond] = {}
@@ -92,21 +93,22 @@ def read_bonds(
     return (bonds.found, of_streams, default) if is_in_use else ((), {}, "")
 
 
-def read_bonded(place: Place, entry: LinkEntry) -> BondLink:
-    """Read how bonds treat a link.
+def read_bonded(place: Place, entry: LinkEntry | RouteEntry) -> BondLink:
+    """Read how bonds treat a link or route.
 
     Raises:
         ConfigError: A value is outside its range.
     """
     costs = {each.value: each for each in LinkCost}
-    if entry.cost is not None and entry.cost not in costs:
+    cost = entry.cost if isinstance(entry, LinkEntry) else None
+    if cost is not None and cost not in costs:
         place.at("cost").refuse(allowed=", ".join(f'"{each}"' for each in costs))
     for name in ("probe_s", "down_after_s"):
         value = getattr(entry, name)
         if value is not None and not is_duration(value):
             place.at(name).refuse(allowed=DURATIONS)
     return BondLink(
-        cost=LinkCost.AIRTIME if entry.cost is None else costs[entry.cost],
+        cost=LinkCost.AIRTIME if cost is None else costs[cost],
         probe_s=entry.probe_s or 0.0,
         down_after_s=entry.down_after_s or 0.0,
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
-from zacoustic.config.bonds import read_bonds
+from zacoustic.config.bonds import read_bonded, read_bonds
 from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
@@ -372,6 +372,11 @@ def _read_rules(
         | bonded,
         default_link=default,
         bonds=bonds,
+        bonded_routes={
+            entry.name: read_bonded(place.at("routes").at(index), entry)
+            for index, entry in enumerate(written.routes)
+            if entry.down_after_s is not None or entry.probe_s is not None
+        },
         routes=routes,
         relay=read_relay(place.at("relay"), written.relay),
         sealing=seal_rules(security),

@@ -230,6 +230,10 @@ class RouteEntry(Entry, frozen=True, kw_only=True):
     """Name of the link of all hops; default: the first one."""
     lifetime_s: float = 0.0
     """A frame that has been on its way for longer is dropped, s; 0: 60 s for each hop."""
+    probe_s: float | None = None
+    """As of a link, for lists that name the route; default: 600 s."""
+    down_after_s: float | None = None
+    """As of a link, for lists that name the route; default: 600 s."""
 
 
 class RelayEntry(Entry, frozen=True, kw_only=True):

@@ -16,15 +16,18 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.timers import Due
 from zacoustic.core.bond.bonding import Bonding, BondStatus
-from zacoustic.core.bond.spec import Bond
+from zacoustic.core.bond.spec import Bond, BondLink
+from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
-from zacoustic.core.schedule.context import Context
+from zacoustic.core.relay.relay import Relay
+from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.relay import FIRST_PORT
+from zacoustic.errors import ConfigError
 
 _TO_LINK: Final = (LinkState.OPENING, LinkState.DOWN)
 _AWAITING: Final = frozenset(
@@ -56,24 +59,43 @@ class BondPorts:
             for bond in rules.bonds
         }
         self._bonds = rules.bonds
-        self._links = {each.name: each for each in rules.of_links}
+        ends = {each.name: each.other_end(address) for each in rules.routes}
+        self._routes = {name: end for name, end in ends.items() if end is not None}
+        """The routes that end here, with the node at the other end."""
+        self._links: dict[str, BondLink] = {each.name: each.bonded for each in rules.of_links}
+        self._links |= {name: rules.bonded_routes.get(name, BondLink()) for name in self._routes}
         self._made: dict[str, tuple[Bonding, Context]] = {}
         self._stacks: dict[str, LinkStack] = {}
         self._used: dict[str, LinkCapabilities] = {}
 
-    def make(self, bond: Bond, context: Context) -> None:
-        """Make a bond, of whose links this node has at least one."""
-        links = {each: self._links[each].bonded for each in bond.links if each in self._links}
+    def make(self, bond: Bond, own: LinkRules, node: NodeContext, index: int) -> Context:
+        """Make a bond, of whose links this node has at least one; return the node on it.
+
+        Raises:
+            ConfigError: It has routes to several nodes.
+        """
+        links = {each: self._links[each] for each in bond.links if each in self._links}
+        ends = {self._routes[each] for each in links if each in self._routes}
+        if len(ends) > 1:
+            raise ConfigError(
+                f"links {bond.name}: routes to nodes {', '.join(map(str, sorted(ends)))}; allowed: "
+                "routes to one node"
+            )
+        # A frame on a route is for its other end, so such a bond has no frame for all.
+        context = Context(
+            node, own.name, index, own.port, other_end=next(iter(ends), None), is_bond=True
+        )
         stats = context.node.stats.links
         bonding = Bonding(
             bond,
             links,
-            self._hearers(bond),
+            sorted(ends) or self._hearers(bond),
             context,
             {each: stats[each] for each in links},
             context.generators.of("bond"),
         )
         self._made[bond.name] = bonding, context
+        return context
 
     @property
     def here(self) -> Iterator[tuple[Bond, LinkRules]]:
@@ -83,13 +105,22 @@ class BondPorts:
                 port = FIRST_PORT - 1 + bond.number
                 yield bond, LinkRules(name=bond.name, port=port)
 
-    def over(self, link: str) -> dict[int, Bonding]:
-        """Return the bonds over a link, by number."""
-        return {
+    def forwarding(self, link: str, relay: Relay | None = None) -> Forwarding | None:
+        """Return what goes over a link, or a route, beside its own frames; None: nothing.
+
+        Args:
+            link: Its name.
+            relay: Its routes; None: there are none.
+        """
+        over = {
             bonding.bond.number: bonding
             for bonding, _ in self._made.values()
             if link in bonding.outboxes
         }
+        others = [each.number for each in self._bonds if each.number not in over]
+        if relay is None and not self._bonds:
+            return None
+        return Forwarding(link, relay, over, others)
 
     def add(self, stack: LinkStack) -> None:
         """Take the stack of a bond."""

@@ -58,7 +58,7 @@ from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.engine.routeports import RoutePorts
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
-from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.relay.relay import Hop
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.access import AccessState
@@ -147,39 +147,8 @@ class Engine:
         self._stacks: dict[str, LinkStack] = {}
         self._route_ports = RoutePorts(address, rules)
         self._bond_ports = BondPorts(address, table, rules, self.silence)
-        contexts = [
-            Context(node, own.name, index, own.port) for index, own in enumerate(rules.of_links)
-        ]
-        self._links = tuple(each.link for each in contexts)
-        index = len(contexts) + len(list(self._route_ports.ends))
-        bonded = []
-        for bond, own in self._bond_ports.here:
-            context = Context(node, own.name, index, own.port, is_bond=True)
-            self._bond_ports.make(bond, context)
-            bonded.append((context, own))
-            index += 1
-        for context, own in zip(contexts, rules.of_links, strict=True):
-            relay = self._route_ports.relay(context)
-            bonds = self._bond_ports.over(own.name)
-            others = [each.number for each in rules.bonds if each.number not in bonds]
-            forwarding = None
-            if relay is not None or rules.bonds:
-                forwarding = Forwarding(own.name, relay, bonds, others)
-            self._stacks[own.name] = LinkStack(
-                context, rules, own, self.silence, self._trace, transports, forwarding
-            )
-        for route, other_end, own in self._route_ports.ends:
-            index = len(self._stacks)
-            context = Context(node, own.name, index, own.port, other_end=other_end)
-            stack = LinkStack(context, rules, own, self.silence, self._trace, transports)
-            self._stacks[own.name] = stack
-            hop_relay = self._stacks[route.link].relay
-            assert hop_relay is not None
-            self._route_ports.add(route, stack, hop_relay)
-        for context, own in bonded:
-            stack = LinkStack(context, rules, own, self.silence, self._trace, transports)
-            self._stacks[own.name] = stack
-            self._bond_ports.add(stack)
+        self._links = tuple(each.name for each in rules.of_links)
+        self._make_stacks(node, rules, transports)
         # Of the routes over relays only those that end here are links, of the bonds only those
         # with a link of this node.
         self._links_of_streams = {
@@ -241,7 +210,8 @@ class Engine:
         stack = self._stack(link)
         has_changed = stack.handle_state(state, capabilities, now)
         self._route_ports.handle_state(stack, state, capabilities, now)
-        self._bond_ports.handle_state(stack, state, now)
+        for each in (stack, *self._route_ports.over(stack.name)):
+            self._bond_ports.handle_state(each, each.state, now)
         if has_changed:
             self._events.append(LinkStateChanged(state=state, changed_at=now, link=stack.name))
             self._trace.note(now, "link", detail=state.value, link=stack.name)
@@ -420,8 +390,8 @@ class Engine:
     def poll_transmit(self, now: int) -> Transmission | None:
         """Return the frame that is worth most now, for the first link that can take one."""
         self._now = now
+        self._bond_ports.submit(now)  # also to routes
         self._route_ports.submit(now)
-        self._bond_ports.submit(now)
         for link in self._links:
             made = self._stacks[link].make(now)
             if made is not None:
@@ -595,6 +565,43 @@ class Engine:
         return {address: peer.confirmed_us for address, peer in known.items()}
 
     # Below the methods above
+
+    def _make_stacks(
+        self, node: NodeContext, rules: TransmitRules, transports: Sequence[MakeTransport]
+    ) -> None:
+        """Make the stack of each link, then of each route that ends here, then of each bond."""
+        links = [
+            (own, Context(node, own.name, index, own.port))
+            for index, own in enumerate(rules.of_links)
+        ]
+        ends = [
+            (route, own, Context(node, own.name, index, own.port, other_end=other_end))
+            for index, (route, other_end, own) in enumerate(self._route_ports.ends, len(links))
+        ]
+        bonds = [
+            (own, self._bond_ports.make(bond, own, node, index))
+            for index, (bond, own) in enumerate(self._bond_ports.here, len(links) + len(ends))
+        ]
+
+        def make(
+            own: LinkRules, context: Context, forwarding: Forwarding | None = None
+        ) -> LinkStack:
+            stack = LinkStack(
+                context, rules, own, self.silence, self._trace, transports, forwarding
+            )
+            self._stacks[own.name] = stack
+            return stack
+
+        for own, context in links:
+            relay = self._route_ports.relay(context)
+            make(own, context, self._bond_ports.forwarding(own.name, relay))
+        for route, own, context in ends:
+            stack = make(own, context, self._bond_ports.forwarding(own.name))
+            hop_relay = self._stacks[route.link].relay
+            assert hop_relay is not None
+            self._route_ports.add(route, stack, hop_relay)
+        for own, context in bonds:
+            self._bond_ports.add(make(own, context))
 
     def _begin(self, now: int) -> None:
         """Record the first instant since the restart; later calls have no effect."""

@@ -318,5 +318,5 @@ class LinkStack:
             self._access,
             envelope=envelope,
             measurements=self._context.node.measurements,
-            most_outstanding=MOST_OUTSTANDING if self._context.other_end is None else LONGEST_TRAIN,
+            most_outstanding=LONGEST_TRAIN if self._context.is_route else MOST_OUTSTANDING,
         )

@@ -71,6 +71,10 @@ class RoutePorts:
         """Take the stack of a route that ends here."""
         self._ends[route.name] = route, stack, relay
 
+    def over(self, link: str) -> list[LinkStack]:
+        """Return the stacks of the routes over a link that end here."""
+        return [stack for route, stack, _ in self._ends.values() if route.link == link]
+
     def submit(self, now: int) -> None:
         """Take into custody what the routes transmit."""
         for route, stack, relay in self._ends.values():

@@ -73,7 +73,9 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     relay: RelayRules = RelayRules()
     """How much the node does for the routes of others."""
     bonds: tuple[Bond, ...] = ()
-    """All bonds of links; a node may lack some of their links."""
+    """All bonds of links and routes; a node may lack some of them."""
+    bonded_routes: dict[str, BondLink] = {}
+    """How bonds treat a route, by its name."""
 
     def on_one_link(self) -> "TransmitRules":
         """Return these rules for a node with one link for all streams."""

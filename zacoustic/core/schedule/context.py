@@ -175,6 +175,8 @@ class Context:
         """Holds what must survive a restart."""
         self.timers = node.timers.apart(link) if apart else node.timers
         """Call components back when an instant has come."""
+        self.is_route = other_end is not None and not is_bond
+        """Whether it is a route over relays."""
         self.other_end = other_end
         """The only other node on this link; None: there may be more."""
         self.settling_ns = 0
