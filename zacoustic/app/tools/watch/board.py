@@ -59,7 +59,7 @@ from zacoustic.zenoh.session.asking.commands import PREFIX
 WINDOW_S: Final = 60.0
 """The utilisation covers this time, s, once it was observed."""
 MOST_NAMED: Final = 64
-"""Most documents ``link/NAME`` of one gateway, and most of each other kind with names."""
+"""Most documents ``link/NAME`` of one gateway, most of each other kind with names, most hops."""
 _DAMAGED: Final = ("check", "short", "overlong", "stuffing")
 # A higher rate comes from two records of one moment.
 _LEAST_PERIOD_S: Final = 0.001
@@ -360,7 +360,7 @@ class _GatewayBoard:
                 passed_on=hop.passed_on,
                 given_up=hop.given_up,
             )
-            for hop in self._get("relay", RelayDocument).hops
+            for hop in self._get("relay", RelayDocument).hops[:MOST_NAMED]
         )
 
     def _bonds(self) -> tuple[BondView, ...]:
@@ -456,9 +456,7 @@ def _frame(row: FrameRow, there_s: float) -> FrameView:
     )
 
 
-def _link_to(
-    address: int, links: tuple[LinkView, ...], bonds: tuple[BondView, ...]
-) -> str | None:
+def _link_to(address: int, links: tuple[LinkView, ...], bonds: tuple[BondView, ...]) -> str | None:
     """Return the link by which the first list of links that knows reaches a node."""
     found = (first_link(bond, address, links)[0] for bond in bonds)
     return next((each for each in found if each is not None), None)

@@ -4,6 +4,7 @@ Positions are not known. So the layout says nothing of geography: a circle, or a
 longest route. The same views give the same graph.
 """
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
@@ -18,6 +19,8 @@ WIDTH: Final = 1000
 """Width of the drawing, in its own units."""
 MOST_NODES: Final = 40
 """Most nodes to draw; gateways first."""
+CROWD: Final = 10
+"""Names in a drawing of more nodes are shorter."""
 _MARGIN: Final = 90.0
 _LEAST_LINE: Final = 3
 _STATES: Final = ("down", "doubt", "up")
@@ -133,7 +136,7 @@ def graph_of(views: Sequence[GatewayView]) -> Graph:
     paths = tuple(_within(path, drawn) for path in paths)
     edges = tuple(each for each in _edges(gateways) if set(each.ends) <= drawn)
     line = _line(paths, drawn)
-    places, height = _line_places(line, drawn) if line else _circle_places(sorted(drawn))
+    places, height = _line_places(line, drawn, edges) if line else _circle_places(sorted(drawn))
     lost = _lost(gateways)
     nodes = tuple(
         Node(
@@ -230,8 +233,8 @@ def _ways(rows: Sequence[tuple[GatewayView, PeerView]]) -> tuple[Way, ...]:
         for bond in view.bonds:
             for link, state in bond.reach.get(peer.address, {}).items():
                 reach.setdefault(link, []).append(state)
-            link, _ = first_link(bond, peer.address, view.links)
-            used |= {link} if link is not None else set()
+            now_used, _ = first_link(bond, peer.address, view.links)
+            used |= {now_used} if now_used is not None else set()
     names = sorted({*frames, *reach}) or [""]
     return tuple(
         Way(
@@ -273,7 +276,7 @@ def _paths(views: Sequence[GatewayView]) -> tuple[Path, ...]:
 
 
 def _path(name: str, nodes: tuple[int, ...], hops: Sequence[tuple[int, HopView]]) -> Path:
-    pairs = list(zip(nodes, nodes[1:], strict=False))
+    pairs = list(itertools.pairwise(nodes))
     known = set(pairs) | {(end, start) for start, end in pairs}
     for sender, hop in hops:
         pair = sender, hop.next_node
@@ -312,17 +315,25 @@ def _line(paths: Iterable[Path], drawn: set[int]) -> tuple[int, ...]:
 
 
 def _line_places(
-    line: Sequence[int], drawn: set[int]
+    line: Sequence[int], drawn: set[int], edges: Sequence[Edge]
 ) -> tuple[dict[int, tuple[float, float]], int]:
     """Return the places of nodes along a path, with the others in a row below, and the height."""
     others = sorted(drawn - set(line))
-    rise = 60.0 + min(len(line), 6) * 18.0
+    order = {address: index for index, address in enumerate(line)}
+    steps = [abs(order[one] - order[other]) for one, other in (each.ends for each in edges)
+             if {one, other} <= order.keys()]  # fmt: skip
+    rise = 60.0 + rise_past(max(steps, default=1) - 1) / 2
     places = _row(line, rise)
     height = rise + 110.0
     if others:
         places |= _row(others, rise + 170.0)
         height += 190.0
     return places, round(height)
+
+
+def rise_past(between: int) -> float:
+    """Return how far to bend a line that passes this many nodes of a row."""
+    return 34.0 + min(between, 6) * 18.0 if between > 0 else 0.0
 
 
 def _row(addresses: Sequence[int], y: float) -> dict[int, tuple[float, float]]:
@@ -336,9 +347,9 @@ def _circle_places(addresses: Sequence[int]) -> tuple[dict[int, tuple[float, flo
     """Return the places of nodes on an ellipse, the first one on the left, and the height."""
     number = len(addresses)
     if number <= 1:
-        return {each: (WIDTH / 2, 60.0) for each in addresses}, 130
+        return dict.fromkeys(addresses, (WIDTH / 2, 60.0)), 130
     tall = 60.0 if number == 2 else min(110.0 + number * 12.0, 270.0)
-    wide = 250.0 if number <= 4 else 340.0
+    wide = 250.0 if number <= 4 else 340.0 if number <= CROWD else 400.0
     middle = tall + 60.0
     places = {}
     for index, each in enumerate(addresses):

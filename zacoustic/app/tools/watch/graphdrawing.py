@@ -5,10 +5,20 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from zacoustic.app.tools.pages.truth import age_html
-from zacoustic.app.tools.watch.graph import WIDTH, Edge, Graph, Node, Path, Way, is_old
+from zacoustic.app.tools.watch.graph import (
+    CROWD,
+    WIDTH,
+    Edge,
+    Graph,
+    Node,
+    Path,
+    Way,
+    is_old,
+    rise_past,
+)
 from zacoustic.app.tools.watch.views import HopView
 from zacoustic.app.tools.watch.ways import cost_of, path_words
-from zacoustic.app.tools.watch.words import NOTHING, share_words, time_words
+from zacoustic.app.tools.watch.words import share_words, time_words
 from zacoustic.text.safetext import html_text, one_line
 
 CAPTION: Final = (
@@ -22,16 +32,16 @@ _ROUTE_COLOURS: Final = ("#e0a800", "#00a3a3", "#c75cff", "#6fbf3a")
 _GREY: Final = "#8a8a8a"
 _BAD: Final = "#d64545"
 _RADIUS: Final = 15.0
-_SPREAD: Final = 9.0
+_SPREAD: Final = 10.0
 """Distance between the lines of two links of one edge."""
-_MOST_LABELLED: Final = 14
+_MOST_LABELLED: Final = 10
 """Of more edges none is labelled: the words below the drawing have the figures."""
 _MOST_LISTED: Final = 120
 """Most edges to write in words."""
 _LETTERS: Final = 16
 _LETTERS_IN_CROWD: Final = 8
-_CROWD: Final = 10
-"""Names are shorter in a drawing of more nodes."""
+_LABEL_AT: Final = 0.3
+"""Where on a line its figures stand: its middle is that of a worst hop."""
 
 Place = tuple[float, float]
 
@@ -59,13 +69,17 @@ def graph_legend(graph: Graph) -> str:
         _key(f"link {link}", _link_colour(graph, link), 3) for link in graph.links
     ]  # of one link the colour says nothing new, but its name does
     routes = [
-        _key(f"route {path.name}: {path_words(path.nodes)}, {worst_words(path)}",
-             _route_colour(index), 9)
-        for index, path in enumerate(graph.paths)
-    ]  # fmt: skip
-    marks = [_key("grey, dashed: lost, or its gateway is gone", _GREY, 3, is_dashed=True)]
+        _key(route_words(path), _route_colour(index), 9) for index, path in enumerate(graph.paths)
+    ]
+    marks = ["<span>shaded: its gateway is heard here</span>"]
+    if any(each.is_lost for each in graph.edges) or any(each.is_grey for each in graph.nodes):
+        marks.append(_key("grey, dashed: lost, or its gateway is gone", _GREY, 3, is_dashed=True))
     if any(way.reach for edge in graph.edges for way in edge.ways):
-        marks.insert(0, "<span>thick: in use; dashed: in doubt; dotted: reaches nobody</span>")
+        marks.insert(0, "<span>thick: in use; dashed: in doubt; dotted: does not reach</span>")
+    if any(edge.hearer is not None for edge in graph.edges):
+        marks.insert(0, "<span>dashed: only one of the two hears the other</span>")
+    if any(path.worst is not None for path in graph.paths):
+        marks.insert(0, "<span>! worst hop of a route, red if it is poor</span>")
     more = f" {graph.more} more nodes are not drawn." if graph.more else ""
     keys = "".join([*links, *routes, *marks])
     return f'<div class="za-keys">{keys}</div><div class="za-dim">{CAPTION}{more}</div>'
@@ -81,10 +95,7 @@ def graph_words(graph: Graph) -> str:
     ]
     if len(graph.edges) > _MOST_LISTED:
         rows.append(f"<li>and {len(graph.edges) - _MOST_LISTED} more pairs of nodes</li>")
-    rows += [
-        f"<li>{html_text(f'route {path.name}: {path_words(path.nodes)}, {worst_words(path)}')}</li>"
-        for path in graph.paths
-    ]
+    rows += [f"<li>{html_text(route_words(path))}</li>" for path in graph.paths]
     return f'<ul class="za-dim">{"".join(rows)}</ul>'
 
 
@@ -100,8 +111,7 @@ def summary(graph: Graph) -> str:
     ]
     words += [f"{_count(len(lost), 'pair')} lost"] if lost else []
     words += [f"grey: {', '.join(title_of(node) for node in grey)}"] if grey else []
-    words += [f"route {path.name} {path_words(path.nodes)}, {worst_words(path)}"
-              for path in graph.paths]  # fmt: skip
+    words += [route_words(path) for path in graph.paths]
     return f"Network: {'; '.join(words)}"
 
 
@@ -110,11 +120,11 @@ def title_of(node: Node) -> str:
     return f"{node.address} {node.name}".rstrip()
 
 
-def worst_words(path: Path) -> str:
-    """Return the worst hop of a route in words."""
-    if path.worst is None:
-        return "no frame over a hop yet"
-    return f"worst hop {_hop_words(*path.worst)}"
+def route_words(path: Path) -> str:
+    """Return a route with its path and its worst hop."""
+    nodes = path_words(path.nodes) if path.nodes else "neither end is heard here"
+    worst = f"worst hop {_hop_words(*path.worst)}" if path.worst else "no frame over a hop yet"
+    return f"route {path.name}: {nodes}, {worst}"
 
 
 def _hop_words(sender: int, hop: HopView) -> str:
@@ -132,7 +142,8 @@ def _node(graph: Graph, node: Node) -> str:
     dashes = ' stroke-dasharray="4 3"' if node.is_grey else ""
     fill = colour if node.is_gateway else "none"
     shown = one_line(node.name)
-    letters = _LETTERS_IN_CROWD if len(graph.nodes) > _CROWD else _LETTERS
+    is_crowd = len(graph.nodes) > CROWD
+    letters, size = (_LETTERS_IN_CROWD, 12) if is_crowd else (_LETTERS, 14)
     if len(shown) > letters:
         shown = f"{shown[: letters - 1]}…"
     x, y, anchor = _label_place(graph, node)
@@ -143,7 +154,7 @@ def _node(graph: Graph, node: Node) -> str:
         f'stroke="{colour}" stroke-width="2"{dashes}/>'
         f'<text x="{node.x}" y="{node.y + 5}" text-anchor="middle" font-size="14" '
         f'font-weight="600" fill="{colour}">{node.address}</text>'
-        f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="14" '
+        f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="{size}" '
         f'fill="{colour}" unicode-bidi="isolate">{html_text(shown)}</text></g>'
     )
 
@@ -152,12 +163,12 @@ def _label_place(graph: Graph, node: Node) -> tuple[float, float, str]:
     """Return where a name begins, outside of the circle or below the line."""
     middle = graph.height / 2
     off_x, off_y = node.x - WIDTH / 2, node.y - middle
-    if graph.is_line or len(graph.nodes) <= 1 or abs(off_x) < 40:
+    is_flat = abs(off_y) > 0.8 * max(abs(each.y - middle) for each in graph.nodes)
+    if graph.is_line or len(graph.nodes) <= 1 or (is_flat and off_y):
         is_above = not graph.is_line and off_y < -1
         return node.x, node.y + (-_RADIUS - 8 if is_above else _RADIUS + 17), "middle"
     side = 1 if off_x > 0 else -1
-    rise = 0.0 if abs(off_y) < middle / 2 else math.copysign(8.0, off_y)
-    return node.x + side * (_RADIUS + 7), node.y + 5 + rise, "start" if side > 0 else "end"
+    return node.x + side * (_RADIUS + 7), node.y + 5, "start" if side > 0 else "end"
 
 
 def _node_words(node: Node) -> str:
@@ -175,8 +186,8 @@ def _edge(graph: Graph, edge: Edge, nodes: dict[int, Node]) -> Iterator[str]:
     is_labelled = len(graph.edges) <= _MOST_LABELLED
     for index, way in enumerate(edge.ways):
         shift = (index - (len(edge.ways) - 1) / 2) * _SPREAD
-        bend = _bend(graph, start, end) + (shift * 2 if graph.is_line else 0)
-        path, middle = _curve(_aside(start, end, shift), bend)
+        bend = _bend(graph, start, end)
+        path, point = _curve(_aside(start, end, shift), bend, _LABEL_AT)
         colour = _GREY if edge.is_lost else _link_colour(graph, way.link)
         faded = ' stroke-opacity=".45"' if is_old(edge) or _is_crowd(graph) else ""
         yield (
@@ -185,12 +196,22 @@ def _edge(graph: Graph, edge: Edge, nodes: dict[int, Node]) -> Iterator[str]:
             f"<title>{html_text(f'{_ends_words(edge, names)}: {_way_words(way)}')}</title></path>"
         )
         if is_labelled and way.frames:
-            below = 13 if shift > 0 else -5
-            yield (
-                f'<text class="figures" x="{middle[0]:.1f}" y="{middle[1] + below:.1f}" '
-                f'text-anchor="middle" font-size="12" fill="{colour}">'
-                f"{way.frames}, {share_words(way.share)}</text>"
-            )
+            _, middle = _curve(_aside(start, end, 0.0), bend, _LABEL_AT)
+            yield _figures(point, middle, f"{way.frames}, {share_words(way.share)}", colour)
+
+
+def _figures(point: Place, middle: Place, words: str, colour: str) -> str:
+    """Write the figures of a link beside its line, away from the other links of the edge."""
+    (x, y), anchor = point, "middle"
+    off_x, off_y = x - middle[0], y - middle[1]
+    if abs(off_x) > abs(off_y):
+        x, y, anchor = x + math.copysign(5, off_x), y + 4, "start" if off_x > 0 else "end"
+    else:
+        y += 14 if off_y > 0 else -5
+    return (
+        f'<text class="figures" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" font-size="12" '
+        f'fill="{colour}">{words}</text>'
+    )
 
 
 def _thickness(edge: Edge, way: Way) -> float:
@@ -221,7 +242,7 @@ def _ends_words(edge: Edge, names: dict[int, str]) -> str:
 
 def _way_words(way: Way) -> str:
     words = [f"link {way.link}"] if way.link else []
-    words += {"up": ["up"], "doubt": ["in doubt"], "down": ["reaches nobody"]}.get(way.reach, [])
+    words += {"up": ["up"], "doubt": ["in doubt"], "down": ["does not reach"]}.get(way.reach, [])
     words += ["in use"] if way.reach and way.is_used else []
     if way.frames is not None:
         words.append(f"{_count(way.frames, 'frame')}, {share_words(way.share)} of the time")
@@ -278,7 +299,7 @@ def _worst_hops(graph: Graph, nodes: dict[int, Node]) -> Iterator[str]:
         if ends not in marked:
             shown = f"{cost_of(hop):.1f} a frame"
             yield (
-                f'<text x="{x:.1f}" y="{y + 26:.1f}" text-anchor="middle" font-size="12" '
+                f'<text x="{x:.1f}" y="{y - 16:.1f}" text-anchor="middle" font-size="12" '
                 f'fill="{colour}">{shown}</text>'
             )
         marked.add(ends)
@@ -301,23 +322,23 @@ def _bend(graph: Graph, start: Node, end: Node) -> float:
         return 0.0
     row = [node.x for node in graph.nodes if node.y == start.y]
     between = sum(min(start.x, end.x) < x < max(start.x, end.x) for x in row)
-    if not between:
-        return 0.0
-    rise = 34.0 + min(between, 6) * 18.0
+    rise = rise_past(between)
     return -rise if start.x < end.x else rise
 
 
-def _curve(ends: tuple[float, float, float, float], bend: float) -> tuple[str, Place]:
-    """Return the path of a line, and its middle."""
+def _curve(
+    ends: tuple[float, float, float, float], bend: float, at: float = 0.5
+) -> tuple[str, Place]:
+    """Return the path of a line, and a point of it, 0…1 of the way along."""
     x1, y1, x2, y2 = ends
     length = math.hypot(x2 - x1, y2 - y1) or 1.0
-    middle = (x1 + x2) / 2, (y1 + y2) / 2
+    x = (x1 + x2) / 2 - (y2 - y1) / length * bend
+    y = (y1 + y2) / 2 + (x2 - x1) / length * bend
+    first, second, third = (1 - at) ** 2, 2 * at * (1 - at), at**2
+    point = first * x1 + second * x + third * x2, first * y1 + second * y + third * y2
     if not bend:
-        return f"M{x1:.1f},{y1:.1f}L{x2:.1f},{y2:.1f}", middle
-    off_x, off_y = -(y2 - y1) / length * bend, (x2 - x1) / length * bend
-    x, y = middle[0] + off_x, middle[1] + off_y
-    half = middle[0] + off_x / 2, middle[1] + off_y / 2
-    return f"M{x1:.1f},{y1:.1f}Q{x:.1f},{y:.1f} {x2:.1f},{y2:.1f}", half
+        return f"M{x1:.1f},{y1:.1f}L{x2:.1f},{y2:.1f}", point
+    return f"M{x1:.1f},{y1:.1f}Q{x:.1f},{y:.1f} {x2:.1f},{y2:.1f}", point
 
 
 def _link_colour(graph: Graph, link: str) -> str:

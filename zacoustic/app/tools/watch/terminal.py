@@ -31,8 +31,8 @@ from zacoustic.app.tools.watch.ways import (
 )
 from zacoustic.app.tools.watch.words import (
     LOSING,
-    NOTHING,
     LOST_OUTCOMES,
+    NOTHING,
     OLD_S,
     error_words,
     frame_words,

@@ -78,4 +78,6 @@ class PeerTable:
         capabilities = self._engine.capabilities_of(link)
         if capabilities is None:
             return None
-        return round(frames * capabilities.preamble_s + size_bytes * 8 / capabilities.bit_rate_bps, 3)
+        return round(
+            frames * capabilities.preamble_s + size_bytes * 8 / capabilities.bit_rate_bps, 3
+        )
