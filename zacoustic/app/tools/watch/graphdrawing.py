@@ -299,7 +299,7 @@ def _worst_hops(graph: Graph, nodes: dict[int, Node]) -> Iterator[str]:
         if ends not in marked:
             shown = f"{cost_of(hop):.1f} a frame"
             yield (
-                f'<text x="{x:.1f}" y="{y - 16:.1f}" text-anchor="middle" font-size="12" '
+                f'<text x="{x:.1f}" y="{y - 24:.1f}" text-anchor="middle" font-size="12" '
                 f'fill="{colour}">{shown}</text>'
             )
         marked.add(ends)
