@@ -58,7 +58,7 @@ def graph_svg(graph: Graph) -> str:
     said = html_text(summary(graph))
     return (
         f'<svg role="img" aria-label="{said}" viewBox="0 0 {WIDTH} {graph.height}" '
-        f'style="width:100%;max-height:{graph.height}px;display:block" class="za-graph">'
+        f'style="width:100%;min-width:40rem;max-height:{graph.height}px;display:block">'
         f"<title>network</title><desc>{said}</desc>{''.join(drawn)}</svg>"
     )
 
@@ -353,8 +353,8 @@ def _route_colour(index: int) -> str:
 def _key(words: str, colour: str, thickness: int, *, is_dashed: bool = False) -> str:
     dashes = ' stroke-dasharray="7 5"' if is_dashed else ""
     return (
-        f'<span><svg width="28" height="10" aria-hidden="true"><line x1="0" x2="28" y1="5" y2="5" '
-        f'stroke="{colour}" stroke-width="{thickness}"{dashes}/></svg> {html_text(words)}</span>'
+        f'<span><svg width="28" height="10" aria-hidden="true" style="display:inline-block">'
+        f'<line x1="0" x2="28" y1="5" y2="5" stroke="{colour}" stroke-width="{thickness}"{dashes}/></svg> {html_text(words)}</span>'
     )
 
 

@@ -179,10 +179,10 @@ class _Network:
         with ui.card().classes("w-full q-pa-sm za-live") as self._card:
             self._whole = ui.expansion("network", value=True).classes("w-full").mark("network")
             with self._whole:
-                self._graph = ui.html(sanitize=False).classes("w-full").mark("graph")
+                self._graph = ui.html(sanitize=False).classes("za-wide").mark("graph")
                 self._legend = ui.html(sanitize=False).classes("w-full").mark("legend")
                 with ui.expansion("the same in words").classes("w-full").props("dense"):
-                    self._words = ui.html(sanitize=False).classes("w-full").mark("graph words")
+                    self._words = ui.html(sanitize=False).classes("w-full").mark("description")
         self._card.set_visibility(False)
 
     def show(self, views: Sequence[GatewayView]) -> None:
