@@ -354,7 +354,8 @@ def _key(words: str, colour: str, thickness: int, *, is_dashed: bool = False) ->
     dashes = ' stroke-dasharray="7 5"' if is_dashed else ""
     return (
         f'<span><svg width="28" height="10" aria-hidden="true" style="display:inline-block">'
-        f'<line x1="0" x2="28" y1="5" y2="5" stroke="{colour}" stroke-width="{thickness}"{dashes}/></svg> {html_text(words)}</span>'
+        f'<line x1="0" x2="28" y1="5" y2="5" stroke="{colour}" '
+        f'stroke-width="{thickness}"{dashes}/></svg> {html_text(words)}</span>'
     )
 
 

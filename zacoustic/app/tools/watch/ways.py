@@ -7,11 +7,10 @@ import msgspec
 
 from zacoustic.app.tools.watch.views import BondView, GatewayView, HopView, LinkView, RouteView
 from zacoustic.app.tools.watch.words import NOTHING
+from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 
 POOR_HOP: Final = 3
 """A hop with more transmissions than this for each frame that arrives is poor."""
-_LEAST_TRANSMISSIONS: Final = 20
-"""A hop with fewer is not judged."""
 _NODES_SHOWN: Final = 6
 """Most nodes of a path to write out."""
 MOST_NODES_NAMED: Final = 8
@@ -44,7 +43,7 @@ def worst_hop(hops: Iterable[HopView]) -> HopView | None:
 
 def is_poor(hop: HopView) -> bool:
     """Tell whether a hop costs much or loses frames, as the doctor judges it."""
-    is_known = hop.transmissions >= _LEAST_TRANSMISSIONS
+    is_known = hop.transmissions >= UNHEARD_FRAMES
     return is_known and (cost_of(hop) > POOR_HOP or hop.given_up > hop.passed_on / 10)
 
 

@@ -4,12 +4,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from zacoustic.app.tools.field.doctor.network import Running
+from zacoustic.app.tools.watch.ways import POOR_HOP
 from zacoustic.config import Config
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 from zacoustic.link.contract import Finding
 
-_POOR: Final = 3
-"""A hop with more transmissions than this for each frame that arrives is poor."""
 _LEAST_AGAIN: Final = 10
 _AGAIN_SHARE: Final = 0.1
 """A list of links of which more frames than this go again by the next link has a poor one."""
@@ -167,7 +166,7 @@ def _is_poor(hop: object) -> bool:
         for key in ("transmissions", "passed_on", "given_up")
     )
     is_known = transmissions >= UNHEARD_FRAMES
-    return is_known and (transmissions > _POOR * passed_on or given_up > passed_on / 10)
+    return is_known and (transmissions > POOR_HOP * passed_on or given_up > passed_on / 10)
 
 
 def _items(document: Mapping[str, Any], name: str) -> list[Any]:
