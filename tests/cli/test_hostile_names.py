@@ -15,7 +15,7 @@ import zenoh
 from tests.gateway.networkpair import verb
 from tests.gateway.networks import free_port, matched, run, zenoh_config, zenoh_router
 from tests.hostilenames import HOSTILE, HOSTILE_NAME, assert_harmless, strictly
-from tests.tools.boards import DOCUMENTS, NOW_S
+from tests.tools.boards import DOCUMENTS, NOW_S, WAYS
 from zacoustic.app.cli import main
 
 _WORDS: Final = ("up", "topic", "service", "out", "in", "delivered", "not_delivered")
@@ -34,7 +34,7 @@ def poisoned(document: Any) -> Any:
 def enemy() -> Iterator[tuple[zenoh.Session, list[str]]]:
     """Run a router, and a program that says that it is a gateway; gives where the router is."""
     with zenoh_router() as port, zenoh.open(zenoh_config("client", connect=port)) as session:
-        documents = {**poisoned(DOCUMENTS), "clock": {"now_unix_s": NOW_S}}
+        documents = {**poisoned(DOCUMENTS | WAYS), "clock": {"now_unix_s": NOW_S}}
 
         def answer(query: zenoh.Query) -> None:
             with query:

@@ -115,6 +115,16 @@ def test_traffic_keeps_instants_mean_times_and_what_became_of_frames() -> None:
     assert traffic.of_stream(12)["age_s"] is None
 
 
+def test_what_came_from_a_node_is_counted_by_link() -> None:
+    traffic = Traffic(lambda: 0.0)
+    for link, size_bytes in (("radio", 10), ("radio", 20), ("acoustic", 5)):
+        traffic.note(
+            TraceRecord(at=0, node=1, what="receive", peer=2, size_bytes=size_bytes, link=link)
+        )
+    assert traffic.received_from(2) == {"radio": (2, 30), "acoustic": (1, 5)}
+    assert traffic.received_from(3) == {}
+
+
 def test_error_rate_is_that_of_the_last_frames_to_each_node() -> None:
     traffic = Traffic(lambda: 0.0)
     for peer, outcome in ((2, "not_delivered"), (3, "delivered"), (255, "sent")):

@@ -37,6 +37,7 @@ from zacoustic.config.metrics import metrics_argument, parse_metrics
 from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.gateway import Gateway
 from zacoustic.zenoh.gateway.notices import Started
+from zacoustic.zenoh.gateway.status.metrics import _hops, _reachable
 from zacoustic_sim.link import SimConfig
 
 Labels = tuple[tuple[str, str], ...]
@@ -113,6 +114,32 @@ def test_metrics_are_those_of_the_health_report() -> None:
                 assert (await scrape(url))["zacoustic_stream_deliveries_total", photo] == 0
 
     run(scene())
+
+
+def test_lists_of_links_and_hops_have_metrics() -> None:
+    nodes = {"1": {"radio": "doubt", "acoustic": "up"}, "3": {"radio": "down", "odd": "what"}}
+    documents: dict[str, Any] = {
+        "bond/a": {"reach": nodes},
+        "bond/b": {"reach": {"3": {"radio": "up"}}},
+        "link": {},
+        "relay": {"hops": [{"route": "far", "next_node": 2, "waiting": 0, "transmissions": 14,
+                            "passed_on": 9, "given_up": 1}]},
+    }  # fmt: skip
+    families = [_reachable(documents), *_hops(documents["relay"]["hops"])]
+    found = {
+        (each.name, *each.labels.values()): each.value
+        for family in families
+        for each in family.samples
+    }
+    assert found == {
+        ("zacoustic_peer_link_reachable", "1", "radio"): 0.5,
+        ("zacoustic_peer_link_reachable", "1", "acoustic"): 1.0,
+        ("zacoustic_peer_link_reachable", "3", "radio"): 1.0,
+        ("zacoustic_peer_link_reachable", "3", "odd"): 0.0,
+        ("zacoustic_relay_hop_transmissions_total", "far", "2"): 14,
+        ("zacoustic_relay_hop_passed_on_total", "far", "2"): 9,
+        ("zacoustic_relay_hop_given_up_total", "far", "2"): 1,
+    }
 
 
 def test_no_metrics_unless_asked_for_and_none_when_it_has_ended() -> None:

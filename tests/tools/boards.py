@@ -52,6 +52,31 @@ DOCUMENTS: Final[dict[str, Any]] = {
         {"at_unix_s": 500.0, "event": "lost", "trouble": True, "text": "lost 3 buoy"}]},
 }  # fmt: skip
 
+WAYS: Final[dict[str, Any]] = {
+    "link/acoustic": {"name": "acoustic", "state": "up", "frames_transmitted": 30,
+                      "frames_received": 25, "airtime_s": 88.0},
+    "link/radio": {"name": "radio", "state": "up", "frames_transmitted": 10,
+                   "frames_received": 5, "airtime_s": 2.0},
+    "route/far": {"name": "far", "path": [2, 1, 4, 5], "link": "acoustic", "link_state": "up",
+                  "frames_transmitted": 120, "frames_received": 98},
+    "relay": {"hops": [
+        {"route": "far", "next_node": 1, "waiting": 1, "transmissions": 140, "passed_on": 100,
+         "given_up": 3},
+        {"route": "back", "next_node": 3, "waiting": 0, "transmissions": 90, "passed_on": 10,
+         "given_up": 8}]},
+    "bond/radio+acoustic": {"name": "radio+acoustic", "links": ["radio", "acoustic"],
+                            "in_use": "acoustic", "again": 4, "frames_transmitted": 40,
+                            "reach": {"1": {"radio": "up", "acoustic": "up"},
+                                      "3": {"radio": "doubt", "acoustic": "down"},
+                                      "5": {"radio": "down", "acoustic": "down"}}},
+    "peers": {"1": {"name": "shore", "same_table": True, "heard_at_unix_s": 940.0,
+                    "received": {"acoustic": {"frames": 20, "bytes": 500, "airtime_s": 45.0},
+                                 "radio": {"frames": 5, "bytes": 99, "airtime_s": 0.9}}},
+              "3": {"name": "buoy", "same_table": True},
+              "5": {"name": "auv5", "heard_at_unix_s": 990.0, "received": {}}},
+}  # fmt: skip
+"""Documents of two links, two routes and a list of links."""
+
 
 def put(board: Board, name: str, document: object, address: int = 2) -> None:
     """Give a document to a board."""
@@ -98,5 +123,33 @@ def fleet_board(gateways: int = 40) -> Board:
             "peer/3/lost": {"lost": False},
             "streams": {"streams": streams},
         }.items():
+            put(board, name, document, address)
+    return board
+
+
+def line_board(nodes: int = 5, worst: int = 3) -> Board:
+    """Return a board of a line of nodes with a route from end to end, and each node's gateway."""
+    board = Board(lambda: NOW_S)
+    path = list(range(1, nodes + 1))
+    for address in path:
+        near = [each for each in (address - 1, address + 1) if each in path]
+        hop = {"route": "far", "waiting": 0, "given_up": 2 if address == worst else 0,
+               "transmissions": 420 if address == worst else 130, "passed_on": 100}  # fmt: skip
+        received = {"acoustic": {"frames": 10, "bytes": 400, "airtime_s": 9.0}}
+        documents: dict[str, Any] = {
+            "node": {"name": f"n{address}", "started_at_unix_s": 100.0},
+            "link": {"name": "acoustic", "state": "up"},
+            "streams": {},
+            "peers": {
+                str(each): {"name": f"n{each}", "heard_at_unix_s": 995.0, "received": received}
+                for each in near
+            },
+            "relay": {"hops": [hop | {"next_node": each} for each in near]},
+        }
+        if address in (path[0], path[-1]):
+            documents["route/far"] = {"path": path, "link": "acoustic", "link_state": "up"}
+            other = path[-1] if address == path[0] else path[0]
+            documents["peers"][str(other)] = {"heard_at_unix_s": 990.0, "received": {}}
+        for name, document in documents.items():
             put(board, name, document, address)
     return board

@@ -3,7 +3,8 @@
 import json
 from typing import Any
 
-from zacoustic.app.tools.watch.board import WINDOW_S, Board
+from tests.tools.boards import WAYS, full_board, full_view, put
+from zacoustic.app.tools.watch.board import MOST_NAMED, WINDOW_S, Board
 
 LINK = {"state": "up", "frames_transmitted": 1, "airtime_s": 6.0}
 NAV = {"id": 10, "name": "nav", "kind": "topic", "sent_at_unix_s": 990.0, "sent_period_s": 2.0,
@@ -123,3 +124,64 @@ def test_what_is_no_document_is_counted_or_left_alone() -> None:
     board = board_at(Clock())
     board.note_alive(2, is_alive=False)
     assert not board.view(2).is_alive
+
+
+def test_links_routes_hops_and_lists_of_links() -> None:
+    view = full_view(**WAYS)
+    assert [(each.name, each.state, each.frames_sent, each.airtime_s) for each in view.links] == [
+        ("acoustic", "up", 30, 88.0), ("radio", "up", 10, 2.0),
+    ]  # fmt: skip
+    (far,) = view.routes
+    assert (far.name, far.path, far.link, far.link_state) == ("far", (2, 1, 4, 5), "acoustic", "up")
+    assert (far.frames_sent, far.frames_heard) == (120, 98)
+    assert [(each.route, each.next_node, each.passed_on, each.given_up) for each in view.hops] == [
+        ("far", 1, 100, 3), ("back", 3, 10, 8),
+    ]  # fmt: skip
+    (bond,) = view.bonds
+    assert (bond.name, bond.in_use, bond.again) == ("radio+acoustic", "acoustic", 4)
+    assert bond.reach[3] == {"radio": "doubt", "acoustic": "down"}
+    assert [(each.address, each.link) for each in view.peers] == [
+        (1, "radio"), (3, "radio"), (5, None),
+    ]  # fmt: skip
+    shore, buoy, far_end = view.peers
+    assert shore.received is not None
+    assert [(each.link, each.frames) for each in shore.received] == [("acoustic", 20), ("radio", 5)]
+    assert (buoy.received, far_end.received) == (None, ())
+
+
+def test_a_link_that_is_down_reaches_nobody_whatever_its_list_says() -> None:
+    board = full_board(**WAYS)
+    put(board, "link/radio", {"state": "down"})
+    assert [each.link for each in board.view(2).peers] == ["acoustic", None, None]
+
+
+def test_a_gateway_of_one_link_has_that_one() -> None:
+    view = full_view()
+    assert [(each.name, each.state, each.frames_sent) for each in view.links] == [("", "up", 40)]
+    assert (view.routes, view.hops, view.bonds) == ((), (), ())
+    assert {each.link for each in view.peers} == {None}
+
+
+def test_a_restart_with_another_file_takes_links_and_routes_away() -> None:
+    board = full_board(**WAYS)
+    put(board, "node", {"name": "auv1", "started_at_unix_s": 990.0})
+    put(board, "route/near", {"path": [2, 1]})
+    view = board.view(2)
+    assert [each.name for each in view.routes] == ["near"]
+    assert (len(view.links), view.hops, view.bonds) == (1, (), ())
+
+
+def test_whoever_puts_names_without_end_fills_no_memory() -> None:
+    board = full_board()
+    for number in range(2 * MOST_NAMED):
+        for kind in ("link", "route", "bond"):
+            put(board, f"{kind}/x{number}", {})
+    put(board, "relay", {"hops": [{"route": f"r{each}", "next_node": 1} for each in range(999)]})
+    put(board, "bond/x0", {"again": 7})
+    view = board.view(2)
+    numbers = {len(each) for each in (view.links, view.routes, view.bonds, view.hops)}
+    assert numbers == {MOST_NAMED}
+    assert view.bonds[0].again == 7
+    for key in ("link/a/b", "route", "bond", "other/a", "peer/1"):
+        put(board, key, {"name": 3})
+    assert board.unreadable == 0

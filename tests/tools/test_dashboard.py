@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from tests.tools.boards import NOW_S, fleet_board, full_board, full_view, put
+from tests.tools.boards import NOW_S, WAYS, fleet_board, full_board, full_view, line_board, put
 from zacoustic.app.tools.pages.truth import Alarm
 from zacoustic.app.tools.watch.crowd import MOST_GATEWAYS, MOST_STREAMS, MOST_TROUBLED
 from zacoustic.app.tools.watch.drawing import (
@@ -121,6 +121,42 @@ def test_a_fleet_of_forty_is_one_page_with_what_fails_on_top() -> None:
     assert alarm is not None
     assert alarm.text.endswith("and 36 more")
     assert len(alarm.text) < 200
+
+
+def test_network_is_on_top_and_closed_while_a_gateway_is_alone() -> None:
+    from nicegui import ui
+    from nicegui.testing.user_simulation import user_simulation
+
+    shown = lookout()
+    pages: list[Page] = []
+
+    async def visit() -> None:
+        async with user_simulation(lambda: pages.append(Page(shown))) as user:
+            await user.open("/")
+            shown.board, shown.trouble = full_board(peers={}), ""
+            pages[0].refresh()
+            network: Any = next(iter(user.find(marker="network", kind=ui.expansion).elements))
+            assert network.value is False
+            for name, document in WAYS.items():
+                put(shown.board, name, document)
+            pages[0].refresh()
+            pages[0].refresh_graph()
+            assert network.value is True
+            graph: Any = next(iter(user.find(marker="graph", kind=ui.html).elements))
+            assert graph.content.startswith('<svg role="img" aria-label="Network: 5 nodes;')
+            network.value = False  # the reader closes it, and it stays closed
+            pages[0].refresh_graph()
+            assert network.value is False
+            bonds: Any = next(iter(user.find(marker="bonds", kind=ui.table).elements))
+            assert [row["by"] for row in bonds.rows] == ["radio", "radio, in doubt", "no link"]
+            links: Any = next(iter(user.find(marker="links", kind=ui.table).elements))
+            assert [row["link"] for row in links.rows] == ["acoustic", "radio"]
+            shown.board = line_board()
+            pages[0].refresh()
+            await user.should_see("5 gateways on tcp/h:7447")
+            assert "worst hop 3→2: 4.2 transmissions for each frame" in graph.content
+
+    asyncio.run(visit())
 
 
 def test_page_of_one_gateway_leaves_the_others_out() -> None:

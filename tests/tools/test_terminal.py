@@ -8,7 +8,8 @@ pytest.importorskip("rich")
 
 from rich.console import Console
 
-from tests.tools.boards import DOCUMENTS, fleet_board, full_view
+from tests.hostilenames import HOSTILE, assert_harmless
+from tests.tools.boards import DOCUMENTS, WAYS, fleet_board, full_view
 from zacoustic.app.tools.watch.crowd import MOST_GATEWAYS
 from zacoustic.app.tools.watch.terminal import Terminal, picture, waiting_picture
 from zacoustic.app.tools.watch.words import rate_words, size_words, state_words, time_words
@@ -157,6 +158,49 @@ def test_terminal_shows_one_picture_after_the_other() -> None:
         terminal.show(picture([full_view()]))
     written = console.file.getvalue()  # type: ignore[attr-defined]
     assert written.index("no gateway has been heard on tcp/h:7447") < written.index("auv1/nav")
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_several_links_routes_and_lists_of_links_are_a_line_each(width: int) -> None:
+    text = drawn(WAYS, width=width)
+    assert max(map(len, text.splitlines())) <= width
+    lines = [" ".join(line.split()) for line in text.splitlines()]
+    assert "acoustic up 30 25 88.0 s" in lines
+    assert "radio up 10 5 2.0 s" in lines
+    frames = "" if width == 80 else "120 98 "
+    assert f"far 2–1–4–5 acoustic up {frames}→ 1: 1.4 a frame, 3 given up" in lines
+    assert "back passes here → 3: 9.0 a frame, 8 given up" in lines
+    assert "radio+acoustic acoustic radio 1 shore" in lines
+    assert "radio, in doubt 3 buoy" in lines
+    assert "no link 5 auv5" in lines
+
+
+def test_one_link_without_routes_takes_no_line() -> None:
+    text = drawn()
+    assert not any(words in text for words in ("worst hop", "list of links", "reached by"))
+
+
+def test_forty_nodes_of_a_list_of_links_are_counted() -> None:
+    reach = {str(each): {"radio": "down" if each == 9 else "up"} for each in range(1, 41)}
+    bond = {"links": ["radio"], "in_use": "radio", "reach": reach}
+    text = drawn({"peers": {}, "bond/main": bond}, width=100)
+    lines = [" ".join(line.split()) for line in text.splitlines()]
+    assert "main radio radio 1, 2 auv1, 3, 4, 5, 6, 7, 8 and 31 more" in lines
+    assert "no link 9" in lines
+
+
+def test_names_of_links_and_routes_are_data_on_a_terminal() -> None:
+    hop = {"route": HOSTILE, "next_node": 1, "transmissions": 3}
+    bond = {"links": [HOSTILE], "in_use": HOSTILE, "reach": {"1": {HOSTILE: "up"}}}
+    peers = {"1": {"name": HOSTILE}}
+    evil = HOSTILE.replace("/", "_")
+    text = drawn({
+        f"link/{evil}": {"state": "up", "detail": HOSTILE}, "link/b": {}, "peers": peers,
+        f"route/{evil}": {"path": [1, 2], "link": HOSTILE, "link_state": HOSTILE},
+        "relay": {"hops": [hop]}, f"bond/{evil}": bond,
+    }, width=2000)  # fmt: skip
+    assert_harmless(text)
+    assert text.count("c[bold red]") >= 8
 
 
 @pytest.mark.parametrize(

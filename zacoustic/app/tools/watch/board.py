@@ -15,7 +15,9 @@ import msgspec
 
 from zacoustic.app.tools.watch.documents import (
     DOCUMENTS,
+    NAMED_DOCUMENTS,
     PEER_DOCUMENTS,
+    BondDocument,
     ChannelDocument,
     DroppedDocument,
     EventsDocument,
@@ -30,24 +32,34 @@ from zacoustic.app.tools.watch.documents import (
     ObjectsDocument,
     PeerRow,
     RangeDocument,
+    RelayDocument,
+    RouteDocument,
     StreamRow,
     StreamsDocument,
     TransferRow,
 )
 from zacoustic.app.tools.watch.views import (
+    BondView,
     CauseView,
     EventView,
     FrameView,
     GatewayView,
+    HopView,
+    LinkView,
     PeerView,
+    ReceivedView,
+    RouteView,
     StreamView,
     TransferView,
 )
+from zacoustic.app.tools.watch.ways import first_link
 from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.zenoh.session.asking.commands import PREFIX
 
 WINDOW_S: Final = 60.0
 """The utilisation covers this time, s, once it was observed."""
+MOST_NAMED: Final = 64
+"""Most documents ``link/NAME`` of one gateway, most of each other kind with names, most hops."""
 _DAMAGED: Final = ("check", "short", "overlong", "stuffing")
 # A higher rate comes from two records of one moment.
 _LEAST_PERIOD_S: Final = 0.001
@@ -93,6 +105,8 @@ class Board:
         kind: Any = None
         if len(chunks) == 3:
             kind = DOCUMENTS.get(chunks[2])
+        elif len(chunks) == 4:
+            kind = NAMED_DOCUMENTS.get(chunks[2])
         elif len(chunks) == 5 and chunks[2] == "peer" and _ADDRESS.fullmatch(chunks[3]):
             kind = PEER_DOCUMENTS.get(chunks[4])
         if kind is None:
@@ -148,16 +162,36 @@ class _GatewayBoard:
 
     def take(self, name: str, document: Any, now_s: float) -> None:  # noqa: ANN401 (of any kind)
         """Store a document."""
+        kind, _, rest = name.partition("/")
+        is_new = name not in self._documents
+        if is_new and kind in NAMED_DOCUMENTS and rest and len(self._named(kind)) >= MOST_NAMED:
+            return  # anybody can put keys, and no gateway has so many
         self._documents[name] = document
         if name == "clock":
             self._ahead_s = now_s - document.now_unix_s
         if name == "node" and document.started_at_unix_s != self._started_at_unix_s:
             self._started_at_unix_s = document.started_at_unix_s
             self._airtimes.clear()  # it was restarted: counters begin at 0
+            self._forget_named()
         if name == "link":
             self._airtimes.append((now_s, document.airtime_s))
             while len(self._airtimes) > 2 and self._airtimes[1][0] < now_s - WINDOW_S:
                 self._airtimes.popleft()
+
+    def _forget_named(self) -> None:
+        """Forget links, routes and lists of links, which another file may lack."""
+        for name in ("relay", *(f"{kind}/{each}" for kind in NAMED_DOCUMENTS
+                                for each in self._named(kind))):  # fmt: skip
+            self._documents.pop(name, None)
+
+    def _named(self, kind: str) -> dict[str, Any]:
+        """Return the documents of a kind by name, in the order of the names."""
+        found = {
+            name.partition("/")[2]: document
+            for name, document in self._documents.items()
+            if name.startswith(f"{kind}/")
+        }
+        return dict(sorted(found.items()))
 
     def note_alive(self, is_there: bool, now_s: float) -> None:
         """Note whether its session is on the network."""
@@ -186,6 +220,7 @@ class _GatewayBoard:
         )
         channel = self._get("channel", ChannelDocument)
         utilisation, window_s = self._utilisation(link, node, unix_s, there_s)
+        links, bonds = self._links(link), self._bonds()
         capabilities = link.capabilities
         return GatewayView(
             unix_s=round(unix_s, 3),
@@ -199,6 +234,10 @@ class _GatewayBoard:
             link=node.link,
             link_state=link.state,
             link_detail=link.detail,
+            links=links,
+            routes=self._routes(),
+            hops=self._hops(),
+            bonds=bonds,
             is_silent=link.silent,
             why_silent=link.why_silent,
             mtu_bytes=capabilities.mtu_bytes if capabilities else None,
@@ -217,7 +256,7 @@ class _GatewayBoard:
             window_s=round(window_s, 1),
             waiting=sum(row.waiting for row in streams.streams),
             streams=tuple(self._stream(row, streams, dropped, there_s) for row in streams.streams),
-            peers=self._peers(there_s),
+            peers=self._peers(links, bonds, there_s),
             causes=self._causes(),
             transfers=self._transfers(),
             transmitting=_frame(channel.transmitting, there_s) if channel.transmitting else None,
@@ -282,11 +321,73 @@ class _GatewayBoard:
             differs_at=tuple(each for d in streams.differ if d.id == row.id for each in d.peers),
         )
 
-    def _peers(self, there_s: float) -> tuple[PeerView, ...]:
-        rows: dict[int, PeerRow] = self._documents.get("peers", {})
-        return tuple(self._peer(address, row, there_s) for address, row in sorted(rows.items()))
+    def _links(self, only: LinkDocument) -> tuple[LinkView, ...]:
+        """Return each of several links, or the only one."""
+        named: dict[str, LinkDocument] = self._named("link") or {only.name: only}
+        return tuple(
+            LinkView(
+                name=name,
+                state=link.state,
+                detail=link.detail,
+                frames_sent=link.frames_transmitted,
+                frames_heard=link.frames_received,
+                airtime_s=round(link.airtime_s, 3),
+            )
+            for name, link in named.items()
+        )
 
-    def _peer(self, address: int, row: PeerRow, there_s: float) -> PeerView:
+    def _routes(self) -> tuple[RouteView, ...]:
+        named: dict[str, RouteDocument] = self._named("route")
+        return tuple(
+            RouteView(
+                name=name,
+                path=tuple(route.path),
+                link=route.link,
+                link_state=route.link_state,
+                frames_sent=route.frames_transmitted,
+                frames_heard=route.frames_received,
+            )
+            for name, route in named.items()
+        )
+
+    def _hops(self) -> tuple[HopView, ...]:
+        return tuple(
+            HopView(
+                route=hop.route,
+                next_node=hop.next_node,
+                waiting=hop.waiting,
+                transmissions=hop.transmissions,
+                passed_on=hop.passed_on,
+                given_up=hop.given_up,
+            )
+            for hop in self._get("relay", RelayDocument).hops[:MOST_NAMED]
+        )
+
+    def _bonds(self) -> tuple[BondView, ...]:
+        named: dict[str, BondDocument] = self._named("bond")
+        return tuple(
+            BondView(
+                name=name,
+                links=tuple(bond.links),
+                in_use=bond.in_use,
+                reach=dict(sorted(bond.reach.items())),
+                again=bond.again,
+                frames_sent=bond.frames_transmitted,
+                frames_heard=bond.frames_received,
+            )
+            for name, bond in named.items()
+        )
+
+    def _peers(
+        self, links: tuple[LinkView, ...], bonds: tuple[BondView, ...], there_s: float
+    ) -> tuple[PeerView, ...]:
+        rows: dict[int, PeerRow] = self._documents.get("peers", {})
+        return tuple(
+            self._peer(address, row, _link_to(address, links, bonds), there_s)
+            for address, row in sorted(rows.items())
+        )
+
+    def _peer(self, address: int, row: PeerRow, link: str | None, there_s: float) -> PeerView:
         measured = self._get(f"peer/{address}/range", RangeDocument)
         metrics = row.metrics
         return PeerView(
@@ -304,6 +405,8 @@ class _GatewayBoard:
             per=row.per,
             exchanges=row.delivered + row.not_delivered,
             late=tuple(self._get(f"peer/{address}/late", LateDocument).late),
+            link=link,
+            received=_received(row),
         )
 
     def _causes(self) -> tuple[CauseView, ...]:
@@ -350,6 +453,21 @@ def _frame(row: FrameRow, there_s: float) -> FrameView:
         airtime_s=round(row.airtime_s, 3),
         streams=tuple(row.streams),
         outcome=row.outcome,
+    )
+
+
+def _link_to(address: int, links: tuple[LinkView, ...], bonds: tuple[BondView, ...]) -> str | None:
+    """Return the link by which the first list of links that knows reaches a node."""
+    found = (first_link(bond, address, links)[0] for bond in bonds)
+    return next((each for each in found if each is not None), None)
+
+
+def _received(row: PeerRow) -> tuple[ReceivedView, ...] | None:
+    if row.received is None:
+        return None
+    return tuple(
+        ReceivedView(link=link, frames=each.frames, airtime_s=each.airtime_s)
+        for link, each in sorted(row.received.items())
     )
 
 

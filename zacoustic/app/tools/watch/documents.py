@@ -23,8 +23,9 @@ class Capabilities(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """``link``: state and counters."""
+    """``link`` or ``link/NAME``: state and counters."""
 
+    name: str = ""
     state: str = "unknown"
     detail: str = ""
     silent: bool = False
@@ -36,6 +37,45 @@ class LinkDocument(msgspec.Struct, frozen=True, kw_only=True):
     bytes_received: int = 0
     airtime_s: float = 0.0
     reports: dict[str, int] = {}
+
+
+class RouteDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``route/NAME``: a route that ends at this node."""
+
+    path: list[int] = []
+    link: str = ""
+    link_state: str = "unknown"
+    frames_transmitted: int = 0
+    frames_received: int = 0
+    bytes_transmitted: int = 0
+
+
+class HopRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``relay``: a hop from this node."""
+
+    route: str = ""
+    next_node: int
+    waiting: int = 0
+    transmissions: int = 0
+    passed_on: int = 0
+    given_up: int = 0
+
+
+class RelayDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``relay``."""
+
+    hops: list[HopRow] = []
+
+
+class BondDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``bond/NAME``: a list of links that is used as one."""
+
+    links: list[str] = []
+    in_use: str | None = None
+    reach: dict[int, dict[str, str]] = {}
+    again: int = 0
+    frames_transmitted: int = 0
+    frames_received: int = 0
 
 
 class LedgerRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -104,6 +144,14 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     range_rate_m_s: float | None = None
 
 
+class ReceivedRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``peers``: what came from one node by one link."""
+
+    frames: int = 0
+    bytes: int = 0
+    airtime_s: float | None = None
+
+
 class PeerRow(msgspec.Struct, frozen=True, kw_only=True):
     """Of ``peers``: one node."""
 
@@ -114,6 +162,7 @@ class PeerRow(msgspec.Struct, frozen=True, kw_only=True):
     delivered: int = 0
     not_delivered: int = 0
     per: float | None = None
+    received: dict[str, ReceivedRow] | None = None
     metrics: Metrics | None = None
 
 
@@ -225,6 +274,7 @@ class ClockDocument(msgspec.Struct, frozen=True, kw_only=True):
 DOCUMENTS: dict[str, Any] = {
     "node": NodeDocument,
     "link": LinkDocument,
+    "relay": RelayDocument,
     "ledger": LedgerDocument,
     "peers": dict[int, PeerRow],
     "streams": StreamsDocument,
@@ -237,6 +287,12 @@ DOCUMENTS: dict[str, Any] = {
     "clock": ClockDocument,
 }
 """Type of each document, by the end of its key."""
+NAMED_DOCUMENTS: dict[str, Any] = {
+    "link": LinkDocument,
+    "route": RouteDocument,
+    "bond": BondDocument,
+}
+"""Type of each document of which there is one for each name, by the chunk before the name."""
 PEER_DOCUMENTS: dict[str, Any] = {
     "range": RangeDocument,
     "lost": LostDocument,

@@ -34,6 +34,10 @@ STYLE: Final = """
 .za .q-table th { font-weight: 600; opacity: .7; }
 .za .q-table td, .za .q-table th { padding: 2px 6px; height: 28px; }
 .za .q-table td span { white-space: nowrap; }
+.za-ground { fill: #fff; }
+body.body--dark .za-ground { fill: var(--q-dark); }
+.za-wide { width: 100%; overflow-x: auto; }
+.za-keys { display: flex; flex-wrap: wrap; gap: .2rem 1.2rem; font-size: .85rem; }
 .za .warn { color: #c77700; font-weight: 600; }
 .za .bad { color: #d64545; font-weight: 600; }
 """

@@ -23,8 +23,19 @@ from zacoustic.app.tools.watch.drawing import (
     load_chart,
     transfer_bars,
 )
+from zacoustic.app.tools.watch.graph import graph_of
+from zacoustic.app.tools.watch.graphdrawing import graph_legend, graph_svg, graph_words
 from zacoustic.app.tools.watch.lookout import Lookout
 from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
+from zacoustic.app.tools.watch.ways import (
+    by_words,
+    hop_words,
+    names_of,
+    nodes_words,
+    path_words,
+    reached_of,
+    routes_of,
+)
 from zacoustic.app.tools.watch.words import (
     LOSING,
     NOTHING,
@@ -46,9 +57,12 @@ from zacoustic.app.tools.watch.words import (
     trouble_words,
     troubled_first,
 )
+from zacoustic.text.safetext import one_line
 
 REFRESH_S: Final = 0.5
 """Period of updates, s."""
+GRAPH_REFRESH_S: Final = 2.0
+"""Period of updates of the graph, s: with forty nodes it is a hundred times as long as a table."""
 
 _GATEWAY_COLUMNS: Final = (
     ("gateway", "gateway", True), ("air", "on the air", False), ("waiting", "waits", False),
@@ -69,6 +83,18 @@ _PEER_COLUMNS: Final = (
 _FRAME_COLUMNS: Final = (
     ("ago", "began", False), ("what", "what", True), ("bytes", "bytes", False),
     ("airtime", "airtime", False), ("outcome", "", True),
+)  # fmt: skip
+_LINK_COLUMNS: Final = (
+    ("link", "link", True), ("state", "state", True), ("sent", "sent", False),
+    ("heard", "heard", False), ("airtime", "airtime", False),
+)  # fmt: skip
+_ROUTE_COLUMNS: Final = (
+    ("route", "route", True), ("path", "path", True), ("link", "link", True),
+    ("sent", "sent", False), ("heard", "heard", False), ("hop", "worst hop from here", True),
+)  # fmt: skip
+_BOND_COLUMNS: Final = (
+    ("bond", "list of links", True), ("in_use", "in use", True), ("by", "reached by", True),
+    ("nodes", "nodes", True),
 )  # fmt: skip
 FRAMES_SHOWN: Final = 8
 """Number of newest frames to show of each gateway."""
@@ -101,11 +127,18 @@ class Page:
             self._where = ui.label().classes("opacity-80")
         with ui.column().classes("za w-full gap-6"):
             self._trouble = ui.label().classes("text-h6 bad").mark("trouble")
+            self._network = _Network()
             self._body = ui.column().classes("w-full gap-8 za-live")
             self._others = _table(_GATEWAY_COLUMNS).mark("gateways")
             self._rest = ui.label().classes("za-dim").mark("rest")
         ui.timer(REFRESH_S, self.refresh)
+        ui.timer(GRAPH_REFRESH_S, self.refresh_graph)
         self.refresh()
+
+    def refresh_graph(self) -> None:
+        """Show the network as it is at present."""
+        lookout = self._lookout
+        self._network.show([lookout.board.view(each) for each in lookout.addresses()])
 
     def refresh(self) -> None:
         """Show the present state."""
@@ -119,6 +152,8 @@ class Page:
         trouble = "" if addresses else lookout.trouble or "no gateway has been heard yet"
         self._trouble.set_text(trouble)
         self._trouble.set_visibility(bool(trouble))
+        if self._network.number != len(addresses):
+            self.refresh_graph()
         whole, others, rest = gateways_in_short(views)
         while len(self._sections) < len(whole):
             with self._body:
@@ -132,6 +167,35 @@ class Page:
         _fill(self._others, [gateway_row(each) for each in others])
         self._others.set_visibility(bool(others))
         self._rest.set_text(f"{rest}: zacoustic dashboard --node N shows one" if rest else "")
+
+
+class _Network:
+    """The graph of all gateways; made inside of the element that holds it."""
+
+    def __init__(self) -> None:
+        self.number = 0
+        """Number of gateways in it."""
+        self._is_open = True
+        with ui.card().classes("w-full q-pa-sm za-live") as self._card:
+            self._whole = ui.expansion("network", value=True).classes("w-full").mark("network")
+            with self._whole:
+                self._graph = ui.html(sanitize=False).classes("za-wide").mark("graph")
+                self._legend = ui.html(sanitize=False).classes("w-full").mark("legend")
+                with ui.expansion("the same in words").classes("w-full").props("dense"):
+                    self._words = ui.html(sanitize=False).classes("w-full").mark("description")
+        self._card.set_visibility(False)
+
+    def show(self, views: Sequence[GatewayView]) -> None:
+        """Show the present network; of one node alone only a line that opens."""
+        graph = graph_of(views)
+        self.number = len(views)
+        self._card.set_visibility(bool(graph.nodes))
+        if self._is_open is graph.is_alone:  # otherwise it stays as the reader has left it
+            self._is_open = not graph.is_alone
+            self._whole.set_value(self._is_open)
+        self._graph.set_content(graph_svg(graph))
+        self._legend.set_content(graph_legend(graph))
+        self._words.set_content(graph_words(graph))
 
 
 class _Section:
@@ -152,6 +216,11 @@ class _Section:
                     )
                     self._more_streams = ui.label().classes("za-dim").mark("more streams")
                     self._quiet = ui.checkbox("quiet streams as well").mark("quiet")
+                    with ui.column().classes("w-full gap-3") as self._ways:
+                        _heading("links and routes")
+                        self._links = _table(_LINK_COLUMNS).mark("links")
+                        self._routes = _table(_ROUTE_COLUMNS).mark("routes")
+                        self._bonds = _table(_BOND_COLUMNS).mark("bonds")
                     _heading("nodes")
                     self._peers = _table(_PEER_COLUMNS, heard=_AGO).mark("peers")
                     self._more_peers = ui.label().classes("za-dim").mark("more peers")
@@ -179,6 +248,7 @@ class _Section:
         streams, more = streams_in_short(troubled_first(wanted))
         _fill(self._streams, [stream_row(each) for each in streams])
         self._more_streams.set_text(more)
+        self._show_ways(view)
         peers, more = peers_in_short(view.peers, is_complete=self._all.value)
         _fill(self._peers, [peer_row(each) for each in peers])
         self._more_peers.set_text(more)
@@ -188,6 +258,62 @@ class _Section:
         self._causes.set_content(cause_bars(view.causes))
         self._transfers.set_content(transfer_bars(view.transfers))
         self._events.set_content(event_lines(view.events))
+
+    def _show_ways(self, view: GatewayView) -> None:
+        """Show several links, routes and lists of links, as far as there are."""
+        links, routes, bonds = link_rows(view), route_rows(view), bond_rows(view)
+        for table, rows in ((self._links, links), (self._routes, routes), (self._bonds, bonds)):
+            _fill(table, rows)
+            table.set_visibility(bool(rows))
+        self._ways.set_visibility(bool(links or routes or bonds))
+
+
+def link_rows(view: GatewayView) -> list[dict[str, Any]]:
+    """Return the rows of links; none for one alone."""
+    if len(view.links) <= 1:
+        return []
+    return [
+        {
+            "id": link.name,
+            "link": one_line(link.name),
+            "state": one_line(f"{link.state}, {link.detail}" if link.detail else link.state),
+            "sent": link.frames_sent,
+            "heard": link.frames_heard,
+            "airtime": f"{link.airtime_s:.1f} s",
+        }
+        for link in view.links
+    ]
+
+
+def route_rows(view: GatewayView) -> list[dict[str, Any]]:
+    """Return the rows of routes that end at a node or pass it."""
+    return [
+        {
+            "id": name,
+            "route": one_line(name),
+            "path": "passes here" if end is None else path_words(end.path),
+            "link": "" if end is None else one_line(f"{end.link} {end.link_state}"),
+            "sent": "" if end is None else end.frames_sent,
+            "heard": "" if end is None else end.frames_heard,
+            "hop": hop_words(hop),
+        }
+        for name, end, hop in routes_of(view)
+    ]
+
+
+def bond_rows(view: GatewayView) -> list[dict[str, Any]]:
+    """Return the rows of lists of links, one for the nodes that are reached alike."""
+    names, in_use = names_of(view), {bond.name: bond.in_use for bond in view.bonds}
+    return [
+        {
+            "id": number,
+            "bond": one_line(each.bond),
+            "in_use": one_line(in_use[each.bond] or NOTHING),
+            "by": one_line(by_words(each)),
+            "nodes": one_line(nodes_words(each, names)),
+        }
+        for number, each in enumerate(reached_of(view))
+    ]
 
 
 def gateway_row(view: GatewayView) -> dict[str, Any]:

@@ -18,10 +18,21 @@ from rich.table import Table
 from rich.text import Text
 
 from zacoustic.app.tools.watch.crowd import gateways_in_short, peers_in_short, streams_in_short
-from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
+from zacoustic.app.tools.watch.views import GatewayView, HopView, PeerView, RouteView, StreamView
+from zacoustic.app.tools.watch.ways import (
+    by_words,
+    hop_words,
+    is_poor,
+    names_of,
+    nodes_words,
+    path_words,
+    reached_of,
+    routes_of,
+)
 from zacoustic.app.tools.watch.words import (
     LOSING,
     LOST_OUTCOMES,
+    NOTHING,
     OLD_S,
     error_words,
     frame_words,
@@ -129,6 +140,7 @@ def _gateway(view: GatewayView, *, is_complete: bool) -> RenderableType:
     return Group(
         Rule(_cell(f" {title_words(view)} ", "bold"), align="left"),
         _head(view),
+        *_ways(view),
         _streams(view, is_complete=is_complete),
         *([_peers(view, is_complete=is_complete)] if view.peers else []),
         Columns([_causes(view), _transfers(view)], padding=(0, 4)),
@@ -153,6 +165,66 @@ def _head(view: GatewayView) -> RenderableType:
     line.append_text(_cell(f"   {now_words(view)}" if view.transmitting else "", "cyan"))
     line.append_text(_cell(f"   journal {view.journal}, runs {time_words(view.uptime_s)}", _DIM))
     return Group(state, line)
+
+
+def _ways(view: GatewayView) -> list[RenderableType]:
+    """Draw several links, routes, and by which link each node is reached, as far as there are."""
+    routes, reached = routes_of(view), reached_of(view)
+    return [
+        *([_links(view)] if len(view.links) > 1 else []),
+        *([_Fitting(_routes(routes), _routes(routes, is_narrow=True))] if routes else []),
+        *([_reached(view)] if reached else []),
+    ]
+
+
+def _links(view: GatewayView) -> Table:
+    table = _table("link", "state", right=("sent", "heard", "airtime"))
+    for link in view.links:
+        words = f"{link.state}, {link.detail}" if link.detail else link.state
+        table.add_row(
+            _cell(link.name or "link"),
+            _cell(words, _GOOD if link.state == "up" else _BAD),
+            str(link.frames_sent),
+            str(link.frames_heard),
+            f"{link.airtime_s:.1f} s",
+        )
+    return table
+
+
+def _routes(
+    routes: Sequence[tuple[str, RouteView | None, HopView | None]], *, is_narrow: bool = False
+) -> Table:
+    """Draw routes; the frames are those of the ends, and a narrow table lacks them."""
+    table = _table("route", "path", "link", right=() if is_narrow else ("sent", "heard"))
+    table.add_column("worst hop from here", no_wrap=True, overflow="ellipsis")
+    for name, end, hop in routes:
+        frames = ("", "") if end is None else (str(end.frames_sent), str(end.frames_heard))
+        state = "" if end is None else f"{end.link} {end.link_state}".strip()
+        table.add_row(
+            _cell(name),
+            _cell("passes here" if end is None else path_words(end.path)),
+            _cell(state, _GOOD if end is None or end.link_state == "up" else _BAD),
+            *(() if is_narrow else frames),
+            _cell(hop_words(hop), _BAD if hop is not None and is_poor(hop) else ""),
+        )
+    return table
+
+
+def _reached(view: GatewayView) -> Table:
+    """Draw by which link each node is reached, one line for those that are reached alike."""
+    table, names = _table("list of links", "in use", "reached by", "nodes"), names_of(view)
+    in_use = {bond.name: bond.in_use for bond in view.bonds}
+    known = ""
+    for each in reached_of(view):
+        is_first, known = each.bond != known, each.bond
+        style = _BAD if each.link is None else _WEAK if each.is_doubtful else ""
+        table.add_row(
+            _cell(each.bond if is_first else ""),
+            _cell((in_use[each.bond] or NOTHING) if is_first else ""),
+            _cell(by_words(each), style),
+            _cell(nodes_words(each, names)),
+        )
+    return table
 
 
 def _cell(text: str, style: str = "") -> Text:

@@ -56,6 +56,87 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     """Nodes that define it otherwise: it is stopped between them."""
 
 
+class LinkView(msgspec.Struct, frozen=True, kw_only=True):
+    """A link of the gateway."""
+
+    name: str
+    """Its name; empty: the file gives it none."""
+    state: str
+    """``up``, ``down`` or ``opening``."""
+    detail: str
+    """What it waits for."""
+    frames_sent: int
+    """Frames given to its modem."""
+    frames_heard: int
+    """Received frames, including damaged ones."""
+    airtime_s: float
+    """Airtime of the frames sent, s."""
+
+
+class RouteView(msgspec.Struct, frozen=True, kw_only=True):
+    """A route that ends at this node."""
+
+    name: str
+    """Its name."""
+    path: tuple[int, ...]
+    """Addresses from one end to the other."""
+    link: str
+    """Name of the link of its hops."""
+    link_state: str
+    """State of that link here: ``up``, ``down`` or ``opening``."""
+    frames_sent: int
+    """Frames that this end has sent over it."""
+    frames_heard: int
+    """Frames that came over it."""
+
+
+class HopView(msgspec.Struct, frozen=True, kw_only=True):
+    """A hop of a route from this node."""
+
+    route: str
+    """Name of the route."""
+    next_node: int
+    """Address of the node to which it goes."""
+    waiting: int
+    """Frames that are held for it."""
+    transmissions: int
+    """How often a frame was transmitted."""
+    passed_on: int
+    """Frames that have arrived there."""
+    given_up: int
+    """Frames that were given up."""
+
+
+class BondView(msgspec.Struct, frozen=True, kw_only=True):
+    """A list of links that is used as one."""
+
+    name: str
+    """Its name."""
+    links: tuple[str, ...]
+    """Its links at this node, the best one first."""
+    in_use: str | None
+    """The best link that reaches all nodes, else the last one that is up; None: none is up."""
+    reach: dict[int, dict[str, str]]
+    """``up``, ``doubt`` or ``down``, by node and link."""
+    again: int
+    """Frames that went again by the next link."""
+    frames_sent: int
+    """Frames that were given to it."""
+    frames_heard: int
+    """Frames that came by it."""
+
+
+class ReceivedView(msgspec.Struct, frozen=True, kw_only=True):
+    """What came from a node by one link, directly, since the gateway runs."""
+
+    link: str
+    """Name of the link."""
+    frames: int
+    """Frames."""
+    airtime_s: float | None
+    """Their airtime, s; None: unknown."""
+
+
 class PeerView(msgspec.Struct, frozen=True, kw_only=True):
     """Another node, as this one receives it."""
 
@@ -87,6 +168,10 @@ class PeerView(msgspec.Struct, frozen=True, kw_only=True):
     """Frames that its modem was asked to acknowledge."""
     late: tuple[str, ...]
     """Keys whose next sample is overdue."""
+    link: str | None
+    """The link that reaches it now; None: no list of links tells, or none reaches it."""
+    received: tuple[ReceivedView, ...] | None
+    """What came from it by each link, without relays; None: unknown."""
 
 
 class CauseView(msgspec.Struct, frozen=True, kw_only=True):
@@ -178,6 +263,14 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """``up``, ``down`` or ``opening``."""
     link_detail: str
     """What it waits for."""
+    links: tuple[LinkView, ...]
+    """Each of its links, by name."""
+    routes: tuple[RouteView, ...]
+    """Routes that end here, by name."""
+    hops: tuple[HopView, ...]
+    """Hops of routes from here."""
+    bonds: tuple[BondView, ...]
+    """Lists of links, by name."""
     is_silent: bool
     """Transmit silence is in force."""
     why_silent: str = ""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 ANSWER_LIMIT_S: Final = 5.0
 """How long a scrape waits for the loop, s."""
+_REACHES: Final = {"up": 1.0, "doubt": 0.5, "down": 0.0}
 _OUTCOMES: Final = tuple(outcome.value for outcome in DeliveryOutcome)
 
 
@@ -109,6 +110,8 @@ def metrics_of(documents: "Documents") -> Iterator[Metric]:
     yield from _links(documents)
     yield from _streams(documents["streams"]["streams"], documents["dropped"])
     yield from _peers(documents)
+    yield _reachable(documents)
+    yield from _hops(documents.get("relay", {}).get("hops", ()))
     yield from _rest(documents)
 
 
@@ -236,6 +239,42 @@ def _peers(documents: "Documents") -> Iterator[Metric]:
             if value is not None:
                 family.add_metric([address], value)
     yield from (heard_at, exchanges, errors, same, lost, ranges, delays, snr, level, integrity)
+
+
+def _reachable(documents: "Documents") -> Metric:
+    """Return which link reaches which node; of several lists of links the one that is surest."""
+    found: dict[tuple[str, str], float] = {}
+    for key, bond in documents.items():
+        if not key.startswith("bond/"):
+            continue
+        for address, by_link in bond["reach"].items():
+            for link, reach in by_link.items():
+                known = found.get((address, link), 0.0)
+                found[address, link] = max(known, _REACHES.get(reach, 0.0))
+    reachable = _gauges(
+        "peer_link_reachable", "1 if a link of a list reaches it, 0.5 in doubt.", "peer", "link"
+    )
+    for (address, link), value in found.items():
+        reachable.add_metric([address, link], value)
+    return reachable
+
+
+def _hops(hops: Iterable["Documents"]) -> Iterator[Metric]:
+    counters = {
+        "transmissions": _counter(
+            "relay_hop_transmissions", "Transmissions over a hop.", "route", "next_node"
+        ),
+        "passed_on": _counter(
+            "relay_hop_passed_on", "Frames that have arrived behind a hop.", "route", "next_node"
+        ),
+        "given_up": _counter(
+            "relay_hop_given_up", "Frames that a hop has given up.", "route", "next_node"
+        ),
+    }
+    for hop in hops:
+        for field, counter in counters.items():
+            counter.add_metric([hop["route"], str(hop["next_node"])], hop[field])
+    yield from counters.values()
 
 
 def _rest(documents: "Documents") -> Iterator[Metric]:

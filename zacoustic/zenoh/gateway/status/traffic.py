@@ -74,6 +74,7 @@ class Traffic:
         self._heard: dict[int, Pulse] = {}
         self._ages_s: dict[int, float] = {}
         self._heard_at: dict[int, float] = {}
+        self._received: dict[int, dict[str, tuple[int, int]]] = {}
         self._exchanges: dict[int, Exchanges] = {}
         self._destination = BROADCAST
 
@@ -86,6 +87,9 @@ class Traffic:
             case "receive":
                 if record.peer != UNKNOWN_SOURCE:
                     self._heard_at[record.peer] = self._unix_s()
+                    by_link = self._received.setdefault(record.peer, {})
+                    frames, size_bytes = by_link.get(record.link, (0, 0))
+                    by_link[record.link] = frames + 1, size_bytes + record.size_bytes
                 self._beat(self._heard, record.streams)
             case "report":
                 self._note_outcome(record.detail)
@@ -100,6 +104,10 @@ class Traffic:
     def heard_at_unix_s(self) -> dict[int, float]:
         """Return when each node was heard last, s since 1970."""
         return dict(self._heard_at)
+
+    def received_from(self, address: int) -> dict[str, tuple[int, int]]:
+        """Return the number of frames from a node, and their bytes, by link, route and bond."""
+        return dict(self._received.get(address, {}))
 
     def of_stream(self, stream_id: int) -> dict[str, float | None]:
         """Return the facts of a stream, for its row in the document."""

@@ -4,12 +4,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from zacoustic.app.tools.field.doctor.network import Running
+from zacoustic.app.tools.watch.ways import POOR_HOP
 from zacoustic.config import Config
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 from zacoustic.link.contract import Finding
 
-_POOR: Final = 3
-"""A hop with more transmissions than this for each frame that arrives is poor."""
+_LEAST_AGAIN: Final = 10
+_AGAIN_SHARE: Final = 0.1
+"""A list of links of which more frames than this go again by the next link has a poor one."""
 _LEAST_STRANGE: Final = 10
 _LEAST_OWN: Final = 2
 """Least number of frames from the own address that damage does not explain."""
@@ -44,6 +46,9 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
     yield from _clash(config, health)
     yield from _tables(config, running)
     yield from _routes(health)
+    for key, bond in health.items():
+        if key.startswith("bond/") and isinstance(bond, Mapping):
+            yield from _bond(key.removeprefix("bond/"), bond, health)
     doubt = _part(health, "journal").get("doubt")
     if doubt:
         yield Finding(
@@ -123,6 +128,36 @@ def _routes(health: Mapping[str, Any]) -> Iterator[Finding]:
         )
 
 
+def _bond(name: str, bond: Mapping[str, Any], health: Mapping[str, Any]) -> Iterator[Finding]:
+    """Name a list of links without any that is up, or with a better link that reaches nobody."""
+    links = [each for each in _items(bond, "links") if isinstance(each, str)]
+    # `in_use` is null while no link is up; another version may lack it.
+    if links and bond.get("in_use", "") is None:
+        yield Finding(
+            what=f"list of links {name}: none of {', '.join(links)} is up",
+            why="nothing of its streams crosses while that holds",
+            cure="link/NAME of the health report says what each of them waits for",
+        )
+        return
+    reach = [each for each in _part(bond, "reach").values() if isinstance(each, Mapping)]
+    again, sent = bond.get("again"), bond.get("frames_transmitted")
+    if not (isinstance(again, int) and isinstance(sent, int) and reach):
+        return
+    if sent < UNHEARD_FRAMES or again < max(_LEAST_AGAIN, sent * _AGAIN_SHARE):
+        return
+    for link in links[:-1]:
+        state = _part(health, f"link/{link}").get("state", "up")
+        if state == "up" and all(each.get(link) == "down" for each in reach):
+            yield Finding(
+                what=f"list of links {name}: {link} reaches none of {len(reach)} nodes, and "
+                f"{again} of {sent} frames went again by the next link",
+                why="frames come late while they wait for an answer there, and go by the link that "
+                "costs more",
+                cure=f"see that {link} has the same settings at all nodes and hears their answers; "
+                "if it is only out of range, nothing is wrong",
+            )
+
+
 def _is_poor(hop: object) -> bool:
     if not isinstance(hop, Mapping):
         return False
@@ -131,7 +166,12 @@ def _is_poor(hop: object) -> bool:
         for key in ("transmissions", "passed_on", "given_up")
     )
     is_known = transmissions >= UNHEARD_FRAMES
-    return is_known and (transmissions > _POOR * passed_on or given_up > passed_on / 10)
+    return is_known and (transmissions > POOR_HOP * passed_on or given_up > passed_on / 10)
+
+
+def _items(document: Mapping[str, Any], name: str) -> list[Any]:
+    items = document.get(name)
+    return items if isinstance(items, list) else []
 
 
 def _part(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -28,8 +28,9 @@ from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.asking.goals import ActionKey
 
 _DOCUMENTS: Final = (
-    "node", "link", "link/*", "ledger", "peers", "peer/*/*", "contact/*", "modem", "modem/*",
-    "streams", "objects", "channel", "journal", "dropped", "events", "clock",
+    "node", "link", "link/*", "route/*", "bond/*", "relay", "ledger", "peers", "peer/*/*",
+    "contact/*", "modem", "modem/*", "streams", "objects", "channel", "journal", "dropped",
+    "events", "clock",
 )  # fmt: skip
 """Documents of the health report, by the end of their keys: a query of them changes nothing."""
 _MOST_KEYS: Final = 256

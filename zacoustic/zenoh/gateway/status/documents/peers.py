@@ -55,6 +55,29 @@ class PeerTable:
             "confirmed_us": confirmed.get(address, False),
             "heard_at_unix_s": heard_at_unix_s,
             **self._traffic.of_peer(address),
+            "received": self._received(address),
             "round_trip_s": ns_to_seconds(round_trip_ns) if round_trip_ns else None,
             "metrics": self._engine.measurements.metrics(address),
         }
+
+    def _received(self, address: int) -> dict[str, object]:
+        """Return what came from a node by each link; without relays, for those are other nodes."""
+        by_link = self._traffic.received_from(address)
+        return {
+            link: {
+                "frames": by_link[link][0],
+                "bytes": by_link[link][1],
+                "airtime_s": self._airtime_s(link, *by_link[link]),
+            }
+            for link in self._engine.links
+            if link in by_link
+        }
+
+    def _airtime_s(self, link: str, frames: int, size_bytes: int) -> float | None:
+        """Return the airtime of frames by the bit rate of their link, s; None: unknown yet."""
+        capabilities = self._engine.capabilities_of(link)
+        if capabilities is None:
+            return None
+        return round(
+            frames * capabilities.preamble_s + size_bytes * 8 / capabilities.bit_rate_bps, 3
+        )

@@ -1,0 +1,131 @@
+"""Links, routes and lists of links of a gateway in short words, the same on terminal and page."""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import msgspec
+
+from zacoustic.app.tools.watch.views import BondView, GatewayView, HopView, LinkView, RouteView
+from zacoustic.app.tools.watch.words import NOTHING
+from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
+
+POOR_HOP: Final = 3
+"""A hop with more transmissions than this for each frame that arrives is poor."""
+_NODES_SHOWN: Final = 6
+"""Most nodes of a path to write out."""
+MOST_NODES_NAMED: Final = 8
+"""Most nodes to name in a row of a list of links."""
+
+
+class Reached(msgspec.Struct, frozen=True):
+    """Nodes that one list of links reaches in the same way."""
+
+    bond: str
+    """Name of the list of links."""
+    link: str | None
+    """The first of its links that reaches them; None: none does."""
+    is_doubtful: bool
+    """That link is in doubt, so frames go by the next one as well."""
+    nodes: tuple[int, ...]
+    """Addresses, in order."""
+
+
+def cost_of(hop: HopView) -> float:
+    """Return the transmissions of a hop for each frame that has arrived."""
+    return hop.transmissions / max(1, hop.passed_on)
+
+
+def worst_hop(hops: Iterable[HopView]) -> HopView | None:
+    """Return the hop with most transmissions for each frame; None: nothing was transmitted."""
+    used = [hop for hop in hops if hop.transmissions]
+    return max(used, key=lambda hop: (cost_of(hop), hop.given_up), default=None)
+
+
+def is_poor(hop: HopView) -> bool:
+    """Tell whether a hop costs much or loses frames, as the doctor judges it."""
+    is_known = hop.transmissions >= UNHEARD_FRAMES
+    return is_known and (cost_of(hop) > POOR_HOP or hop.given_up > hop.passed_on / 10)
+
+
+def hop_words(hop: HopView | None) -> str:
+    """Return what a hop costs: ``→ 3: 1.4 a frame, 2 given up``."""
+    if hop is None:
+        return NOTHING
+    lost = f", {hop.given_up} given up" if hop.given_up else ""
+    return f"→ {hop.next_node}: {cost_of(hop):.1f} a frame{lost}"
+
+
+def path_words(path: Sequence[int]) -> str:
+    """Return a path: ``1–2–3``, of a long one both ends and the number of its hops."""
+    if len(path) <= _NODES_SHOWN:
+        return "–".join(map(str, path)) or NOTHING
+    return f"{path[0]}–{path[1]}–…–{path[-1]}, {len(path) - 1} hops"
+
+
+def routes_of(view: GatewayView) -> list[tuple[str, RouteView | None, HopView | None]]:
+    """Return each route over a node: name, its end if it ends there, and the worst hop there."""
+    ends = {route.name: route for route in view.routes}
+    names = sorted({*ends, *(hop.route for hop in view.hops)})
+    return [
+        (name, ends.get(name), worst_hop(hop for hop in view.hops if hop.route == name))
+        for name in names
+    ]
+
+
+def reached_of(view: GatewayView) -> list[Reached]:
+    """Return which nodes are reached by which link, the best links first."""
+    return [each for bond in view.bonds for each in _reached_by(bond, view.links)]
+
+
+def first_link(
+    bond: BondView, address: int, links: Sequence[LinkView] = ()
+) -> tuple[str | None, bool]:
+    """Return the first link of a list that reaches a node, and whether it is in doubt.
+
+    Args:
+        bond: The list.
+        address: The node.
+        links: The links of the gateway: one that is down reaches nobody.
+    """
+    down = {link.name for link in links if link.state != "up"}
+    reach = bond.reach.get(address, {})
+    for state in ("up", "doubt"):
+        for link in bond.links:
+            if reach.get(link) == state and link not in down:
+                return link, state == "doubt"
+    return None, False
+
+
+def _reached_by(bond: BondView, links: Sequence[LinkView]) -> list[Reached]:
+    groups: dict[tuple[str | None, bool], list[int]] = {}
+    for address in sorted(bond.reach):
+        groups.setdefault(first_link(bond, address, links), []).append(address)
+    order = {link: index for index, link in enumerate(bond.links)}
+
+    def rank(item: tuple[str | None, bool]) -> tuple[int, bool]:
+        link, is_doubtful = item
+        return len(order) if link is None else order[link], is_doubtful
+
+    return [
+        Reached(bond.name, link, is_doubtful, tuple(groups[link, is_doubtful]))
+        for link, is_doubtful in sorted(groups, key=rank)
+    ]
+
+
+def by_words(reached: Reached) -> str:
+    """Return the link that reaches nodes, in words."""
+    if reached.link is None:
+        return "no link"
+    return f"{reached.link}, in doubt" if reached.is_doubtful else reached.link
+
+
+def nodes_words(reached: Reached, names: dict[int, str]) -> str:
+    """Return the nodes with their names; of many the first ones, and the number of the others."""
+    shown = [f"{each} {names.get(each, '')}".rstrip() for each in reached.nodes[:MOST_NODES_NAMED]]
+    left = len(reached.nodes) - len(shown)
+    return ", ".join(shown) + (f" and {left} more" if left else "")
+
+
+def names_of(view: GatewayView) -> dict[int, str]:
+    """Return the names of the nodes that a gateway knows."""
+    return {view.address: view.name} | {each.address: each.name for each in view.peers}
