@@ -124,7 +124,7 @@ class Known:
         elif isinstance(control, Row) and self.hello and control.epoch == self.hello.epoch:
             self.rows[control.stream] = control.digest
 
-    def vouched(self, tag: Tag, now_s: float) -> None:
+    def provisional(self, tag: Tag, now_s: float) -> None:
         """Take a TAG with a confirm of the own present epoch for a HELLO with the own digest."""
         self.take(Hello(VERSION, tag.epoch, self.own), now_s)
 

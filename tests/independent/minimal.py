@@ -580,9 +580,9 @@ class Node:
         if isinstance(control, Hello) and control.version != agreement.VERSION:
             return
         before = peer.known.hello
-        vouched = self._sent_hello and any(one.epoch == self.epoch for one in confirms)
-        if isinstance(control, Tag) and vouched:
-            peer.known.vouched(control, now)
+        provisional = self._sent_hello and any(one.epoch == self.epoch for one in confirms)
+        if isinstance(control, Tag) and provisional:
+            peer.known.provisional(control, now)
             peer.confirm_pause = _CONFIRM_PAUSES[0]
         else:
             peer.known.take(control, now)
