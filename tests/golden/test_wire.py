@@ -1,15 +1,17 @@
 """The wire vectors: what the engines make today is what docs/wire.md promises."""
 
-import json
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from tests.golden.vectors import VECTORS, Vector, vectors
+from tests.golden.vectors import VECTORS, Vector, text, vectors
 from zacoustic.core.values.encoding import ENCODINGS
 
 WIRE_PAGE = Path(__file__).parents[2] / "docs" / "wire.md"
-PROMISED = {each["name"]: Vector(**each) for each in json.loads(VECTORS.read_text())}
+PROMISED = {
+    each.name: each for each in msgspec.json.decode(VECTORS.read_bytes(), type=list[Vector])
+}
 MADE = {each.name: each for each in vectors()}
 
 
@@ -20,6 +22,14 @@ def test_vector_is_made_as_promised(name: str) -> None:
 
 def test_every_vector_is_promised() -> None:
     assert set(MADE) == set(PROMISED)
+
+
+def test_file_is_written_as_the_script_writes_it() -> None:
+    assert VECTORS.read_text(encoding="utf-8") == text()
+
+
+def test_every_vector_says_what_is_in_it() -> None:
+    assert [each.name for each in MADE.values() if not each.fields or not each.table] == []
 
 
 @pytest.mark.parametrize("name", sorted(PROMISED))
