@@ -12,7 +12,7 @@ from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.dense import DenseCodec, Listener
-from zacoustic.core.values.payload import PayloadCodec
+from zacoustic.core.values.payload import PayloadCodec, PayloadError
 from zacoustic.core.wire.access import CLOCK_TICK_NS, SPAN_STEP_NS, ClockTime, Turn
 from zacoustic.core.wire.agreement import Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.wire.calls import NAMED, CallKind, decode_call_byte, decode_error
@@ -316,7 +316,10 @@ def _age(code: int) -> Fields:
 
 
 def _value(codec: PayloadCodec, payload: bytes) -> Fields:
-    return {"payload": payload.hex(), "value": in_json(codec.decode(payload))}
+    try:
+        return {"payload": payload.hex(), "value": in_json(codec.decode(payload))}
+    except PayloadError:
+        return {"payload": payload.hex(), "refused": "payload"}
 
 
 def in_json(value: object) -> object:
