@@ -4,19 +4,28 @@ Each is given to a real engine, which has to refuse it for the stated reason and
 After adding one: ``python -m tests.golden.refusals`` from the project's root.
 """
 
+import itertools
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
 from tests.golden.fields import Fields, Reader, in_json
+from tests.golden.sealed import KEY
 from tests.golden.tables import TABLES, lines
+from tests.virtual.sealed import SealedFleet
 from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.engine.makeengine import MakeEngine
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.peers.sealing import Seal
 from zacoustic.core.wire.envelope import stuff
+from zacoustic.core.wire.seal import NO_TABLE
+from zacoustic.seal.ccm import FleetCipher
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 REFUSALS: Final = Path(__file__).parent / "refusals.json"
@@ -49,6 +58,8 @@ class Refusal(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Frames of the same way that the receiver has read just before."""
     called: str = ""
     """Request with which the receiver has called stream 20 before; it waits for the answer."""
+    key: dict[str, str | int] = {}
+    """The key of the fleet, where frames are sealed; the port is 0."""
     reason: str
     """Why it is refused."""
     lost: str
@@ -275,7 +286,8 @@ CASES: Final = (
 
 def refusals() -> list[Refusal]:
     """Return them all, each verified with an engine."""
-    return [*map(_on_a_poor_link, LINK_CASES), *map(_on_a_good_link, CASES)]
+    sealed = [_sealed(*each) for each in _sealed_cases()]
+    return [*map(_on_a_poor_link, LINK_CASES), *map(_on_a_good_link, CASES), *sealed]
 
 
 def text() -> str:
@@ -318,6 +330,53 @@ def _on_a_good_link(case: Case) -> Refusal:
     )  # fmt: skip
 
 
+def _sealed_cases() -> Iterator[tuple[str, str, str, list[bytes], bytes, str]]:
+    """Yield name, meaning, reason, the frames before, the frame, and what of it is lost."""
+    nav, digest = bytes.fromhex(_NAV), TABLES["base"].digest
+    hello = bytes.fromhex(f"b0020007{digest.hex()}")
+
+    def frames(life: int) -> Iterator[bytes]:
+        seal = Seal(1, life, FleetCipher(KEY), JournalPort(), {}, lambda source: b"")
+        yield seal.seal(hello + nav, BROADCAST, NO_TABLE, 0)
+        while True:
+            yield seal.seal(nav, BROADCAST, digest, 0)
+
+    long, short = itertools.islice(frames(7), 2)
+    damaged = long[:-1] + bytes((long[-1] ^ 1,))
+    yield "sealed_damaged", "the last bit of the tag is another one", "forged", [], damaged, ""
+    meaning = "a short head, and no long one was heard"
+    yield "sealed_out_of_step", meaning, "out_of_step", [], short, ""
+    yield "sealed_again", "the same frame a second time", "replayed", [long, short], short, ""
+    former = next(frames(6))
+    yield "sealed_former_life", "life 6 behind life 7", "former_life", [long], former, ""
+    plain = bytes.fromhex(GOOD)
+    yield "not_sealed", "a frame that is not sealed", "unsealed", [long], plain, ""
+    seal = Seal(1, 7, FleetCipher(KEY), JournalPort(), {}, lambda source: b"")
+    call = bytes.fromhex("140001")
+    weak = seal.seal(call, 2, digest, 0)
+    meaning = "a request in a frame with the tag of four bytes"
+    yield "sealed_weak", meaning, "weak", [long], weak, call.hex()
+
+
+def _sealed(
+    name: str, meaning: str, reason: str, before: list[bytes], frame: bytes, lost: str
+) -> Refusal:
+    receiver = _Receiver("base", 2, Modem(), introduced=False, build=SealedFleet(KEY))
+    destination = 2 if lost else BROADCAST
+    for each in before:
+        receiver.take(each.hex(), 1, BROADCAST)
+        receiver.wait()
+    receiver.forget()
+    receiver.take(frame.hex(), 1, destination)
+    _verify(name, receiver, reason, [])
+    return Refusal(
+        name=name, hex=frame.hex(), meaning=meaning, table="base", source=1,
+        destination=destination, receiver=2, introduced=False,
+        before=[each.hex() for each in before], reason=reason, lost=lost or frame.hex(), read=[],
+        key={"network": KEY.network, "generation": KEY.generation, "secret": KEY.secret.hex()},
+    )  # fmt: skip
+
+
 def _verify(name: str, receiver: "_Receiver", reason: str, read: list[Fields]) -> None:
     expected = [each["value"] for each in read if each.get("record") == "sample"]
     if receiver.dropped != {reason: 1} or receiver.samples != expected:
@@ -332,12 +391,23 @@ class _Receiver:
         address: Its address.
         modem: What its link lacks.
         introduced: Whether it and another node have confirmed each other.
+        build: Makes the engines.
     """
 
-    def __init__(self, table: str, address: int, modem: Modem, *, introduced: bool = True) -> None:
+    def __init__(
+        self,
+        table: str,
+        address: int,
+        modem: Modem,
+        *,
+        introduced: bool = True,
+        build: MakeEngine = Engine,
+    ) -> None:
         nodes = tuple(NodeSpec(address=each, position=(0.0, 0.0, 0.0)) for each in (1, 2))
         scenario = Scenario(nodes=nodes, profile="ideal", channel="none")
-        self._network = VirtualNetwork(scenario, TABLES[table], modem=modem, digest=False)
+        self._network = VirtualNetwork(
+            scenario, TABLES[table], modem=modem, digest=False, build=build
+        )
         self._address = address
         if introduced:
             for each in (1, 2, 1, 2):
