@@ -159,8 +159,6 @@ class Reader:
         if stream.qos.stamp is Stamp.AGE:
             found |= _age(content[0])
             content = content[1:]
-        if prefixes.encoding is not None:
-            return {**found, "payload": content.hex()}
         return {**found, **_value(stream.codec, content)}
 
 

@@ -44,8 +44,9 @@ from zacoustic.core.wire.agreement import (
     Tag,
 )
 from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_error, encode_name
+from zacoustic.core.wire.controls import Extension
 from zacoustic.core.wire.envelope import Envelope
-from zacoustic.core.wire.frame import Control, DenseAck
+from zacoustic.core.wire.frame import Control, DenseAck, Sync
 from zacoustic.core.wire.goals import (
     REMINDER,
     UNKNOWN_RESULT,
@@ -120,6 +121,7 @@ def vectors() -> Iterator[Vector]:
     yield from _subscriptions()
     yield from _dense()
     yield from _packed_bytes()
+    yield from _together()
 
 
 def _vector(name: str, frame: Sent, meaning: str, *, reader: Reader | None = None) -> Vector:
@@ -622,6 +624,38 @@ def _packed_bytes() -> Iterator[Vector]:
         name = f"digest_of_bytes_stream_{stream_id}"
         meaning = f"digest of the stream {stream_id} of packed bytes"
         yield _digest(name, "bytes", stream_id, meaning)
+
+
+def _together() -> Iterator[Vector]:
+    """What the others do not have: several parts of the grammar in one frame."""
+    point = TABLES["kinds"].by_id(3).codec.encode({"x": 1.5, "y": -2.5})
+    sync = Sync(0x1234, 0x010005).encode()
+    sample = sync + bytes((3, 1, 0, 0x07, 42)) + point
+    meaning = "SYNC; stream 3, wildcards 1 and 0, number 7, 4.2 s old: a typed sample"
+    yield _vector("reliable_wildcards_aged", Sent(sample, 1, 2, "kinds"), meaning)
+    ack = sync + bytes((Control.ACK, 31, 2)) + Ack(5, 0b101).encode()
+    meaning = "SYNC: lineage 1234, 65541 is awaited; ACK: 5, and 6 and 8 are held"
+    yield _vector("ack_sync_holding", _to_client(ack, "reliable"), meaning)
+    known = TABLES["reliable"].digest
+    head = Hello(WIRE_VERSION, 2, known).encode() + Confirm(1, 1).encode()
+    acked = bytes((Control.LEN, 3, Control.ACK, 30)) + Ack(3).encode()
+    frame = head + acked + bytes((11,)) + b"raw"
+    meaning = "HELLO, CONFIRM, LEN before an ACK, a sample to the end"
+    yield _vector("hello_len_ack", _to_client(frame, "reliable"), meaning)
+    several = Extension(0xE1, b"\x01\x02").encode() + bytes((0, 11)) + b"raw"
+    meaning = "an extension E1 of two bytes, padding, a sample"
+    yield _vector("extension_padding", _to_all(several), meaning)
+    link = LinkCapabilities(
+        mtu_bytes=300, bit_rate_bps=1000, addressed=False, checked=False, framed=False
+    )
+    records = bytes((11,)) + bytes(range(1, 256))
+    meaning = "a byte stream: 256 bytes of records, addresses, CRC-32, COBS in two pieces"
+    plain = _vector("byte_stream_long", Sent(records, 2, 1), meaning)
+    yield msgspec.structs.replace(
+        plain,
+        hex=Envelope(link, 2).wrap(records, 1).hex(),
+        link={"addressed": False, "checked": False, "framed": False},
+    )
 
 
 def _call(pair: _Pair) -> CallKey:
