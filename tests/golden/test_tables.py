@@ -57,6 +57,13 @@ def test_descriptions_of_types_follow_from_their_fields() -> None:
         assert each["description"] == type_description(each["name"], types)
 
 
+def test_the_description_on_the_wire_page_has_the_digest_that_stands_there() -> None:
+    page = (TABLES_FILE.parents[2] / "docs" / "wire.md").read_text(encoding="utf-8")
+    example = page[page.index(' ["topic",7,') :]
+    shown = "".join(line[1:] for line in example.partition("```")[0].splitlines())
+    assert f"the digest `{digest_of(shown.encode())}`" in page
+
+
 def test_vectors_name_tables_that_are_there() -> None:
     vectors = json.loads(VECTORS.read_text(encoding="utf-8"))
     assert {each["table"] for each in vectors} <= set(FILE["tables"])
