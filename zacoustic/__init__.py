@@ -132,6 +132,7 @@ __all__ = [
     "PeerFound",
     "PeerLost",
     "PeerMeasured",
+    "PeerReachable",
     "PeerSeen",
     "Priority",
     "Publisher",

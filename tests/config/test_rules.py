@@ -162,15 +162,15 @@ def test_times_of_the_section_are_for_every_node_that_says_no_other() -> None:
         lost_after_s=300,
     )
     assert contact == ContactRules(
-        heartbeat_s=60, lost_after_s={2: 300, 3: 3600}, others_lost_after_s=300
+        announces=True, heartbeat_s=60, lost_after_s={2: 300, 3: 3600}, others_lost_after_s=300
     )
     assert _contact([{"address": 1, "heartbeat_s": 60}, {"address": 2}]) == ContactRules(
-        heartbeat_s=60
+        announces=True, heartbeat_s=60
     )
     assert _contact([{"address": 1}, {"address": 2, "lost_after_s": 9}]) == ContactRules(
-        lost_after_s={2: 9}
+        announces=True, lost_after_s={2: 9}
     )
-    assert _contact([{"address": 1}]) == ContactRules()
+    assert _contact([{"address": 1}]) == ContactRules(announces=True)
 
 
 @pytest.mark.parametrize(

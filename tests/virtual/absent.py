@@ -21,6 +21,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, RequestReceived, SampleReceived
 from zacoustic.core.linktypes import ReceivedFrame
+from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
@@ -73,6 +74,7 @@ def run(
     forged_s: Iterable[float] = (),
     modem: Modem | None = None,
     access: AccessSpec | None = None,
+    announces: bool = False,
 ) -> Outcome:
     """Let one node be absent.
 
@@ -83,6 +85,7 @@ def run(
         forged_s: Instants after the crash at which somebody repeats a frame of the absent node, s.
         modem: What the modems do by themselves; None: what S2C modems do.
         access: How they share the channel; None: they sense each other's carriers.
+        announces: Whether a node that is back says so.
     """
     kinds = tuple(kinds)
     awaited = [kind for kind in kinds if kind is not Kind.COMMAND]
@@ -123,7 +126,7 @@ def run(
         scenario,
         _table(),
         modem=modem,
-        rules=TransmitRules(access=access),
+        rules=TransmitRules(access=access, contact=ContactRules(announces=announces)),
         digest=False,
         deliver=deliver,
         trace=trace,

@@ -7,8 +7,12 @@ from statistics import mean
 import pytest
 
 from tests.virtual.absent import EVERYTHING, Kind, Outcome, run
+from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.peers.contact import ContactRules
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access.spec import AccessSpec, AlohaSpec, PollingSpec, TdmaSpec
-from zacoustic.testing.virtual import Modem
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 DEAF = Modem(senses_carrier=False)
 
@@ -55,6 +59,31 @@ def test_emergency_is_there_at_once_whatever_else_waits(count: Callable[[int], i
     for kinds in ((Kind.EMERGENCY,), tuple(Kind)):
         arrived_s = [each.arrived_s[Kind.EMERGENCY] for each in outcomes(count, kinds)]
         assert p95(arrived_s) <= 10
+
+
+def test_node_with_a_journal_says_that_it_is_back(count: Callable[[int], int]) -> None:
+    seeds = range(count(500))
+    for kind in (Kind.SAMPLE, Kind.CALL, Kind.GOAL):
+        alone = [run(seed, (kind,), announces=True) for seed in seeds]
+        assert p95([each.arrived_s[kind] for each in alone]) <= 10
+    objects = [run(seed, (Kind.OBJECT,), announces=True) for seed in seeds]
+    assert p95([each.arrived_s[Kind.OBJECT] for each in objects]) <= 75
+    small = [at_s for seed in seeds for at_s in _arrivals(run(seed, EVERYTHING, announces=True))]
+    assert p95(small) <= 60
+
+
+def test_first_start_and_a_start_without_a_journal_say_nothing() -> None:
+    scenario = scenario_from_mapping(
+        {"nodes": [{"address": each, "position": [0, 0, 10 * each]} for each in (1, 2)]},
+        source="test",
+    )
+    rules = TransmitRules(contact=ContactRules(announces=True))
+    network = VirtualNetwork(scenario, StreamTable([], nodes={1: "a", 2: "b"}), rules=rules)
+    network.run(until_s=600.0)
+    assert sum(each.frames_transmitted for each in network.stats()) == 0
+    network.restart(1)
+    network.run(until_s=1200.0)
+    assert network.engine(1).stats.frames_transmitted == 1
 
 
 def test_forged_frame_releases_a_turn_and_has_no_lasting_effect(

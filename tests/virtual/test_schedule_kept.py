@@ -117,9 +117,14 @@ def test_guard_that_no_longer_reaches_is_told_and_kept(count: Callable[[int], in
 
         fleet.network.move(first, there)
         fleet.places[first] = there
-        assert math.dist(fleet.places[first], fleet.places[second]) > fleet.spec.slots[0].range_m
+        too_far_m = math.dist(there, fleet.places[second]) - fleet.spec.slots[0].range_m
+        assert too_far_m > 0, seed
         fleet.run(500)
-        assert list(fleet.collisions(250.0)) == [], seed
+        # Both may lose their slots, and then contend for the open one, which may be too near a
+        # slot as well; nobody else is hurt.
+        assert list(fleet.collisions(250.0, apart_from=(first, second))) == [], seed
+        for node in (first, second):
+            assert any(at_s > 300.0 and source == node for at_s, source, _ in fleet.delivered), seed
         troubles = {
             (node, fault.node)
             for node, told in fleet.states.items()
@@ -127,7 +132,9 @@ def test_guard_that_no_longer_reaches_is_told_and_kept(count: Callable[[int], in
             for fault in state.faults
             if fault.trouble is Trouble.FAR
         }
-        assert (second, first) in troubles or (first, second) in troubles, seed
+        # The instants of a modem may be wrong by a twentieth of a second.
+        is_plain = too_far_m > 150.0
+        assert not is_plain or {(second, first), (first, second)} & troubles, seed
         assert fleet.times(first, 300.0), seed
         assert fleet.times(second, 300.0), seed
 

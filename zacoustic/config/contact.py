@@ -40,6 +40,7 @@ def read_contact(
         lost_after_s=lost_after_s,
         others_lost_after_s=written.lost_after_s,
         lost_contact=lost_contact,
+        announces=True,
     )
 
 

@@ -1,11 +1,12 @@
 """The links of a node, and the link of each stream."""
 
 from zacoustic.config.access import read_access
+from zacoustic.config.bonds import read_bonded
 from zacoustic.config.later import check_word
 from zacoustic.config.onrmwdesert import check_access as check_access_on_desert
 from zacoustic.config.problems import Place
 from zacoustic.config.sections import ALLOWED, LinkEntry, Section
-from zacoustic.config.streams import Fleet
+from zacoustic.config.streams import Fleet, check_address
 from zacoustic.core.profiles.rules import LinkRules
 from zacoustic.core.relay.route import Route
 from zacoustic.core.streams.keys import fault_of_name
@@ -16,16 +17,17 @@ _NAMED = 'a name of its own, such as "acoustic" or "radio"'
 
 
 def read_links(
-    place: Place, entries: tuple[LinkEntry, ...], locator: str | None
+    place: Place, entries: tuple[LinkEntry, ...], locator: str | None, own: int
 ) -> tuple[LinkEntry, ...]:
-    """Check the links.
+    """Check the links; return those of the node.
 
     Args:
         place: Place of the list.
         entries: Its content.
         locator: Overrides the whole list: all streams go by this link.
+        own: Address of the node.
     """
-    names: list[str] = []
+    names: dict[str, set[int]] = {}
     for index, entry in enumerate(entries):
         here = place.at(index)
         check_word(here.at("wire"), entry.wire, tuple(each.value for each in WireProfile))
@@ -36,16 +38,21 @@ def read_links(
         if entry.name is not None:
             if fault_of_name(entry.name) or set("/@{}") & set(entry.name):
                 here.at("name").refuse(allowed="one chunk of a key, without / @ * $ ? # { }")
-            if entry.name in names:
+            others = names.setdefault(entry.name, set())
+            owners = set(entry.nodes) if entry.nodes is not None else set(range(1, 255))
+            if owners & others:
                 here.at("name").refuse(f'"{entry.name}" a second time', allowed=_NAMED)
-            names.append(entry.name)
+            others |= owners
         if len(entries) > 1 and entry.wire != WireProfile.NATIVE.value:
             here.at("wire").refuse(
                 f'"{entry.wire}" with {len(entries)} links',
                 allowed=f'"{WireProfile.NATIVE.value}", or one link',
             )
     if locator is None:
-        return entries
+        mine = tuple(each for each in entries if each.nodes is None or own in each.nodes)
+        if entries and not mine:
+            place.refuse(f"none is for node {own}", allowed="at least one link for each node")
+        return mine
     wire = entries[0].wire if entries else WireProfile.NATIVE.value
     return (LinkEntry(locator=locator, wire=wire),)
 
@@ -66,7 +73,8 @@ def read_links_of_streams(
         routes: The routes.
         own: Address of the node.
     """
-    names = [entry.name for entry in entries if entry.name is not None]
+    names = list(dict.fromkeys(entry.name for entry in entries if entry.name is not None))
+    own_names = {entry.name for entry in links}
     to_ends = {each.name: each.other_end(own) is not None for each in routes}
     found: dict[int, str] = {}
     for index, _ in enumerate(place.entries):
@@ -79,7 +87,7 @@ def read_links_of_streams(
                 allowed=", ".join((*names, *to_ends)) or "none, no link has a name",
                 hint="give the links of the file a name each",
             )
-        is_used = to_ends[name] if name in to_ends else len(links) > 1
+        is_used = to_ends[name] if name in to_ends else len(links) > 1 and name in own_names
         if is_used and isinstance(name, str) and isinstance(stream_id, int):
             found[stream_id] = name
     return found
@@ -99,7 +107,10 @@ def read_link_rules(
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
     found: list[LinkRules] = []
-    ports: list[int] = []
+    ports: dict[int, str] = {}
+    names = list(dict.fromkeys(each.name for each in written.links))
+    is_whole = all(each.nodes is None for each in written.links)
+    is_other = not any(each in links for each in written.links)
     for index, entry in enumerate(written.links):
         here = place.at("links").at(index)
         access = read_access(here.at("access"), entry.access, fleet.nodes)
@@ -111,9 +122,22 @@ def read_link_rules(
         share = written.max_airtime if share is None else share
         if entry.port is not None and not 0 <= entry.port <= LAST_PORT:
             here.at("port").refuse(allowed=ALLOWED["port"])
-        if entry.port is not None and entry.port in ports:
-            here.at("port").refuse(f"{entry.port} a second time", allowed=ALLOWED["port"])
-        ports.append(index if entry.port is None else entry.port)
         name = entry.name or ""
-        found.append(LinkRules(name=name, access=access, max_airtime=share, port=entry.port))
-    return tuple(found[: len(links)])
+        place_in_list = index if is_whole else names.index(entry.name)
+        port = place_in_list if entry.port is None else entry.port
+        if ports.get(port, name) != name or (is_whole and port in ports):
+            here.at("port").refuse(f"{port} a second time", allowed=ALLOWED["port"])
+        ports[port] = name
+        for number, address in enumerate(entry.nodes or ()):
+            check_address(here.at("nodes").at(number), address, fleet)
+        bonded = read_bonded(here, entry)
+        own = LinkRules(
+            name=name,
+            access=access,
+            max_airtime=share,
+            port=entry.port if is_whole else port,
+            bonded=bonded,
+        )
+        if entry in links or (is_other and index == 0):
+            found.append(own)
+    return tuple(found)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
+from zacoustic.config.bonds import read_bonds
 from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
@@ -199,7 +200,7 @@ def config_from_mapping(
     written = place.convert(Section)
     nodes = _read_nodes(place.at("nodes"), written.nodes)
     own = _own_address(place.at("address"), written.address, address, nodes)
-    links = read_links(place.at("links"), written.links, locator)
+    links = read_links(place.at("links"), written.links, locator, own)
     ros = RosReader(place, written, folder or Path())
     ros_types = ros.types(place.at("streams"))
     types, python_types = _read_types(place.at("types"), written.types, ros_types)
@@ -352,6 +353,9 @@ def _read_rules(
         check_address(place.at("commands_from").at(index), address, fleet)
     commands_from = None if written.commands_from is None else frozenset(written.commands_from)
     routes = read_routes(place, written.routes, written.links, fleet)
+    bonds, bonded, default = read_bonds(
+        place, written.links, routes, is_in_use=not _is_other(written, links)
+    )
     rules = TransmitRules(
         access=own_links[0].access if own_links else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
@@ -364,15 +368,21 @@ def _read_rules(
         links=own_links if any(each.name for each in links) else (),
         links_of_streams=read_links_of_streams(
             place.at("streams"), written.links, links, routes, own
-        ),
+        )
+        | bonded,
+        default_link=default,
+        bonds=bonds,
         routes=routes,
         relay=read_relay(place.at("relay"), written.relay),
         sealing=seal_rules(security),
         port=own_links[0].port if own_links else None,
     )
-    # Another link, by an argument, has no name.
-    is_other = bool(written.links) and links != written.links
-    return rules.on_one_link() if is_other else rules
+    return rules.on_one_link() if _is_other(written, links) else rules
+
+
+def _is_other(written: Section, links: tuple[LinkEntry, ...]) -> bool:
+    """Return whether an argument gives the node another link, which has no name."""
+    return bool(written.links) and not any(each in written.links for each in links)
 
 
 def _read_agreement(place: Place, written: str | None) -> AgreementMethod:

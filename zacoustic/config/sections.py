@@ -57,6 +57,10 @@ ALLOWED: Final = {
     "nodes": "a list of { address, name }",
     "agreement": ", ".join(f'"{method.value}"' for method in AgreementMethod),
     "link": "the name of a link; of a stream also that of a route",
+    "cost": '"free", "airtime", "money"',
+    "probe_s": "seconds, above 0",
+    "down_after_s": "seconds, above 0",
+    "default_links": "a list of names of links",
     "routes": "a list of { id, name, path }",
     "path": "2..16 addresses, from one end to the other, each once",
     "lifetime_s": "seconds, 0 or more",
@@ -200,6 +204,17 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     port: int | None = None
     """Number of the link in sealed frames, the same at all nodes; default: its place in the
     list."""
+    nodes: tuple[int, ...] | None = None
+    """Addresses of the nodes that have it; default: all. Several nodes may each have an entry with
+    the same name and another locator."""
+    cost: str | None = None
+    """What a frame costs, for lists of links: `"free"`, `"airtime"`, the default, or `"money"`."""
+    probe_s: float | None = None
+    """Pause between two tries of the link when it reaches nobody, s; default: 5 s where frames are
+    free, else 600 s."""
+    down_after_s: float | None = None
+    """Silence after which the next link of a list is used, s; default: 3 s where frames are free,
+    else 600 s."""
 
 
 class RouteEntry(Entry, frozen=True, kw_only=True):
@@ -303,6 +318,8 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """Share of the time for which the stream may be on the air; default: no cap."""
     link: str | None = None
     """Name of the link that carries the stream; default: the first one."""
+    links: tuple[str, ...] | None = None
+    """Names of links: each frame goes by the first that reaches its receivers."""
     ros: StreamRosEntry | None = None
     """A ROS 2 stream on rmw_zenoh; default: a Zenoh stream."""
 
@@ -470,6 +487,9 @@ class Section(Entry, frozen=True, kw_only=True):
     """Routes over other nodes, equal in the fleet."""
     relay: RelayEntry | None = None
     """How much this node does for the routes of others."""
+    default_links: tuple[str, ...] = ()
+    """As `links` of a stream, for streams that name none, and for remote commands; default: the
+    first link."""
     types: tuple[TypeEntry, ...] = ()
     """Types for streams and for other types."""
     journal: str | None = None

@@ -4,13 +4,14 @@ No clock, no thread, no socket, no file and no randomness of its own: instants a
 ``now``, randomness is a `random.Random`. The same inputs give the same bytes and the same trace.
 It imports with nothing but msgspec and cbor2 installed.
 
-Ten layers; each imports only from those below (import-linter checks that in `make test`):
+Eleven layers; each imports only from those below (import-linter checks that in `make test`):
 
 ==============  ====================================================================================
 `engine`        the contract for the shell that drives a node, and the wiring: `engine`,
                 `makeengine`; `linkstack` is a node on one link, `routeports` its routes, which are
-                links to their ends; `commands` use the link of their stream; `events` is the
-                engine's output, `tap` records its calls
+                links to their ends, `bondports` its bonds, which are links to their streams, and
+                `forwarding` what of both goes over a link; `commands` use the link of their stream;
+                `events` is the engine's output, `tap` records its calls
 `profiles`      which transports a node speaks, and how a frame is decoded: `native`, `rmw_desert`,
                 each a `profile`; `rules` has the rules of the config, `entities` those of discovery
 `transport`     the mechanisms between two nodes, end to end: `topics`, `reliable`, `objects`,
@@ -21,6 +22,8 @@ Ten layers; each imports only from those below (import-linter checks that in `ma
 `relay`         frames of routes over other nodes: a `route`, a `flow` for each direction of it with
                 the frames in `custody`, the `gate` that gives its turns; `relay` is a source of the
                 composer
+`bond`          several links used as one: `spec` lists them, `bonding` chooses for each frame,
+                `reach` tells whether a link reaches a node, `outbox` is a source of the composer
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
                 `composer` and `filling` to `port` (`bulkwindow`) to `transmitter`; `access`,
                 `airtime`, `silence`
@@ -36,7 +39,7 @@ Ten layers; each imports only from those below (import-linter checks that in `ma
                 `statements` are
                 what a frame says about its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
-                `access`, `agreement`, `calls`, `goals`, `numbers`, `objects`, `relay`,
+                `access`, `agreement`, `bond`, `calls`, `goals`, `numbers`, `objects`, `relay`,
                 `subscriptions`
                 (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;

@@ -253,10 +253,10 @@ class VirtualNetwork:
         modem: Modem | None = None,
         disturb: Disturb | None = None,
     ) -> None:
-        """Add another modem to all nodes, on a separate medium, such as a radio.
+        """Add another modem to the nodes that have such a link, on a separate medium.
 
         Args:
-            link: Name of the link in the `TransmitRules` of the engines.
+            link: Name of the link, such as `radio`, in the `TransmitRules` of the engines.
             scenario: The medium, and all nodes.
             modem: Features of its modems.
             disturb: Loses, delays and repeats frames in addition to the scenario.
@@ -267,6 +267,8 @@ class VirtualNetwork:
         self._beside[link] = medium
         self._media.append(medium)
         for node in self._nodes.values():
+            if link not in (each.name for each in self._rules_of(node.address).of_links):
+                continue
             medium.add(node)
             if node.engine is not None:
                 self._connect(medium, node, node.engine)
@@ -285,7 +287,7 @@ class VirtualNetwork:
             return
         node.past.append(node.engine.stats)
         node.engine, node.armed_at = None, None
-        for medium in self._media:
+        for medium in self._media_of(address):
             medium.stations[address].pending.clear()
         node.journal.crash(node.rng.random())
         if reboots:
@@ -311,7 +313,7 @@ class VirtualNetwork:
             stored={**node.journal.entries, BOOT_KEY: b"%d" % node.clock.boots},
             trace=self._note if self._trace or self._hash else None,
         )
-        for medium in self._media:
+        for medium in self._media_of(address):
             self._connect(medium, node, node.engine)
 
     def _rules_of(self, address: int) -> TransmitRules:
@@ -365,6 +367,9 @@ class VirtualNetwork:
         return self._medium.losses
 
     # Below the methods above
+
+    def _media_of(self, address: int) -> list[VirtualModems]:
+        return [each for each in self._media if address in each.stations]
 
     def _on(self, link: str | None) -> VirtualModems:
         return self._medium if link is None else self._beside.get(link, self._medium)

@@ -46,7 +46,8 @@ class Cause(enum.Enum):
     EXTENSION = "extension"
     """Extensions of third-party transports."""
     RELAY = "relay"
-    """Frames of routes: those of other nodes, repetitions, and what a route adds to own ones."""
+    """Frames of routes and bonds: those of other nodes, repetitions, answers, and what is added to
+    own ones."""
 
 
 NO_STREAM: Final = 0
@@ -95,7 +96,7 @@ class EngineStats:
         self._ledger: dict[tuple[int, Cause], int] = {}
 
     def on(self, link: str, *, is_route: bool = False) -> "LinkStats":
-        """Add the counters of a link, or of a route over other links."""
+        """Add the counters of a link, or of a route or bond over other links."""
         self.links[link] = RouteStats(self) if is_route else LinkStats(self)
         return self.links[link]
 
@@ -179,7 +180,7 @@ class LinkStats(EngineStats):
 
 
 class RouteStats(LinkStats):
-    """The counters of a route: its frames are inside of those of its link, which counts them."""
+    """The counters of a route or bond: its frames are inside of a link's, which counts them."""
 
     def sent(self, frame_bytes: int, airtime_ns: int) -> None:
         """Count a frame that is given to the route."""

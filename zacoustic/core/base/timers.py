@@ -13,7 +13,7 @@ The instant of the next *frame* is no timer: `zacoustic.core.schedule.transmitte
 """
 
 import enum
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator, Set
 from heapq import heapify, heappop, heappush
 from typing import Final
 
@@ -46,6 +46,8 @@ class Due(enum.IntEnum):
     """An outgoing object expires."""
     RELAY = enum.auto()
     """A frame of a route is transmitted again or given up."""
+    BOND = enum.auto()
+    """A frame of a bond has no answer, or a better link is tried again."""
     RANGE = enum.auto()
     """A range was not measured in time."""
     CONTACT = enum.auto()
@@ -122,6 +124,15 @@ class Timers:
         """Return these timers for a separate owner with keys of its own."""
         return _TimersOf(self, owner)
 
+    def is_armed(self, purposes: Set[Due]) -> bool:
+        """Return whether a timer of one of these purposes is armed."""
+        return any(True for _ in self.armed(purposes))
+
+    def armed(self, purposes: Set[Due]) -> Iterator[Key]:
+        """Yield the keys of the armed timers of these purposes, of all owners."""
+        self._find()
+        return (key for key in self._armed if key[0] in purposes)
+
     def next_at(self) -> int | None:
         """Return the earliest instant, ns; None: no timer is armed."""
         self._find()
@@ -190,6 +201,9 @@ class _TimersOf(Timers):
         self, key: Key, find: Callable[[], int | None], callback: Callable[[int], None]
     ) -> None:
         self._timers.changed(self._key(key), find, callback)
+
+    def is_armed(self, purposes: Set[Due]) -> bool:
+        return any(self._owner in key for key in self._timers.armed(purposes))
 
     def next_at(self) -> int | None:
         return self._timers.next_at()

@@ -24,8 +24,9 @@ Who does what, on each link (`zacoustic.core.engine.linkstack`)::
     ranging.request, .repeat ──► Composer: frames sent to measure a range
     measurements ◄── handle_measurement, handle_frame
 
-A stream goes by the link, or route, that `TransmitRules.links_of_streams` names, else by the first
-link; so do remote commands and ranges. The handshake is one for all links.
+A stream goes by the link, route or bond that `TransmitRules.links_of_streams` names, else by
+`default_link`, or the first link; so do remote commands. Ranges are measured on the first link. The
+handshake is one for all links.
 
 The wire profile of the stream table (`StreamTable.wire`) decides what is transmitted and
 understood. Medium access and airtime caps are the same for all profiles.
@@ -49,8 +50,11 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.qos import Override
 from zacoustic.core.base.trace import Tracer, TraceSink
+from zacoustic.core.bond.bonding import BondStatus
+from zacoustic.core.engine.bondports import BondPorts
 from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, SubscriptionCommands
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
+from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.engine.routeports import RoutePorts
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
@@ -142,13 +146,28 @@ class Engine:
         """Commands about transmit silence: `begin` and `resume`."""
         self._stacks: dict[str, LinkStack] = {}
         self._route_ports = RoutePorts(address, rules)
-        for index, own in enumerate(rules.of_links):
-            context = Context(node, own.name, index, own.port)
+        self._bond_ports = BondPorts(address, table, rules, self.silence)
+        contexts = [
+            Context(node, own.name, index, own.port) for index, own in enumerate(rules.of_links)
+        ]
+        self._links = tuple(each.link for each in contexts)
+        index = len(contexts) + len(list(self._route_ports.ends))
+        bonded = []
+        for bond, own in self._bond_ports.here:
+            context = Context(node, own.name, index, own.port, is_bond=True)
+            self._bond_ports.make(bond, context)
+            bonded.append((context, own))
+            index += 1
+        for context, own in zip(contexts, rules.of_links, strict=True):
             relay = self._route_ports.relay(context)
+            bonds = self._bond_ports.over(own.name)
+            others = [each.number for each in rules.bonds if each.number not in bonds]
+            forwarding = None
+            if relay is not None or rules.bonds:
+                forwarding = Forwarding(own.name, relay, bonds, others)
             self._stacks[own.name] = LinkStack(
-                context, rules, own, self.silence, self._trace, transports, relay
+                context, rules, own, self.silence, self._trace, transports, forwarding
             )
-        self._links = tuple(self._stacks)
         for route, other_end, own in self._route_ports.ends:
             index = len(self._stacks)
             context = Context(node, own.name, index, own.port, other_end=other_end)
@@ -157,13 +176,19 @@ class Engine:
             hop_relay = self._stacks[route.link].relay
             assert hop_relay is not None
             self._route_ports.add(route, stack, hop_relay)
-        # Of the routes over relays only those that end here are links.
+        for context, own in bonded:
+            stack = LinkStack(context, rules, own, self.silence, self._trace, transports)
+            self._stacks[own.name] = stack
+            self._bond_ports.add(stack)
+        # Of the routes over relays only those that end here are links, of the bonds only those
+        # with a link of this node.
         self._links_of_streams = {
             stream_id: name
             for stream_id, name in rules.links_of_streams.items()
             if name in self._stacks
         }
         self._first = next(iter(self._stacks.values()))
+        self._default = self._stacks.get(rules.default_link, self._first)
         self.ranging = self._first.protocols.ranging
         """Commands about ranges: `request`, `cancel` and `repeat`."""
         self.actions = GoalCommands(self._stack_of)
@@ -176,14 +201,14 @@ class Engine:
             address, table, override=self._override, stored=stored, journal=journal
         )
         self.commands = Commands(
-            node, self._first.protocols.services, overrides, self.silence, rules.commands_from
+            node, self._default.protocols.services, overrides, self.silence, rules.commands_from
         )
         """Commands to other nodes, and to this one: `send`, `execute`."""
         self.status = Status(
-            node, self._first.protocols.services, self.clock, rules.of_links[0].access
+            node, self._default.protocols.services, self.clock, rules.of_links[0].access
         )
         """Questions about the status of other nodes, and that of this one: `ask`, `own`."""
-        self.keys = KeyDelivery(node, self._first.protocols.services, rules.commands_from)
+        self.keys = KeyDelivery(node, self._default.protocols.services, rules.commands_from)
         """Delivery of the keys for broadcasts to other nodes: `send`."""
         for stack in self._stacks.values():
             stack.protocols.recover()
@@ -216,6 +241,7 @@ class Engine:
         stack = self._stack(link)
         has_changed = stack.handle_state(state, capabilities, now)
         self._route_ports.handle_state(stack, state, capabilities, now)
+        self._bond_ports.handle_state(stack, state, now)
         if has_changed:
             self._events.append(LinkStateChanged(state=state, changed_at=now, link=stack.name))
             self._trace.note(now, "link", detail=state.value, link=stack.name)
@@ -395,6 +421,7 @@ class Engine:
         """Return the frame that is worth most now, for the first link that can take one."""
         self._now = now
         self._route_ports.submit(now)
+        self._bond_ports.submit(now)
         for link in self._links:
             made = self._stacks[link].make(now)
             if made is not None:
@@ -481,8 +508,13 @@ class Engine:
         """The routes over relays that end here; each is a link for the streams."""
         return tuple(route for route, _, _ in self._route_ports.ends)
 
+    @property
+    def bonds(self) -> list[BondStatus]:
+        """What the bonds of links do at present; each is a link for the streams."""
+        return self._bond_ports.statuses
+
     def link_of(self, stream_id: int) -> str:
-        """Return the name of the link that a stream uses."""
+        """Return the name of the link, route or bond that a stream uses."""
         return self._stack_of(stream_id).name
 
     @property
@@ -581,7 +613,8 @@ class Engine:
         return stack
 
     def _stack_of(self, stream_id: int) -> LinkStack:
-        return self._stack(self._links_of_streams.get(stream_id))
+        named = self._links_of_streams.get(stream_id)
+        return self._default if named is None else self._stack(named)
 
     def _given_by(self, outer: int) -> tuple[LinkStack, int] | None:
         """Return the link that issued an id, and the id on that link."""

@@ -6,6 +6,7 @@ Each is defined where it arises; this module has their union, and the events of 
 import msgspec
 
 from zacoustic.core.base.linktypes import ONE_LINK, LinkState, ModemRead, PeerMeasured
+from zacoustic.core.bond.bonding import PeerReachable
 from zacoustic.core.peers.alarms import SealAlarm
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.doubt import JournalDoubted
@@ -85,6 +86,7 @@ __all__ = [
     "PeerFound",
     "PeerLost",
     "PeerMeasured",
+    "PeerReachable",
     "PeerSeen",
     "RangeFailed",
     "RangeMeasured",
@@ -154,6 +156,7 @@ Event = (
     | ClockStateChanged
     | NothingHeard
     | LinkStateChanged
+    | PeerReachable
     | JournalStateChanged
     | JournalDoubted
     | SealAlarm

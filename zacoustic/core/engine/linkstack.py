@@ -21,6 +21,7 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.trace import Tracer
+from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.peers.sealing import Inside, Refusal
 from zacoustic.core.profiles.native.protocols import Protocols
 from zacoustic.core.profiles.profile import Profile
@@ -54,7 +55,7 @@ class LinkStack:
         silence: The transmit silence.
         trace: Takes a record of each action.
         transports: Make third-party transports.
-        relay: The routes over this link; None: there are none.
+        forwarding: The routes and bonds over this link; None: there are none.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class LinkStack:
         silence: Silence,
         trace: Tracer,
         transports: Sequence[MakeTransport],
-        relay: Relay | None = None,
+        forwarding: Forwarding | None = None,
     ) -> None:
         self.name = context.link
         """Name of the link."""
@@ -73,13 +74,14 @@ class LinkStack:
         """The ids that the application sees."""
         self.stats = context.stats
         """The link's counters."""
-        self.relay = relay
-        """The routes over this link; None: there are none."""
+        self._forwarding = forwarding
         self._context = context
         self._seal = context.node.seal
         self._silence = silence
         self._trace = trace
-        self.protocols: Profile = _PROTOCOLS[context.table.wire](context, rules, transports, relay)
+        self.protocols: Profile = _PROTOCOLS[context.table.wire](
+            context, rules, transports, forwarding
+        )
         """The transports."""
         self._access_rng = context.generators.of("access")
         self._access = own.access
@@ -146,6 +148,12 @@ class LinkStack:
             self.protocols.link_up(now)
         return True
 
+    def switch(self, capabilities: LinkCapabilities, now: int) -> None:
+        """Go on by another medium, by which whatever waits for an answer is due at once."""
+        self._context.pacers.begin_anew()
+        self.transmitter.use_link(capabilities, now)
+        self.protocols.link_up(now)
+
     # Outputs
 
     def make(self, now: int) -> Transmission | None:
@@ -183,26 +191,36 @@ class LinkStack:
         return port.capabilities if port else None
 
     @property
+    def relay(self) -> Relay | None:
+        """The routes over this link; None: there are none."""
+        return None if self._forwarding is None else self._forwarding.relay
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a transmission is under way."""
+        port = self.transmitter.port
+        return port is not None and port.is_busy
+
+    @property
     def is_idle(self) -> bool:
         """Whether nothing waits and nothing is under way."""
-        port = self.transmitter.port
-        return not (port is not None and port.is_busy) and self.protocols.is_idle
+        return not self.is_busy and self.protocols.is_idle
 
     # Below the methods above
 
     def _is_relayed(self, opened: Opened) -> bool:
-        return self.relay is not None and is_relayed(opened.records)
+        return self._forwarding is not None and is_relayed(opened.records)
 
     def _take_relayed(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> str | None:
-        """Take a frame of a route; return why it is dropped, or None."""
-        assert self.relay is not None
+        """Take a frame of a route or bond; return why it is dropped, or None."""
+        assert self._forwarding is not None
         if self._seal is None:
             self._hear(opened, frame, port, now)
         else:  # nobody has sealed this hop
             port.heard(opened.source, len(frame.frame_bytes), now, frame.service)
-        return self.relay.handle(opened.source, opened.records, now)
+        return self._forwarding.handle(opened, frame, now)
 
     def _take_plain(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int

@@ -43,6 +43,8 @@ class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
     """The same for all other nodes that were heard at least once; None: never."""
     lost_contact: tuple[LostContactRule, ...] = ()
     """When this node must act because it hears nobody."""
+    announces: bool = False
+    """Whether this node transmits a frame soon after a restart, so that what waits for it comes."""
 
 
 class Sighting(msgspec.Struct, frozen=True, kw_only=True):

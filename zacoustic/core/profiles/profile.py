@@ -177,6 +177,19 @@ class Profile(ABC):
         """Whether its last frame has announced that another one follows at once."""
         return False
 
+    def is_urgent(self, now: int) -> bool:
+        """Return whether something waits that goes before everything else."""
+        return self.queue.is_urgent(now)
+
+    @property
+    def has_granted(self) -> bool:
+        """Whether a frame of another link waits that may go although the node is silent."""
+        return False
+
+    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
+        """Make that frame, or return None."""
+        return None
+
     def has_fragment(self, now: int) -> bool:
         """Return whether a fragment of an object is due, which fills its frame."""
         return False

@@ -3,6 +3,7 @@
 import msgspec
 
 from zacoustic.core.base.linktypes import ONE_LINK
+from zacoustic.core.bond.spec import Bond, BondLink
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.peers.peerrules import PeerRules
@@ -29,6 +30,8 @@ class LinkRules(msgspec.Struct, frozen=True, kw_only=True):
     port: int | None = None
     """The link's number in sealed frames, 0…127, the same at both ends; None: its index in the
     list."""
+    bonded: BondLink = BondLink()
+    """How bonds treat it."""
 
 
 class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
@@ -61,11 +64,16 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[LinkRules, ...] = ()
     """The links; a stream without a link uses the first. Empty: one link with the rules above."""
     links_of_streams: dict[int, str] = {}
-    """Name of the link, or route over relays, by stream id; other streams use the first link."""
+    """Name of the link, route over relays, or bond, by stream id; other streams use
+    `default_link`."""
+    default_link: str = ""
+    """Name of the link or bond for other streams and for remote commands; empty: the first link."""
     routes: tuple[Route, ...] = ()
     """All routes over relays."""
     relay: RelayRules = RelayRules()
     """How much the node does for the routes of others."""
+    bonds: tuple[Bond, ...] = ()
+    """All bonds of links; a node may lack some of their links."""
 
     def on_one_link(self) -> "TransmitRules":
         """Return these rules for a node with one link for all streams."""
@@ -76,7 +84,13 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
             stream_id: name for stream_id, name in self.links_of_streams.items() if name in names
         }
         return msgspec.structs.replace(
-            self, links=(), links_of_streams=named, routes=routes, port=port
+            self,
+            links=(),
+            links_of_streams=named,
+            routes=routes,
+            port=port,
+            bonds=(),
+            default_link="",
         )
 
     @property
@@ -96,15 +110,21 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
                 raise ConfigError(
                     f"route {route.name!r}: link is {route.link!r}; allowed: {', '.join(names)}"
                 )
-        names += [each.name for each in self.routes]
+        names += [each.name for each in self.routes] + [each.name for each in self.bonds]
         for name in names:
             if names.count(name) > 1:
-                raise ConfigError(f"links and routes: two have the name {name!r}")
+                raise ConfigError(f"links, routes and bonds: two have the name {name!r}")
+        numbers = [*(each.route_id for each in self.routes), *(each.number for each in self.bonds)]
+        for number in numbers:
+            if numbers.count(number) > 1:
+                raise ConfigError(f"routes and bonds: two have the number {number}")
         for stream_id, name in self.links_of_streams.items():
             if name not in names:
                 raise ConfigError(
                     f"stream {stream_id}: link is {name!r}; allowed: {', '.join(names)}"
                 )
+        if self.default_link and self.default_link not in names:
+            raise ConfigError(f"default_link is {self.default_link!r}; allowed: {', '.join(names)}")
         return links
 
     @property

@@ -212,6 +212,13 @@ class Relay:
 
     # A source of the composer
 
+    is_urgent = False  # the gates of the routes give the turns
+    has_granted = False
+
+    def take_granted(self, room_bytes: int, now: int) -> tuple[int, Forwarded] | None:
+        """Return None: no command comes over a route, so no answer to a silence goes over one."""
+        return None
+
     def due_at(self, now: int) -> int | None:
         """Return the instant at which a frame is due, ns; None: none."""
         earliest = self._acks_at(now)

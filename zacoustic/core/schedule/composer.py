@@ -38,6 +38,7 @@ from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.sources import (
     DenseSource,
     ExtensionSource,
+    Forwarded,
     ForwardingSource,
     ObjectSource,
     Source,
@@ -212,7 +213,7 @@ class Composer:
             if at is not None and (earliest is None or at < earliest):
                 earliest = at
         held_until = self._objects.hold_until(now)
-        if earliest is not None and held_until > now and not self._queue.is_urgent(now):
+        if earliest is not None and held_until > now and not self._is_urgent(now):
             earliest = max(earliest, held_until)
         object_at = self._objects.due_at(now)
         if earliest is None or object_at is None:
@@ -226,6 +227,13 @@ class Composer:
             return None
         offer = self._for_link(Offer(destination=first[1].destination, lane=lane))
         return self._fill(port, offer, now)
+
+    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the frame of another link that may go in silence, or return None."""
+        if self._relay is None:
+            return None
+        taken = self._relay.take_granted(port.envelope.room_bytes, now)
+        return None if taken is None else self._forward(port, *taken)
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now; return None when there is nothing to send."""
@@ -333,11 +341,16 @@ class Composer:
     def _fill_forwarded(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make the frame of a route: it is as its first node has made it, or sealed it."""
         taken = None if self._relay is None else self._relay.take(port.envelope.room_bytes, now)
-        if taken is None:
-            return None
-        frame_bytes = port.envelope.wrap(taken.content, offer.destination)
+        return None if taken is None else self._forward(port, offer.destination, taken)
+
+    def _forward(self, port: LinkPort, destination: int, taken: Forwarded) -> Composed:
+        frame_bytes = port.envelope.wrap(taken.content, destination)
         self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(taken.content))
-        return Composed(destination=offer.destination, frame_bytes=frame_bytes, parts=(taken.part,))
+        return Composed(destination=destination, frame_bytes=frame_bytes, parts=(taken.part,))
+
+    def _is_urgent(self, now: int) -> bool:
+        is_forwarded = self._relay is not None and self._relay.is_urgent
+        return is_forwarded or self._queue.is_urgent(now)
 
     def _fill_fragment(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make the frame of a fragment, or the introduction that must precede it."""

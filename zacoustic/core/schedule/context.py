@@ -143,6 +143,7 @@ class Context:
         index: Index of the link at this node; the first is 0.
         port: The link's number in sealed frames, the same at both ends; None: the index.
         other_end: For a route over relays the node at its other end; None: it is a link.
+        is_bond: It is a bond of links.
     """
 
     def __init__(
@@ -153,6 +154,7 @@ class Context:
         port: int | None = None,
         *,
         other_end: int | None = None,
+        is_bond: bool = False,
     ) -> None:
         apart = index > 0
         self.port_number = index if port is None else port
@@ -175,7 +177,9 @@ class Context:
         """Call components back when an instant has come."""
         self.other_end = other_end
         """The only other node on this link; None: there may be more."""
-        self.stats = node.stats.on(link, is_route=other_end is not None)
+        self.settling_ns = 0
+        """A duplicate may arrive so late, ns, if that is later than the link itself shows."""
+        self.stats = node.stats.on(link, is_route=other_end is not None or is_bond)
         self.peers = node.peers
         """The other nodes, and signals about them."""
         self.doubt = node.doubt

@@ -106,6 +106,11 @@ class Pacers(PerPeer[Pacer]):
         lately = now - self._round_trips_ns(_PRESENT_ROUND_TRIPS)
         return address in self._heard_at and self._heard_at[address] > lately
 
+    def begin_anew(self) -> None:
+        """Forget how long nodes take to answer: frames go by another medium from now on."""
+        self.clear()
+        self.changed()
+
     def link_up(self, now: int) -> None:
         """Make everything due: the link is up."""
         for address in list(self):

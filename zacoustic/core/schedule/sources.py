@@ -52,11 +52,22 @@ class Forwarded(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ForwardingSource(Source, Protocol):
-    """The routes over relays of which this node is a part."""
+    """The routes over relays of which this node is a part, or the bonds of its links."""
 
     @property
     def goes_on(self) -> bool:
         """Whether the last frame has announced that another one follows at once."""
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether a frame waits that medium access is to treat as urgent."""
+
+    @property
+    def has_granted(self) -> bool:
+        """Whether a frame waits that may go although the node is silent."""
+
+    def take_granted(self, room_bytes: int, now: int) -> tuple[int, Forwarded] | None:
+        """Take the frame that may go in silence, and its destination; None: it does not fit."""
 
     def take(self, room_bytes: int, now: int) -> Forwarded | None:
         """Take the frame of `offer`, if it fits."""

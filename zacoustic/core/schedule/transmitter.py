@@ -78,6 +78,16 @@ class FrameSource(Protocol):
     def hold(self, stream_id: int, until: int) -> None:
         """Hold everything of a stream until an instant, ns."""
 
+    def is_urgent(self, now: int) -> bool:
+        """Return whether something waits that goes before everything else."""
+
+    @property
+    def has_granted(self) -> bool:
+        """Whether a frame of another link waits that may go although the node is silent."""
+
+    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
+        """Make that frame, or return None."""
+
     @property
     def may_speak(self) -> bool:
         """Whether the boot epoch is journalled, so that the node will not use it again."""
@@ -222,6 +232,8 @@ class Transmitter:
                 self._silence.use_grant()
         elif _is_over(self._transmit_at(now), now):
             composed = source.compose(port, now)
+        elif _is_over(self._granted_at(now), now):
+            composed = source.compose_granted(port, now)
         if composed is None and _is_over(self._speak_at(now), now):
             composed = source.speak(port, now)
         if composed is None and granted is None:
@@ -262,7 +274,7 @@ class Transmitter:
             return None
         if not _is_over(self._after_silence(now, now), now):
             return None
-        if self.airtime.free_at(now) > now and not self._source.queue.is_urgent(now):
+        if self.airtime.free_at(now) > now and not self._source.is_urgent(now):
             return None
         return self._source.ride_back(address, port, now)
 
@@ -282,6 +294,8 @@ class Transmitter:
         if granted is not None:
             return self._last_word_at(granted, now)
         transmit_at, speak_at = self._transmit_at(now), self._speak_at(now)
+        if self._source.has_granted and self._silence.is_silent(now):
+            return self._granted_at(now)
         if self.port is not None and self.port.bulk is not None:
             instants = (transmit_at, speak_at, self._bulk_at(now))
             return min((at for at in instants if at is not None), default=None)
@@ -323,7 +337,7 @@ class Transmitter:
         if self.link_state is not LinkState.UP or self.port is None:
             return None
         is_full = self.port.is_full
-        if is_full and not (self.port.keeps_reserve and self._source.queue.is_urgent(now)):
+        if is_full and not (self.port.keeps_reserve and self._source.is_urgent(now)):
             return None
         if not self._source.may_speak:
             return None
@@ -332,7 +346,7 @@ class Transmitter:
             return None
         self.port.listening.exclusive = self._source.is_exclusive
         self.port.listening.sends_full = self._source.has_fragment(now)
-        is_urgent = self._source.queue.is_urgent(now)
+        is_urgent = self._source.is_urgent(now)
         if not is_urgent:
             even_at = self.airtime.free_at(now)
             due_at = max(due_at, even_at) if even_at > now else due_at
@@ -348,6 +362,14 @@ class Transmitter:
             return None
         due_at = self._source.queue.due_at(now, lane)
         return None if due_at is None else self.port.free_at(Wanted(due_at, is_urgent=True), now)
+
+    def _granted_at(self, now: int) -> int | None:
+        """Return the instant of a frame of another link that may go in silence, ns."""
+        if self.link_state is not LinkState.UP or self.port is None:
+            return None
+        if not self._source.has_granted or not self._silence.is_silent(now):
+            return None
+        return self.port.free_at(Wanted(now, is_urgent=True), now)
 
     def _speak_at(self, now: int) -> int | None:
         """Return when medium access wants a frame of its own, ns, or None."""

@@ -386,6 +386,26 @@ class PeerBack(Notice, frozen=True, kw_only=True, tag="found"):
         return [f"found     {self.address} {self.name}".rstrip()]
 
 
+class ReachChanged(Notice, frozen=True, kw_only=True, tag="reach"):
+    """A link of a list of links reaches a node, does not any more, or is in doubt."""
+
+    address: int
+    """The node."""
+    name: str = ""
+    """Its name in `nodes`."""
+    link: str
+    """The link."""
+    bond: str
+    """The list of links."""
+    reach: str
+    """`up`, `doubt` or `down`."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        node = f"{self.address} {self.name}".rstrip()
+        return [f"reach     {node} by {self.link}: {self.reach}"]
+
+
 class LostContactNotice(Notice, frozen=True, kw_only=True, tag="lost_contact"):
     """An entry of `lost_contact`: contact is lost, the action fails or is done, contact is back."""
 

@@ -28,6 +28,7 @@ from zacoustic.core.engine.events import (
     NothingHeard,
     PeerFound,
     PeerLost,
+    PeerReachable,
     PeerSeen,
     SealAlarm,
     SilenceChanged,
@@ -67,6 +68,7 @@ NodeEvent = (
     | PeerSeen
     | PeerLost
     | PeerFound
+    | PeerReachable
     | ContactLost
     | ContactRestored
     | SubscribersChanged

@@ -75,12 +75,13 @@ class DecodeCommand(Command):
         from zacoustic.app.tools.inspect.decode.opening import said_in
         from zacoustic.core.streams.wireprofile import WireProfile
 
-        table, opener = None, None
+        table, opener, bonds = None, None, []
         if arguments.config is not None:
             from zacoustic.app.tools.fleetfile import read_fleet
 
             config = read_fleet(arguments.config)
             table = config.table
+            bonds = [each.number for each in config.rules.bonds]
             opener = None if arguments.unsealed else _opener_of(config)
         code = EXIT_OK
         files = [each for each in arguments.frames if arguments.log or _is_file(each)]
@@ -91,7 +92,8 @@ class DecodeCommand(Command):
                 raise ConfigError(f"{files[0]} and more; allowed: one recording, or frames")
             return _decode_recording(arguments, table, opener)
         wire = None if arguments.wire is None else WireProfile(arguments.wire)
-        decoder, destinations = FrameDecoder(table, wire=wire), _Destinations()
+        decoder = FrameDecoder(table, wire=wire, bonds=bonds)
+        destinations = _Destinations()
         written = [_Written(text) for text in arguments.frames]
         for each in written or _frames_in(sys.stdin):
             frame = _from_hex(each.text)

@@ -10,6 +10,7 @@ This is the native wire; `zacoustic.core.profiles.rmw_desert.protocols` has the 
 from collections.abc import Sequence, Set
 from types import MappingProxyType
 
+from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
 from zacoustic.core.peers.contact import PeerFound, PeerLost
@@ -69,7 +70,7 @@ class Protocols(Profile):
         context: What they share.
         rules: The rules of the config.
         transports: Make third-party transports.
-        relay: Has the frames of routes over this link; None: there are none.
+        relay: Has the frames of routes and bonds over this link; None: there are none.
 
     Raises:
         ConfigError: Two of them have the same name, or one has none.
@@ -85,7 +86,10 @@ class Protocols(Profile):
         super().__init__(context)
         self._relay = relay
         self.heartbeats = Heartbeats(
-            context.others, rules.contact.heartbeat_s, context.generators.of("contact")
+            context.others,
+            rules.contact.heartbeat_s,
+            context.generators.of("contact"),
+            announces=rules.contact.announces and _has_lived(context),
         )
         self.services: Services = Services(context, self.repeater)
         self.actions: Actions = Actions(context, self.repeater)
@@ -183,6 +187,20 @@ class Protocols(Profile):
     def goes_on(self) -> bool:
         """Whether its last frame has announced that another one follows at once."""
         return self._relay is not None and self._relay.goes_on
+
+    def is_urgent(self, now: int) -> bool:
+        """Return whether something waits that goes before everything else."""
+        is_forwarded = self._relay is not None and self._relay.is_urgent
+        return is_forwarded or super().is_urgent(now)
+
+    @property
+    def has_granted(self) -> bool:
+        """Whether a frame of another link waits that may go although the node is silent."""
+        return self._relay is not None and self._relay.has_granted
+
+    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
+        """Make that frame, or return None."""
+        return self.composer.compose_granted(port, now)
 
     def owes_acknowledgement(self, now: int) -> bool:
         """Return whether an acknowledgement or feedback waits."""
@@ -284,7 +302,7 @@ class Protocols(Profile):
         # Nobody pauses on a route, and its relays repeat what is lost.
         has_pauses = not port.access.is_scheduled and self._context.other_end is None
         times = LinkTimes(capabilities, port.listening if has_pauses else None)
-        settling_ns = SETTLING_UNITS * unit_ns(capabilities)
+        settling_ns = max(SETTLING_UNITS * unit_ns(capabilities), self._context.settling_ns)
         self._context.pacers.times = times
         self.topics.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
@@ -311,6 +329,7 @@ class Protocols(Profile):
     def link_up(self, now: int) -> None:
         """Resume the work of all components: the link is up."""
         self._context.doubt.link_up(now)
+        self.heartbeats.link_up(now)
         self.topics.link_up(now)
         self._context.pacers.link_up(now)
         self.services.link_up(now)
@@ -325,6 +344,11 @@ class Protocols(Profile):
     def handle_timeout(self, now: int) -> None:
         """Do, while the node is awake, the work that has no timer of its own."""
         self.topics.awake(now)
+
+
+def _has_lived(context: Context) -> bool:
+    """Return whether the journal shows an earlier start of this node."""
+    return int.from_bytes(context.stored.get(LIFE_KEY, b""), "big") > 1
 
 
 def make_transports(

@@ -16,6 +16,7 @@ from zacoustic.core.engine.events import (
     NothingHeard,
     PeerFound,
     PeerLost,
+    PeerReachable,
     PeerSeen,
     SealAlarm,
     SilenceChanged,
@@ -43,6 +44,7 @@ from zacoustic.zenoh.gateway.notices import (
     PeerHeard,
     PeerMissed,
     RangingFailed,
+    ReachChanged,
     SampleLate,
     SealBroken,
     SilenceJournalled,
@@ -147,6 +149,15 @@ class EventNotices:
     def _found(self, event: PeerFound) -> Notice:
         return PeerBack(address=event.address, name=self._node(event.address))
 
+    def _reach(self, event: PeerReachable) -> Notice:
+        return ReachChanged(
+            address=event.address,
+            name=self._node(event.address),
+            link=event.link,
+            bond=event.bond,
+            reach=event.reach.value,
+        )
+
     def _subscribers(self, event: SubscribersChanged) -> Notice:
         name = self._table.by_id(event.stream_id).name
         return Subscribed(stream=name, subscribers=event.subscribers)
@@ -197,6 +208,7 @@ _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = 
     PeerSeen: EventNotices._seen,
     PeerLost: EventNotices._lost,
     PeerFound: EventNotices._found,
+    PeerReachable: EventNotices._reach,
     SubscribersChanged: EventNotices._subscribers,
     DeadlineMissed: EventNotices._late,
     StreamsDiffer: EventNotices._differ,

@@ -226,6 +226,7 @@ class Node(EndpointMaker):
           it may lack the last writes.
         - `SilenceChanged`: transmit silence has begun by command, or has ended.
         - `StreamOverridden`: a command overrides the settings of a topic.
+        - `PeerReachable`: a link of a list of links reaches a node, or does not any more;
         - `PeerSeen`, `PeerLost`, `PeerFound`: a peer is heard for the first time, or has restarted;
           it is lost, or heard again, if the configuration has `lost_after_s`.
         - `ContactLost`, `ContactRestored`: nobody was heard for the time of an entry of

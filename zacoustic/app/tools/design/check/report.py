@@ -333,6 +333,7 @@ def _notes(
         yield f"journal: this user cannot write {config.journal}: the node would not start"
     yield from _access_notes(config, profile)
     yield from _route_notes(config)
+    yield from _bond_notes(config)
     yield from _lost_contact_notes(config)
     if config.ros is not None:
         ids = ", ".join(map(str, sorted(config.ros.streams)))
@@ -356,6 +357,31 @@ def _route_notes(config: Config) -> Iterator[str]:
         yield f"{text}; streams: {', '.join(names) or 'none'}"
     if config.rules.routes:
         yield "zacoustic plan counts a stream of a route once, not for each hop; sim runs it"
+
+
+def _bond_notes(config: Config) -> Iterator[str]:
+    """Say which links each list of links has, what they cost, and which streams name it."""
+    rules = config.rules
+    own = {each.name: each.bonded for each in rules.links}
+    for bond in rules.bonds:
+        costs = [
+            f"{each} ({own[each].cost.value})" if each in own else f"{each} (not at this node)"
+            for each in bond.links
+        ]
+        names = [
+            stream.name
+            for stream in config.table
+            if rules.links_of_streams.get(stream.stream_id, rules.default_link) == bond.name
+        ]
+        yield f"links {', '.join(costs)}; streams: {', '.join(names) or 'none'}"
+        here = [own[each] for each in bond.links if each in own]
+        if not here:
+            yield f"links {', '.join(bond.links)}: none is at this node; its streams use the first"
+        elif len(here) > 1 and not here[0].answers:
+            yield (
+                f"nothing answers on {bond.links[0]}, so it is only out of use after "
+                f'{here[0].silence_s:g} s without a frame; cost: "free" if it is'
+            )
 
 
 def _lost_contact(config: Config) -> Iterator[str]:

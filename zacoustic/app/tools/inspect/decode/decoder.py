@@ -6,7 +6,7 @@ source: a `FrameDecoder` remembers those that it has seen. Nothing here raises, 
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from zacoustic.app.tools.inspect.decode.decoded import DecodedItem, decoded, printable
@@ -33,6 +33,8 @@ from zacoustic.core.wire.agreement import (
     TableRow,
     Tag,
 )
+from zacoustic.core.wire.bond import bond_of
+from zacoustic.core.wire.bond import decode as decode_bonded
 from zacoustic.core.wire.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.wire.content import measure_content, server_of, split_age
 from zacoustic.core.wire.controls import Extension, Item
@@ -101,12 +103,18 @@ class FrameDecoder:
     Args:
         table: The streams; None: values stay in hexadecimal.
         wire: Wire profile; None: the table's, native without one.
+        bonds: Numbers of bonds of links; others are those of routes.
     """
 
     def __init__(
-        self, table: StreamTable | None = None, *, wire: WireProfile | None = None
+        self,
+        table: StreamTable | None = None,
+        *,
+        wire: WireProfile | None = None,
+        bonds: Collection[int] = (),
     ) -> None:
         self._table = table
+        self._bonds = frozenset(bonds)
         wire = wire or (table.wire if table is not None else WireProfile.NATIVE)
         self._desert = DesertWords(table) if wire is WireProfile.RMW_DESERT else None
         self._overheard = Overheard(table) if table is not None else None
@@ -137,7 +145,9 @@ class FrameDecoder:
         return items
 
     def _relayed(self, records: bytes) -> list[DecodedItem]:
-        """Explain a frame of a route, with the one inside, which is for its other end."""
+        """Explain a frame of a route or bond, with the one inside."""
+        if bond_of(records) in self._bonds:
+            return self._bonded(records)
         match decode_relayed(records):
             case Relayed(number, content, more, is_urgent):
                 text = f"RELAY {'urgent, ' if is_urgent else ''}{_number_text(number)}"
@@ -153,6 +163,16 @@ class FrameDecoder:
                 why = "a relayed frame that is cut short, or of a later version"
                 text = f"STRAY {len(records)} bytes: {why}"
                 return [DecodedItem(kind="stray", text=text, fault="relay_format")]
+
+    def _bonded(self, records: bytes) -> list[DecodedItem]:
+        bonded = decode_bonded(records)
+        if bonded is None:
+            text = f"STRAY {len(records)} bytes: a frame of a bond that is cut short"
+            return [DecodedItem(kind="stray", text=text, fault="relay_format")]
+        text = f"RELAY {bonded.seq} of bond {bonded.number}"
+        text += "; its receivers answer" if bonded.wants_answer else ""
+        inside = self.decode(bonded.content) if bonded.content else []
+        return [DecodedItem(kind="relay", text=text), *inside]
 
 
 def _number_text(number: Number) -> str:

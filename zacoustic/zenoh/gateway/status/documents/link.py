@@ -6,6 +6,7 @@ import msgspec
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
+from zacoustic.core.bond.bonding import BondStatus
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.relay.route import Route
 from zacoustic.run.runner import LinkRunner
@@ -77,7 +78,27 @@ class LinkStatus:
             }
         if self._engine.hops:
             found["relay"] = {"hops": msgspec.to_builtins(self._engine.hops)}
-        return found | {f"route/{each.name}": self._route(each) for each in self._engine.routes}
+        found |= {f"route/{each.name}": self._route(each) for each in self._engine.routes}
+        return found | {f"bond/{each.name}": self._bond(each) for each in self._engine.bonds}
+
+    def _bond(self, bond: BondStatus) -> dict[str, object]:
+        """Return the document of a list of links that is used as one."""
+        stats = self._engine.stats.links[bond.name]
+        return {
+            "name": bond.name,
+            "links": bond.links,
+            "in_use": bond.in_use,
+            "reach": {
+                str(address): {link: reach.value for link, reach in by_link.items()}
+                for address, by_link in bond.reach.items()
+            },
+            "again": bond.again,
+            "frames_transmitted": stats.frames_transmitted,
+            "bytes_transmitted": stats.bytes_transmitted,
+            "frames_received": stats.frames_received,
+            "bytes_received": stats.bytes_received,
+            "ledger": self._ledger(stats),
+        }
 
     def _route(self, route: Route) -> dict[str, object]:
         """Return the document of a route that ends here; nobody knows whether its relays live."""

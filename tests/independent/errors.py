@@ -1,0 +1,9 @@
+"""The one way in which this reader says no. Written from docs/wire.md alone."""
+
+
+class ReadError(Exception):
+    """These bytes are not what the page describes."""
+
+
+class LimitError(ReadError):
+    """The page describes these bytes by a reference to source code, which this reader ignores."""

@@ -1,0 +1,239 @@
+"""Section 3: a frame, in two passes. Written from docs/wire.md alone."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from tests.independent import access, agreement, dense, objects, record, relay, reliable
+from tests.independent import subscriptions as subscribe
+from tests.independent.agreement import Hello, Tag, Verdict
+from tests.independent.cursor import Cursor
+from tests.independent.errors import ReadError
+from tests.independent.record import Way
+
+PADDING, LEN = 0x00, 0xB2
+FIRST_EXTENSION = 0xC0
+PRIVATE_EXTENSION = 0xE0
+_PREFIXES = (record.DELETE, record.ENCODING, reliable.SYNC, reliable.ACK)
+
+
+@dataclass(frozen=True)
+class Extension:
+    """An extension: of a later version of the page, or private."""
+
+    code: int
+    body: bytes
+
+    @property
+    def private(self) -> bool:
+        return self.code >= PRIVATE_EXTENSION
+
+
+@dataclass(frozen=True)
+class Unread:
+    """Bytes that were not read, and why."""
+
+    data: bytes
+    reason: str
+
+
+@dataclass(frozen=True)
+class RecordBytes:
+    """A record that is not yet read."""
+
+    data: bytes
+
+
+Control = access.Clock | access.Turn | objects.Feedback | subscribe.Subscribe | dense.BlockAck
+Item = (
+    Control
+    | objects.Fragment
+    | Extension
+    | dense.Block
+    | relay.Relayed
+    | relay.HopAcknowledgement
+    | record.Record
+    | Unread
+)
+Piece = agreement.Control | Item | RecordBytes
+
+Introduction = Hello | Tag
+
+
+class Judge(Protocol):
+    """Knows what may be decoded of a source."""
+
+    def learn(self, controls: Sequence[agreement.Control]) -> None:
+        """Take the controls of agreement of a frame: the first pass."""
+
+    def verdict(self, introduction: Introduction | None, stream: int) -> Verdict:
+        """Return whether a record of a stream may be decoded."""
+
+
+class Trusting:
+    """Decodes everything, as if both tables were known to be equal."""
+
+    def learn(self, controls: Sequence[agreement.Control]) -> None:
+        """Learn nothing."""
+
+    def verdict(self, introduction: Introduction | None, stream: int) -> Verdict:
+        """Return that it may be decoded."""
+        return Verdict.DECODE
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a frame holds: agreement first, then everything else in its order."""
+
+    introduction: Introduction | None
+    agreement: tuple[agreement.Control, ...]
+    items: tuple[Item, ...]
+    padding: int
+
+
+def read(records: bytes, way: Way, judge: Judge | None = None, *, life: int | None = None) -> Frame:
+    """Read the records of a frame. What cannot be read is among the items as `Unread`.
+
+    `life`: of the sender of a sealed frame, which is read as if it began with a TAG of its life.
+    """
+    judge = Trusting() if judge is None else judge
+    splitter = _Splitter(records, way, judge, life)
+    pieces = splitter.split()
+    controls = tuple(piece for piece in pieces if isinstance(piece, agreement.Control))
+    judge.learn(controls)
+    items: list[Item] = []
+    for piece in pieces:
+        if isinstance(piece, RecordBytes):
+            items.append(_decoded(piece.data, way, judge, splitter.introduction))
+        elif not isinstance(piece, agreement.Control):
+            items.append(piece)
+    return Frame(splitter.introduction, controls, tuple(items), splitter.padding)
+
+
+def _decoded(data: bytes, way: Way, judge: Judge, introduction: Introduction | None) -> Item:
+    try:
+        cursor = Cursor(data)
+        if not record.is_acknowledgement(data):
+            verdict = judge.verdict(introduction, record.stream_of(data))
+            if verdict != Verdict.DECODE:
+                return Unread(data, verdict.value)
+        one = record.read(cursor, way)
+        cursor.end()
+    except ReadError as error:
+        return Unread(data, str(error))
+    return one
+
+
+class _Splitter:
+    """Cuts a frame into its pieces."""
+
+    def __init__(self, records: bytes, way: Way, judge: Judge, life: int | None) -> None:
+        self._cursor = Cursor(records)
+        self._way = way
+        self._judge = judge
+        self._behind_record = False
+        self._pieces: list[Piece] = []
+        self._sealed = life is not None
+        self.introduction: Introduction | None = None if life is None else Tag(life)
+        self.padding = 0
+
+    def split(self) -> list[Piece]:
+        cursor = self._cursor
+        if cursor.peek() == relay.RELAY:
+            return [_attempt(lambda: relay.read(cursor.data), cursor.data)]
+        while cursor.left:
+            start = cursor.position
+            try:
+                self._piece()
+            except ReadError as error:
+                self._pieces.append(Unread(cursor.data[start:], str(error)))
+                break
+        return self._pieces
+
+    def _piece(self) -> None:
+        cursor = self._cursor
+        code = cursor.data[cursor.position]
+        if code == PADDING:
+            cursor.take(1)
+            self.padding += 1
+        elif code == LEN:
+            cursor.take(1)
+            self._delimited(cursor.take(cursor.number(1)))
+        elif code >= dense.FIRST:
+            self._pieces.append(dense.Block(cursor.rest()))
+        elif code in agreement.CODES:
+            self._agreement(code)
+        elif code in (access.CLOCK, access.TURN, objects.FEEDBACK, subscribe.SUBSCRIBE):
+            cursor.take(1)
+            self._pieces.append(self._control(code))
+        elif code == objects.FRAGMENT:
+            cursor.take(1)
+            self._pieces.append(objects.read_fragment(cursor))
+        elif code == reliable.ACK and self._is_dense_ack():
+            cursor.take(1)
+            node = cursor.number(1) if self._way.broadcast else None
+            self._pieces.append(dense.BlockAck(node, dense.read_mark(cursor)))
+        elif code <= record.LAST_STREAM or code in _PREFIXES:
+            self._record()
+        else:
+            raise ReadError("reserved")
+
+    def _agreement(self, code: int) -> None:
+        cursor = self._cursor
+        if code in (agreement.HELLO, agreement.TAG) and self._behind_record:
+            raise ReadError("an introduction behind a record")
+        cursor.take(1)
+        control = agreement.read(code, cursor)
+        self._pieces.append(control)
+        if isinstance(control, Hello) and control.version != agreement.VERSION:
+            self._pieces.append(Unread(cursor.rest(), "another version"))
+        elif isinstance(control, Hello | Tag):
+            self.introduction = control
+
+    def _control(self, code: int) -> Control:
+        if code == objects.FEEDBACK:
+            return objects.read_feedback(self._cursor)
+        if code == subscribe.SUBSCRIBE:
+            return subscribe.read(self._cursor)
+        return access.read(code, self._cursor)
+
+    def _is_dense_ack(self) -> bool:
+        place = self._cursor.position + (2 if self._way.broadcast else 1)
+        return self._cursor.data[place : place + 1] >= bytes((dense.FIRST,))
+
+    def _delimited(self, data: bytes) -> None:
+        """Take what stands behind LEN."""
+        first = data[0] if data else PADDING
+        if first >= FIRST_EXTENSION:
+            self._pieces.append(Extension(first, data[1:]))
+        elif first == objects.FRAGMENT:
+            self._pieces.append(_attempt(lambda: objects.read_fragment(Cursor(data, 1)), data))
+        elif PADDING < first <= record.LAST_STREAM or first in _PREFIXES:
+            self._behind_record = True
+            self._pieces.append(RecordBytes(data))
+        else:
+            self._pieces.append(Unread(data, "reserved"))
+
+    def _record(self) -> None:
+        """Take a record without LEN."""
+        cursor = self._cursor
+        self._behind_record = True
+        if self.introduction is not None and not self._sealed:
+            self._pieces.append(RecordBytes(cursor.rest()))
+            return
+        start = cursor.position
+        ahead = Cursor(cursor.data, start)
+        data = cursor.data[start:]
+        if not record.is_acknowledgement(data):
+            verdict = self._judge.verdict(self.introduction, record.stream_of(data))
+            if verdict != Verdict.DECODE:
+                raise ReadError(verdict.value)
+        record.read(ahead, self._way)
+        self._pieces.append(RecordBytes(cursor.take(ahead.position - start)))
+
+
+def _attempt(reading: Callable[[], Item], data: bytes) -> Item:
+    try:
+        return reading()
+    except ReadError as error:
+        return Unread(data, str(error))

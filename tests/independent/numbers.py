@@ -1,0 +1,127 @@
+"""Steps, ranges and floats of fields, for both codecs (section 7). Written from docs/wire.md alone.
+
+Guesses, where the page is silent: the bounds of a range are counted in steps like any other value,
+to the nearest one; a multiple beyond the range stands for the end of it; halves go to the even one.
+"""
+
+import math
+import struct
+from dataclasses import dataclass
+from fractions import Fraction
+
+from tests.independent.errors import ReadError
+from tests.independent.table import INTEGERS, Field
+
+
+def exact(value: float) -> Fraction:
+    """Return the number as it is written in decimal digits."""
+    return Fraction(str(value))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The values that a number takes, by multiples of its step. None: no bound."""
+
+    field: Field
+    step: Fraction
+    least: int | None
+    greatest: int | None
+
+    @property
+    def count(self) -> int:
+        if self.least is None or self.greatest is None:
+            raise ReadError("no range")
+        return self.greatest - self.least + 1
+
+    def holds(self, multiple: int) -> bool:
+        return (self.least is None or self.least <= multiple) and (
+            self.greatest is None or multiple <= self.greatest
+        )
+
+    def takes(self, value: float) -> bool:
+        """Tell whether a value to be written lies in the range, before it is rounded."""
+        if not math.isfinite(value):
+            return False
+        if self.field.wraps:
+            return True
+        return in_range(self.field, value) and self.holds(self.multiple(value))
+
+    def value(self, multiple: int) -> float:
+        """Return the number that a multiple of the step stands for."""
+        number = multiple * self.step
+        if self.field.range is not None and self.holds(multiple):
+            low, high = (exact(bound) for bound in self.field.range)
+            number = min(max(number, low), high)
+        if self.field.type in INTEGERS:
+            low_int, high_int = INTEGERS[self.field.type]
+            if not low_int <= number <= high_int:
+                raise ReadError("outside of the type")
+            return int(number)
+        return as_float(number, self.field)
+
+    def multiple(self, value: float) -> int:
+        """Return the nearest multiple to the value; a field that wraps folds it."""
+        nearest = round(exact(value) / self.step)
+        if self.field.wraps and self.least is not None and self.greatest is not None:
+            return (nearest - self.least) % self.count + self.least
+        return nearest
+
+
+def grid(field: Field) -> Grid | None:
+    """Return the values of a number; None for a float without a step."""
+    whole = field.type in INTEGERS
+    if not whole and field.step is None:
+        return None
+    step = exact(field.step) if field.step is not None else Fraction(1)
+    bounds: tuple[float, float] | None = field.range
+    if bounds is None and whole:
+        bounds = INTEGERS[field.type]
+    if bounds is None:
+        return Grid(field, step, None, None)
+    least, greatest = (round(exact(bound) / step) for bound in bounds)
+    if field.wraps:
+        greatest -= 1
+    return Grid(field, step, least, greatest)
+
+
+def as_float(number: Fraction, field: Field) -> float:
+    try:
+        value = float(number)
+    except OverflowError as error:
+        raise ReadError("outside of the type") from error
+    if field.type == "float32" and abs(value) > 3.5e38:
+        raise ReadError("outside of the type")
+    return value
+
+
+def in_range(field: Field, value: float) -> bool:
+    """Tell whether a number lies in the range of its field."""
+    if field.range is None:
+        return True
+    low, high = field.range
+    return low <= value < high if field.wraps else low <= value <= high
+
+
+def fold(field: Field, value: float) -> float:
+    """Fold a float without a step into its range, if the field wraps."""
+    if field.range is None or not field.wraps or not math.isfinite(value):
+        return value
+    low, high = field.range
+    return low + (value - low) % (high - low)
+
+
+def pack(form: str, value: float) -> bytes | None:
+    """Return the IEEE 754 bytes of the value, or None where they are not exact."""
+    try:
+        raw = struct.pack(form, value)
+    except (OverflowError, struct.error):
+        return None
+    return raw if struct.unpack(form, raw)[0] == value else None
+
+
+def single(value: float) -> float:
+    """Return the nearest single."""
+    try:
+        return float(struct.unpack(">f", struct.pack(">f", value))[0])
+    except OverflowError:
+        return math.copysign(math.inf, value)

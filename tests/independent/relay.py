@@ -1,0 +1,69 @@
+"""Section 16: RELAY. Written from docs/wire.md alone."""
+
+from dataclasses import dataclass
+
+from tests.independent.cursor import Cursor
+from tests.independent.errors import ReadError
+
+RELAY = 0xBF
+_BACK, _MORE, _URGENT, _ROUTE = 0x80, 0x40, 0x20, 0x1F
+
+
+@dataclass(frozen=True)
+class Relayed:
+    """A frame of a route on one hop. `back`: towards the first node of the path."""
+
+    route: int
+    number: int
+    frame: bytes
+    back: bool = False
+    more: bool = False
+    urgent: bool = False
+
+    def write(self) -> bytes:
+        flags = _BACK * self.back | _MORE * self.more | _URGENT * self.urgent
+        return bytes((RELAY, flags | self.route, self.number)) + self.frame
+
+
+@dataclass(frozen=True)
+class HopMark:
+    """One frame that a node has: its route, its direction and its number."""
+
+    route: int
+    number: int
+    back: bool = False
+
+
+@dataclass(frozen=True)
+class HopAcknowledgement:
+    """What a node has and will not transmit again."""
+
+    marks: tuple[HopMark, ...]
+    more: bool = False
+
+    def write(self) -> bytes:
+        marks = (bytes((_BACK * one.back | one.route, one.number)) for one in self.marks)
+        return bytes((RELAY, _MORE * self.more)) + b"".join(marks)
+
+
+def read(records: bytes) -> Relayed | HopAcknowledgement:
+    """Read a whole frame that begins with RELAY."""
+    cursor = Cursor(records)
+    if cursor.number(1) != RELAY:
+        raise ReadError("no RELAY")
+    first = cursor.number(1)
+    route = first & _ROUTE
+    more = bool(first & _MORE)
+    if route:
+        number = cursor.number(1)
+        back, urgent = bool(first & _BACK), bool(first & _URGENT)
+        return Relayed(route, number, cursor.rest(), back, more, urgent)
+    if first & ~_MORE or not cursor.left:
+        raise ReadError("no hop acknowledgement")
+    marks: list[HopMark] = []
+    while cursor.left:
+        head, number = cursor.take(2)
+        if head & ~(_BACK | _ROUTE) or not head & _ROUTE:
+            raise ReadError("no route")
+        marks.append(HopMark(head & _ROUTE, number, bool(head & _BACK)))
+    return HopAcknowledgement(tuple(marks), more)

@@ -1,0 +1,207 @@
+"""What both ends know of the streams. Written from docs/wire.md alone.
+
+The page says what a table holds, not how it is written: these classes are this reader's own.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tests.independent.errors import ReadError
+
+INTEGERS = {
+    f"{sign}int{bits}": (0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    for sign in ("", "u")
+    for bits in (8, 16, 32, 64)
+}
+"""Least and greatest value of each type of integer."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a type."""
+
+    name: str
+    type: str
+    range: tuple[float, float] | None = None
+    step: float | None = None
+    wraps: bool = False
+    escapes: bool = False
+    values: tuple[str, ...] = ()
+    length: int | None = None
+    max_length: int | None = None
+    optional: bool = False
+
+    @property
+    def is_array(self) -> bool:
+        """Tell whether it is one; a string with a `max_length` is a string of bounded length."""
+        if self.type in ("string", "bytes"):
+            return self.length is not None
+        return self.length is not None or self.max_length is not None
+
+
+Types = Mapping[str, tuple[Field, ...]]
+"""The fields of each type by its name."""
+
+
+@dataclass(frozen=True)
+class Wildcard:
+    """A wildcard of a name, with its list of values."""
+
+    name: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A stream of samples."""
+
+    id: int
+    name: str
+    type: str | None = None
+    codec: str = "cbor"
+    wildcards: tuple[Wildcard, ...] = ()
+    reliable: bool = False
+    depth: int = 1
+    aged: bool = False
+    publishers: tuple[int, ...] = ()
+    subscribers: tuple[int, ...] = ()
+    on_demand: bool = False
+    encoding: str = "zenoh/bytes"
+
+
+@dataclass(frozen=True)
+class Service:
+    """A stream of calls. `server`: None for the streams that every node serves."""
+
+    id: int
+    name: str
+    server: int | None
+    request: str | None = None
+    response: str | None = None
+    timeout_s: float = 30.0
+    aged: bool = False
+
+
+@dataclass(frozen=True)
+class Action:
+    """A stream of goals."""
+
+    id: int
+    name: str
+    server: int
+    goal: str | None = None
+    result: str | None = None
+    feedback: str | None = None
+
+
+Stream = Topic | Service | Action
+
+PRIORITIES = (
+    "real_time",
+    "interactive_high",
+    "interactive_low",
+    "data_high",
+    "data",
+    "data_low",
+    "background",
+)
+
+_STATE = (
+    Field("on", "bool", optional=True),
+    Field("min_interval_s", "float64", step=0.01, optional=True),
+    Field("priority", "enum", values=PRIORITIES, optional=True),
+)
+
+SYSTEM_TYPES: Types = {
+    "command": (
+        Field("serial", "uint16"),
+        Field("order", "enum", values=("ask", "silence", "resume", "tune", "reset")),
+        Field("for_s", "float64", step=0.1, optional=True),
+        Field("stream", "uint8", optional=True),
+        *_STATE,
+        Field("heard", "uint16", optional=True),
+    ),
+    "command answer": (
+        Field("silent", "bool"),
+        Field("ordered", "bool"),
+        Field("left_s", "float64", step=0.1, optional=True),
+        *_STATE,
+    ),
+    "nothing": (),
+    "status": (
+        Field("journal", "enum", values=("none", "kept", "doubted", "failing")),
+        Field("starts", "uint16"),
+        Field("utc_s", "uint32", optional=True),
+        Field("clock_error_s", "float64", range=(0, 3600), step=0.01, optional=True),
+        Field("range_m", "uint16", optional=True),
+        Field("schedule", "uint16"),
+    ),
+}
+"""Section 5, Remote commands and Status."""
+
+COMMANDS = Service(0xAF, "commands", None, "command", "command answer", 600, aged=True)
+STATUS = Service(0xAE, "status", None, "nothing", "status", 60, aged=True)
+KEYS = Service(0xAD, "keys", None, None, "nothing", 600)
+
+
+@dataclass(frozen=True)
+class Table:
+    """The streams, the types and the nodes of a fleet."""
+
+    streams: Mapping[int, Stream]
+    types: Types = field(default_factory=dict)
+    nodes: Mapping[int, str] = field(default_factory=dict)
+
+    def stream(self, stream_id: int) -> Stream:
+        known = self.streams.get(stream_id)
+        if known is not None:
+            return known
+        for system in (COMMANDS, STATUS, KEYS):
+            if system.id == stream_id:
+                return system
+        raise ReadError(f"no stream {stream_id:#04x}")
+
+    def fields(self, type_name: str) -> tuple[Field, ...]:
+        found = self.types.get(type_name, SYSTEM_TYPES.get(type_name))
+        if found is None:
+            raise ReadError(f"no type {type_name}")
+        return found
+
+    @property
+    def all_types(self) -> Types:
+        return {**SYSTEM_TYPES, **self.types}
+
+
+def table_digest(nodes: Mapping[int, str], rows: Mapping[int, bytes]) -> bytes:
+    """Return the digest of a table whose streams have these digests.
+
+    The form of the list of nodes is a guess that the vector `digest_of_table` confirms.
+    """
+    listed = json.dumps([[node, nodes[node]] for node in sorted(nodes)], separators=(",", ":"))
+    counted = b"".join(rows[row] for row in sorted(rows) if row not in (0xAD, 0xAE, 0xAF))
+    return hashlib.sha256(listed.encode() + counted).digest()[:4]
+
+
+def field_of(plain: Mapping[str, Any]) -> Field:
+    """Read a field as the vectors of payloads spell it."""
+    bounds = plain.get("range")
+    return Field(
+        name=plain["name"],
+        type=plain["type"],
+        range=None if bounds is None else (bounds[0], bounds[1]),
+        step=plain.get("step"),
+        wraps=plain.get("wraps", False),
+        escapes=plain.get("outside") == "escape",
+        values=tuple(plain.get("values", ())),
+        length=plain.get("length"),
+        max_length=plain.get("max_length"),
+        optional=plain.get("optional", False),
+    )
+
+
+def types_of(plain: list[Mapping[str, Any]]) -> Types:
+    """Read types as the vectors of payloads spell them."""
+    return {one["name"]: tuple(field_of(each) for each in one["fields"]) for one in plain}

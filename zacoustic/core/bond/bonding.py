@@ -1,0 +1,611 @@
+"""A node's part in one bond: which links a frame goes by, and who has answered.
+
+The streams of a bond have one set of transports, so their calls, counts and objects do not know by
+which link a frame goes. Each frame takes, for each of its receivers, the first link that reaches
+that receiver, and so a switch loses and doubles nothing:
+
+- On links that cost nothing, each receiver answers each frame. A frame without an answer goes again
+  by the next link, as it is.
+- While a link is in doubt (`zacoustic.core.bond.reach`), frames go by it and by the next one.
+  Urgent frames do so unless it has just been answered.
+- A receiver takes each frame once: its number and its bytes identify it for a minute.
+
+While something waits for nodes that a better link does not reach, that link is tried every few
+seconds. An idle node transmits nothing.
+
+An answer is sealed like any frame of the bond. Numbers, and questions without a frame, are not: who
+forges them makes nodes answer on links that cost nothing, and use two links in place of one.
+"""
+
+import random
+import zlib
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.linktypes import (
+    BROADCAST,
+    LinkCapabilities,
+    LinkState,
+    ReceivedFrame,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.core.base.stats import LinkStats
+from zacoustic.core.base.timers import Due
+from zacoustic.core.bond.outbox import Outbox, Waiting
+from zacoustic.core.bond.reach import PeerReach, Reach
+from zacoustic.core.bond.spec import Bond, BondLink
+from zacoustic.core.peers.handshake import unit_ns
+from zacoustic.core.peers.peers import PerPeer
+from zacoustic.core.peers.reception import Heard
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.wire.bond import (
+    ANSWER_CODE,
+    MOST_ANSWERS,
+    Bonded,
+    decode,
+    decode_answers,
+    encode_answers,
+)
+from zacoustic.core.wire.relay import HEADER_BYTES, NUMBERS
+
+_ANSWER_NS: Final = NS_PER_S // 10
+"""Time in which a receiver decides and begins to answer, beside airtimes and propagation."""
+_SEEN_NS: Final = 60 * NS_PER_S
+_MOST_SEEN: Final = 1024
+"""How long, and how many, frames are remembered."""
+_MOST_OWED: Final = 4 * MOST_ANSWERS
+"""The most answers that wait for one node."""
+
+Deliver = Callable[[ReceivedFrame, int], None]
+"""Takes a frame of the bond."""
+Report = Callable[[TransmitReport, int], None]
+"""Takes the end of a transmission on the bond."""
+
+
+class PeerReachable(msgspec.Struct, frozen=True, kw_only=True):
+    """A link of a bond reaches a node, does not, or is in doubt."""
+
+    address: int
+    """The node."""
+    link: str
+    """Name of the link."""
+    bond: str
+    """Name of the bond."""
+    reach: Reach
+    """Whether it reaches the node."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class BondStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """What a bond does at present."""
+
+    name: str
+    """Name of the bond."""
+    links: tuple[str, ...]
+    """Its links at this node, the best one first."""
+    in_use: str | None
+    """The link whose airtimes hold: the best one that reaches all; None: none is up."""
+    reach: dict[int, dict[str, Reach]]
+    """By address and link, whether it reaches the node."""
+    again: int
+    """Frames that went again by the next link for lack of an answer."""
+
+
+class _Awaited(msgspec.Struct):
+    """A frame whose answers are awaited."""
+
+    frame: Transmission
+    is_urgent: bool
+    by_link: dict[str, set[int]]
+    """Who has not answered, by the link."""
+    due_at: dict[str, int]
+    """When they should have, by the link; only once it has left, ns."""
+    given: dict[str, None]
+    """The links by which it went."""
+
+
+class _Sent:
+    """A frame on its way by several links; its end is that of the first one that sent it."""
+
+    def __init__(self, transmission_id: int, links: int, report: Report) -> None:
+        self._transmission_id = transmission_id
+        self._left = links
+        self._report: Report | None = report
+
+    def ended(self, report: TransmitReport, now: int) -> None:
+        """Take the end on one link."""
+        self._left -= 1
+        is_sent = report.outcome not in (TransmitOutcome.ABORTED, TransmitOutcome.REJECTED)
+        tell = self._report
+        if tell is None or not (is_sent or self._left == 0):
+            return
+        self._report = None
+        outcome = TransmitOutcome.SENT if is_sent else report.outcome
+        tell(
+            msgspec.structs.replace(report, transmission_id=self._transmission_id, outcome=outcome),
+            now,
+        )
+
+
+class Bonding:
+    """One bond of one node.
+
+    Args:
+        bond: The bond.
+        links: How it treats each of its links at this node, in its order.
+        hearers: The nodes that its frames concern.
+        context: The node on the bond, as on a link.
+        stats: The counters of each of its links.
+        rng: Draws the first number.
+    """
+
+    def __init__(
+        self,
+        bond: Bond,
+        links: dict[str, BondLink],
+        hearers: Sequence[int],
+        context: Context,
+        stats: Mapping[str, LinkStats],
+        rng: random.Random,
+    ) -> None:
+        self.bond = bond
+        """The bond."""
+        self._rules = dict(links)
+        self._hearers = tuple(hearers)
+        self._context = context
+        self.outboxes = {link: Outbox(stats[link]) for link in links}
+        """What waits for each of its links."""
+        self._reach = {
+            link: PerPeer(
+                context.peers, partial(PeerReach, rules, is_last=link == next(reversed(links)))
+            )
+            for link, rules in links.items()
+        }
+        self._up: dict[str, LinkCapabilities] = {}
+        self._room_bytes: dict[str, int] = {}
+        self._units_ns: dict[str, int] = {}
+        self._next_seq = rng.randrange(NUMBERS)
+        self._awaited: dict[int, _Awaited] = {}
+        self._owed: PerPeer[list[tuple[int, int]]] = PerPeer(context.peers, list)
+        self._seen: OrderedDict[tuple[int, int, int], int] = OrderedDict()
+        self._again = 0
+        self._deliver: Deliver | None = None
+        self._report: Report | None = None
+        self._is_waiting: Callable[[], bool] = lambda: False
+        context.reception.on_extension(ANSWER_CODE, self._answered)
+
+    def begin(self, deliver: Deliver, report: Report, is_waiting: Callable[[], bool]) -> None:
+        """Take who takes frames and reports, and who tells whether anything waits."""
+        self._deliver, self._report, self._is_waiting = deliver, report, is_waiting
+
+    # Getters
+
+    @property
+    def in_use(self) -> str | None:
+        """The best link that reaches all nodes, else the last one that is up; None: none is."""
+        links = [link for link in self._rules if link in self._up]
+        used = [self._link_to(each) for each in self._hearers]
+        if not links:
+            return None
+        places = [links.index(each) for each in used if each is not None]
+        return links[max(places, default=len(links) - 1)]
+
+    @property
+    def capabilities(self) -> LinkCapabilities | None:
+        """What the bond can do as a link at present; None: none of its links is up."""
+        link = self.in_use
+        if link is None:
+            return None
+        used = self._up[link]
+        return LinkCapabilities(
+            # Frames must fit whichever link comes next, so that a switch drops nothing.
+            mtu_bytes=min(self._room_bytes.values()) - HEADER_BYTES,
+            bit_rate_bps=used.bit_rate_bps,
+            preamble_s=used.preamble_s,
+            gap_s=used.gap_s,
+            propagation_s=used.propagation_s,
+            half_duplex=used.half_duplex,
+            # Medium access is at the link itself; the pauses of repetitions follow from these.
+            controls_access=used.controls_access,
+            senses_carrier=used.senses_carrier,
+        )
+
+    @property
+    def slowest_unit_ns(self) -> int:
+        """The time in which the largest frame arrives by the slowest link, ns."""
+        return max(self._units_ns.values(), default=0)
+
+    @property
+    def status(self) -> BondStatus:
+        """What the bond does at present."""
+        return BondStatus(
+            name=self.bond.name,
+            links=tuple(self._rules),
+            in_use=self.in_use,
+            reach={
+                peer: {link: self._reach[link][peer].state for link in self._rules}
+                for peer in self._hearers
+            },
+            again=self._again,
+        )
+
+    # Inputs
+
+    def handle_state(
+        self,
+        link: str,
+        state: LinkState,
+        capabilities: LinkCapabilities | None,
+        room_bytes: int,
+        now: int,
+    ) -> None:
+        """Take the state of one of its links.
+
+        Args:
+            link: Its name.
+            state: Its state.
+            capabilities: What it can do; None: unknown yet.
+            room_bytes: Content of one of its frames without envelope, bytes.
+            now: The instant, ns.
+        """
+        if state is LinkState.UP and capabilities is not None:
+            self._up[link] = capabilities
+            self._room_bytes[link] = room_bytes
+            self._units_ns[link] = unit_ns(capabilities)
+            self._rearm(now)
+            return
+        if self._up.pop(link, None) is None:
+            return
+        for peer in self._hearers:
+            self._change(link, peer, now, PeerReach.lost)
+        for awaited in list(self._awaited.values()):
+            if link in awaited.by_link:
+                awaited.due_at[link] = now
+        self.outboxes[link].clear(now)
+        self._review(now)
+
+    def submit(
+        self,
+        frame: Transmission,
+        now: int,
+        *,
+        is_urgent: bool = False,
+        is_granted: bool = False,
+    ) -> None:
+        """Take a frame of this node.
+
+        Args:
+            frame: The frame.
+            now: The instant, ns.
+            is_urgent: Whether it goes before all others.
+            is_granted: Whether it may go although the node is silent.
+        """
+        by_link: dict[str, set[int]] = {}
+        for peer in self._hearers_of(frame):
+            for link in self._links_to(peer, now, is_urgent=is_urgent):
+                by_link.setdefault(link, set()).add(peer)
+        if not by_link and (last := self._last_up()) is not None:
+            by_link[last] = set()
+        assert self._report is not None
+        sent = _Sent(frame.transmission_id, max(1, len(by_link)), self._report)
+        if not by_link:
+            sent.ended(_aborted(now), now)
+            return
+        seq = self._take_number()
+        wanted = {link: peers for link, peers in by_link.items() if self._rules[link].answers}
+        awaited = None
+        if wanted:
+            awaited = _Awaited(frame, is_urgent, wanted, {}, dict.fromkeys(by_link))
+            self._awaited[seq] = awaited
+        is_counted = False
+        for link in by_link:
+            ledger_bytes = 0 if is_counted else len(frame.frame_bytes)
+            is_counted = True
+            self._give(
+                link, seq, frame, now, ledger_bytes, sent, awaited,
+                is_urgent=is_urgent, is_granted=is_granted,
+            )  # fmt: skip
+        for link in self._to_try(now):
+            self._probe(link, now)
+        self._rearm(now)
+
+    def handle(
+        self, link: str, source: int, content: bytes, frame: ReceivedFrame, now: int
+    ) -> str | None:
+        """Take the content of a frame on one of its links; return why it is dropped, or None."""
+        bonded = decode(content)
+        if bonded is None:
+            return "relay_format"
+        nodes = self._context.table.nodes
+        if nodes and source not in nodes:
+            return "relay_route"
+        self._change(link, source, now, PeerReach.heard)
+        if bonded.wants_answer and self._rules[link].answers:
+            self._owe(link, source, bonded.seq, now)
+        reason = None
+        if bonded.content:
+            reason = "relay_again" if self._is_known(source, bonded, now) else None
+            if reason is None and self._deliver is not None:
+                self._deliver(
+                    msgspec.structs.replace(frame, frame_bytes=bonded.content, source=source), now
+                )
+        self._rearm(now)
+        return reason
+
+    # Below the methods above
+
+    def _hearers_of(self, frame: Transmission) -> tuple[int, ...]:
+        return self._hearers if frame.destination == BROADCAST else (frame.destination,)
+
+    def _links_to(self, peer: int, now: int, *, is_urgent: bool = False) -> list[str]:
+        """Return the links for a frame to a node: those in doubt, and the first that is sure."""
+        found: list[str] = []
+        for link in self._rules:
+            reach = self._reach[link][peer]
+            if link not in self._up:
+                continue
+            if reach.state is Reach.DOWN and not reach.is_hopeful(now):
+                continue
+            found.append(link)
+            if reach.is_sure(now) if is_urgent else reach.state is Reach.UP:
+                return found
+        last = self._last_up()
+        if last is not None and last not in found:
+            found.append(last)
+        return found
+
+    def _link_to(self, peer: int) -> str | None:
+        """Return the first link that surely reaches a node, else the last one that is up."""
+        sure = (
+            link
+            for link in self._rules
+            if link in self._up and self._reach[link][peer].state is Reach.UP
+        )
+        return next(sure, self._last_up())
+
+    def _last_up(self) -> str | None:
+        return next((link for link in reversed(self._rules) if link in self._up), None)
+
+    def _take_number(self) -> int:
+        seq, self._next_seq = self._next_seq, (self._next_seq + 1) % NUMBERS
+        self._awaited.pop(seq, None)
+        return seq
+
+    def _give(
+        self,
+        link: str,
+        seq: int,
+        frame: Transmission,
+        now: int,
+        ledger_bytes: int,
+        sent: _Sent | None,
+        awaited: _Awaited | None,
+        *,
+        is_urgent: bool,
+        is_granted: bool = False,
+    ) -> None:
+        """Let a frame go by one link."""
+        wants_answer = awaited is not None and link in awaited.by_link
+        content = Bonded(self.bond.number, seq, frame.frame_bytes, wants_answer).encode()
+        for peer in self._hearers_of(frame):
+            self._change(link, peer, now, PeerReach.transmitted)
+
+        def ended(report: TransmitReport, now: int) -> None:
+            if awaited is not None and wants_answer:
+                awaited.due_at[link] = now + self._answer_ns(link)
+                self._rearm(now)
+            if sent is not None:
+                sent.ended(report, now)
+
+        waiting = Waiting(
+            frame.destination,
+            lambda room_bytes, now: content if len(content) <= room_bytes else None,
+            now,
+            is_urgent=is_urgent,
+            ended=ended,
+            ledger_bytes=ledger_bytes,
+            is_granted=is_granted,
+        )
+        self.outboxes[link].put(waiting, now)
+
+    def _answer_ns(self, link: str) -> int:
+        """Return how long the answer to a frame that has left takes, ns."""
+        capabilities = self._up.get(link)
+        if capabilities is None:
+            return 0
+        return 2 * unit_ns(capabilities) + _ANSWER_NS
+
+    def _owe(self, link: str, source: int, seq: int, now: int) -> None:
+        """Answer a frame; further ones may be answered by the same frame."""
+        owed = self._owed[source]
+        index = self.bond.links.index(link)
+        is_due = not any(each == index for each, _ in owed)
+        if len(owed) < _MOST_OWED:
+            owed.append((index, seq))
+        if is_due:
+            make = partial(self._make_answer, source, index)
+            self.outboxes[link].put(Waiting(source, make, now, is_urgent=True), now)
+
+    def _make_answer(self, source: int, index: int, room_bytes: int, now: int) -> bytes | None:
+        """Make the frame that answers those of a node that have come by one link."""
+        owed = self._owed[source]
+        answered = [each for each in owed if each[0] == index]
+        self._owed[source] = [each for each in owed if each[0] != index]
+        context, introduction = self._context, b""
+        said = encode_answers(answered[:MOST_ANSWERS])
+        closing = context.seal.settle(source, None, None, now)
+        room_bytes -= HEADER_BYTES + closing.overhead_bytes + len(said)
+        if room_bytes < 0 or not answered:
+            return None
+        if not context.is_sealed:
+            introductions = context.handshake.introductions
+            introductions.begin_frame(source)
+            introduction = introductions.introduction(context.link, source, room_bytes, now)
+        closed = context.seal.close(introduction + said, source, closing, now, needs_no_table=True)
+        return Bonded(self.bond.number, self._take_number(), closed).encode()
+
+    def _answered(self, heard: Heard, body: bytes) -> str | None:
+        """Take the answers in a frame of the bond."""
+        answers = decode_answers(body)
+        if answers is None:
+            return "relay_format"
+        for index, seq in answers:
+            link = self.bond.links[index] if index < len(self.bond.links) else ""
+            if link not in self._rules or not self._rules[link].answers:
+                continue
+            self._change(link, heard.source, heard.now, PeerReach.answered)
+            awaited = self._awaited.get(seq)
+            if awaited is not None and link in awaited.by_link:
+                awaited.by_link[link].discard(heard.source)
+                self._close(seq, awaited)
+        self._rearm(heard.now)
+        return None
+
+    def _close(self, seq: int, awaited: _Awaited) -> None:
+        """Forget a frame that nobody has left to answer."""
+        for link in [link for link, peers in awaited.by_link.items() if not peers]:
+            del awaited.by_link[link]
+        if not awaited.by_link:
+            del self._awaited[seq]
+
+    def _review(self, now: int) -> None:
+        """Do what is due: answers that did not come, links in doubt, tries."""
+        for seq, awaited in list(self._awaited.items()):
+            for link in [each for each, at in awaited.due_at.items() if at <= now]:
+                self._overdue(link, seq, awaited, now)
+        for link, known in self._reach.items():
+            for peer in list(known):
+                self._change(link, peer, now, PeerReach.review)
+        for link in self._tried:
+            in_doubt = [
+                peer for peer in self._in_doubt(link) if self._reach[link][peer].asks_at <= now
+            ]
+            for peer in in_doubt:
+                self._reach[link][peer].asked(now)
+                self._ask(link, peer, now)
+        if self._is_waiting():
+            for link in self._to_try(now):
+                self._probe(link, now)
+        self._rearm(now)
+
+    def _overdue(self, link: str, seq: int, awaited: _Awaited, now: int) -> None:
+        """Let a frame go by the next link to those who have not answered."""
+        del awaited.due_at[link]
+        silent = awaited.by_link.pop(link, set())
+        if not awaited.by_link:
+            self._awaited.pop(seq, None)
+        further: dict[str, None] = {}
+        for peer in silent:
+            self._change(link, peer, now, PeerReach.overdue)
+            further |= dict.fromkeys(self._links_to(peer, now))
+        frame = awaited.frame
+        for other in further:
+            if other not in awaited.given:
+                awaited.given[other] = None
+                self._again += 1
+                self._give(other, seq, frame, now, 0, None, None, is_urgent=awaited.is_urgent)
+
+    def _to_try(self, now: int) -> list[str]:
+        """Return the links that answer, are out of use for a node, and may be tried now."""
+        return [
+            link
+            for link in self._tried
+            if any(self._reach[link][peer].may_try(now) for peer in self._worse_off(link))
+        ]
+
+    @property
+    def _tried(self) -> list[str]:
+        return [each for each, rules in self._rules.items() if rules.answers and each in self._up]
+
+    def _worse_off(self, link: str) -> list[int]:
+        """Return the nodes that only a worse link reaches."""
+        links = list(self._rules)
+        place = links.index(link)
+        return [
+            peer
+            for peer in self._hearers
+            if (used := self._link_to(peer)) is None or links.index(used) > place or used == link
+        ]
+
+    def _probe(self, link: str, now: int) -> None:
+        """Ask on a link who hears this node."""
+        peers = [each for each in self._worse_off(link) if self._reach[link][each].may_try(now)]
+        for peer in peers:
+            self._reach[link][peer].tried(now)
+        self._ask(link, peers[0] if len(peers) == 1 else BROADCAST, now)
+
+    def _ask(self, link: str, destination: int, now: int) -> None:
+        content = Bonded(self.bond.number, self._take_number(), b"", True).encode()
+        self.outboxes[link].put(Waiting(destination, lambda room, now: content, now), now)
+
+    def _in_doubt(self, link: str) -> list[int]:
+        known = self._reach[link]
+        return [peer for peer, reach in known.items() if reach.state is Reach.DOUBT]
+
+    def _rearm(self, now: int) -> None:
+        """Set the timer to what is due next."""
+        instants = [at for awaited in self._awaited.values() for at in awaited.due_at.values()]
+        for link, known in self._reach.items():
+            for peer in self._in_doubt(link):
+                instants.append(known[peer].doubt_ends_at)
+                if link in self._up:
+                    instants.append(known[peer].asks_at)
+        if self._is_waiting():
+            for link in self._tried:
+                for peer in self._worse_off(link):
+                    reach = self._reach[link][peer]
+                    if reach.state is Reach.DOWN:
+                        instants.append(reach.next_try_at)
+        key = (Due.BOND, self.bond.number)
+        if instants:
+            self._context.timers.at(key, max(now, min(instants)), self._review)
+        else:
+            self._context.timers.cancel(key)
+
+    def _change(
+        self, link: str, peer: int, now: int, what: Callable[[PeerReach, int], None]
+    ) -> None:
+        """Tell what is known of a node on a link, and emit what has changed by it."""
+        reach = self._reach[link][peer]
+        before = reach.state
+        what(reach, now)
+        if reach.state is not before:
+            self._context.node.emit(
+                PeerReachable(
+                    address=peer,
+                    link=link,
+                    bond=self.bond.name,
+                    reach=reach.state,
+                    changed_at=now,
+                )
+            )
+
+    def _is_known(self, source: int, bonded: Bonded, now: int) -> bool:
+        """Return whether a frame has been here, by whichever link; remember it."""
+        key = source, bonded.seq, zlib.crc32(bonded.content)
+        seen_at = self._seen.get(key)
+        if seen_at is not None and now - seen_at <= _SEEN_NS:
+            return True
+        self._seen[key] = now
+        self._seen.move_to_end(key)
+        if len(self._seen) > _MOST_SEEN:
+            self._seen.popitem(last=False)
+        return False
+
+
+def _aborted(now: int) -> TransmitReport:
+    return TransmitReport(
+        transmission_id=0,
+        outcome=TransmitOutcome.ABORTED,
+        started_at=now,
+        finished_at=now,
+        detail="no link of the bond is up",
+    )

@@ -1,0 +1,105 @@
+"""What goes over one link inside its frames: the frames of routes and of bonds.
+
+To the link's composer they are one source, and a received frame goes to the route or bond whose
+number it has.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from zacoustic.core.base.linktypes import ReceivedFrame
+from zacoustic.core.base.parts import Offer
+from zacoustic.core.bond.bonding import Bonding
+from zacoustic.core.relay.relay import Relay
+from zacoustic.core.schedule.sources import Forwarded, ForwardingSource
+from zacoustic.core.wire.bond import bond_of
+from zacoustic.core.wire.envelope import Opened
+
+
+class Forwarding:
+    """The routes and bonds over one link.
+
+    Args:
+        link: Name of the link.
+        relay: Its routes; None: there are none.
+        bonds: Its bonds, by number.
+        others: Numbers of bonds that this node lacks on this link.
+    """
+
+    def __init__(
+        self,
+        link: str,
+        relay: Relay | None,
+        bonds: Mapping[int, Bonding],
+        others: Sequence[int] = (),
+    ) -> None:
+        self.relay = relay
+        """The routes over the link; None: there are none."""
+        self._link = link
+        self._bonds = dict(bonds)
+        self._others = frozenset(others)
+        self._sources: list[ForwardingSource] = [
+            *filter(None, [relay]),
+            *(each.outboxes[link] for each in bonds.values()),
+        ]
+
+    def handle(self, opened: Opened, frame: ReceivedFrame, now: int) -> str | None:
+        """Take a frame of a route or bond; return why it is dropped, or None."""
+        number = bond_of(opened.records)
+        bond = self._bonds.get(number)
+        if bond is not None:
+            frame = msgspec.structs.replace(frame, destination=opened.destination)
+            return bond.handle(self._link, opened.source, opened.records, frame, now)
+        if number in self._others:
+            return None
+        if self.relay is None:
+            return "relay_route"
+        return self.relay.handle(opened.source, opened.records, now)
+
+    # A source of the composer
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the last frame has announced that another one follows at once."""
+        return any(each.goes_on for each in self._sources)
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether a frame waits that medium access is to treat as urgent."""
+        return any(each.is_urgent for each in self._sources)
+
+    @property
+    def has_granted(self) -> bool:
+        """Whether a frame waits that may go although the node is silent."""
+        return any(each.has_granted for each in self._sources)
+
+    def take_granted(self, room_bytes: int, now: int) -> tuple[int, Forwarded] | None:
+        """Take the frame that may go in silence, and its destination; None: it does not fit."""
+        source = next(each for each in self._sources if each.has_granted)
+        return source.take_granted(room_bytes, now)
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant at which a frame is due, ns; None: none."""
+        instants = (each.due_at(now) for each in self._sources)
+        return min((at for at in instants if at is not None), default=None)
+
+    def offer(self, now: int) -> Offer | None:
+        """Return what would go now; None: nothing is due."""
+        best = self._best(now)
+        return None if best is None else best[0]
+
+    def take(self, room_bytes: int, now: int) -> Forwarded | None:
+        """Take the content of the frame that goes now, of at most `room_bytes`."""
+        best = self._best(now)
+        return None if best is None else best[1].take(room_bytes, now)
+
+    # Below the methods above
+
+    def _best(self, now: int) -> tuple[Offer, ForwardingSource] | None:
+        found: tuple[Offer, ForwardingSource] | None = None
+        for source in self._sources:
+            offer = source.offer(now)
+            if offer is not None and (found is None or offer.rank < found[0].rank):
+                found = offer, source
+        return found
