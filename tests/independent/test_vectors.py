@@ -546,6 +546,17 @@ def test_packed(one: dict[str, Any]) -> None:
         assert repr(again) != repr(value)
 
 
+@pytest.mark.parametrize(
+    "one", _load("payload_refused.json")["vectors"], ids=lambda one: one["name"]
+)
+def test_refused_payload(one: dict[str, Any]) -> None:
+    read = {"cbor": cborpos.read, "packed": packed.read}[one["codec"]]
+    cursor = Cursor(bytes.fromhex(one["hex"]))
+    with pytest.raises(ReadError):  # noqa: PT012
+        read(table.types_of(one["types"]), "T", cursor)
+        cursor.end()
+
+
 @pytest.mark.parametrize("plain", DENSE["bytes without a type, packed"])
 def test_packed_bytes(plain: str) -> None:
     payload = bytes.fromhex(DENSE["bytes without a type, packed"][plain])
