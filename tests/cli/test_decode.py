@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.cli.dive import section, write_config
-from tests.golden.vectors import bytes_table, vectors
+from tests.golden.tables import bytes_table
+from tests.golden.vectors import vectors
 from zacoustic.app.cli import main
 from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder, decode_frame
 from zacoustic.config import config_from_mapping, read_config

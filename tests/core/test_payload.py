@@ -10,6 +10,7 @@ import cbor2
 import msgspec
 import pytest
 
+from tests.golden.fields import in_json
 from zacoustic.core.values.payload import CborCodec, OpaqueCodec, PayloadCodec, PayloadError
 from zacoustic.core.values.types import Bounds, FieldSpec, TypeSpec, TypeTable, type_from_struct
 from zacoustic.errors import ConfigError, PayloadInvalidError
@@ -28,15 +29,6 @@ def table_of(types: list[dict[str, Any]]) -> TypeTable:
 
 def codec_of(**keys: Any) -> CborCodec:
     return CborCodec(TypeSpec(name="T", fields=(FieldSpec(name="f", **keys),)))
-
-
-def in_json(value: object) -> object:
-    """Bytes as hex: what the vectors hold."""
-    if isinstance(value, bytes):
-        return value.hex()
-    if isinstance(value, dict):
-        return {name: in_json(inner) for name, inner in value.items()}
-    return [in_json(inner) for inner in value] if isinstance(value, list) else value
 
 
 @pytest.mark.parametrize("vector", VECTORS, ids=[vector["meaning"] for vector in VECTORS])

@@ -5,13 +5,14 @@ library has a say. After adding one: ``python -m tests.golden.dense`` from the p
 """
 
 import hashlib
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
+from tests.golden.fields import in_json
+from tests.golden.tables import fields_of, lines
 from zacoustic.core.values.dense import (
     DenseCodec,
     DenseSample,
@@ -26,6 +27,8 @@ from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 VECTORS: Final = Path(__file__).parent / "dense_frames.json"
 ROOM: Final = 4096
+DIGEST: Final = bytes.fromhex("01020304")
+"""Digest of the table to which the types belong."""
 
 
 def _number(name: str, low: float, high: float, step: float, **more: Any) -> FieldSpec:
@@ -158,6 +161,16 @@ def _frames(codec: DenseCodec, *, acknowledged: bool) -> Iterator[bytes]:
             speaker.acknowledged(1, listener.mark)
 
 
+def _read(codec: DenseCodec, frames: list[bytes]) -> dict[str, Any]:
+    """What a receiver reads in blocks, and by which mark it would acknowledge each."""
+    listener, samples, marks = Listener(codec), [], []
+    for frame in frames:
+        decoded = listener.decode(frame)
+        samples.append([[stream_id, in_json(value)] for stream_id, value in decoded.samples])
+        marks.append(f"{listener.mark or 0:04x}")
+    return {"samples": samples, "marks": marks}
+
+
 def _together(codec: DenseCodec) -> bytes:
     samples = [DenseSample(5, value, tick) for tick, value in enumerate(nav_samples(20))]
     samples += [DenseSample(6, {"text": line}, tick) for tick, line in enumerate(LINES)]
@@ -182,21 +195,33 @@ def _long_run(codec: DenseCodec) -> str:
 def vectors() -> dict[str, Any]:
     """Make all of them."""
     codecs: dict[str, Callable[[], DenseCodec]] = {
-        "no model": lambda: DenseCodec(TYPES, digest=b"\x01\x02\x03\x04"),
-        "model": lambda: DenseCodec(TYPES, model=MODEL, digest=b"\x01\x02\x03\x04"),
+        "no model": lambda: DenseCodec(TYPES, digest=DIGEST),
+        "model": lambda: DenseCodec(TYPES, model=MODEL, digest=DIGEST),
     }
     found: dict[str, Any] = {
-        "about": "Dense frames, made by tests/golden/dense.py; a changed one is a changed wire.",
-        "model": json.loads(msgspec.json.encode(MODEL)),
+        "about": "Dense frames, made by tests/golden/dense.py; a changed one is a changed wire. "
+        "`acknowledged`: 60 blocks one after the other; the receiver acknowledges every third, the "
+        "sender refers to the last that it has acknowledged. `samples` and `marks`: what it reads "
+        "in each, and the mark of the block that it holds then. `together`: one block of 24 "
+        "samples.",
+        "table_digest": DIGEST.hex(),
+        "types": {str(stream_id): fields_of(each) for stream_id, each in TYPES.items()},
+        "model_text": msgspec.json.encode(MODEL, order="sorted").decode(),
         "model_digest": MODEL.digest.hex(),
     }
     for name, make in codecs.items():
+        acknowledged = list(_frames(make(), acknowledged=True))
         found[name] = {
             "each for itself": [frame.hex() for frame in _frames(make(), acknowledged=False)][:12],
-            "acknowledged": [frame.hex() for frame in _frames(make(), acknowledged=True)],
+            "acknowledged": [frame.hex() for frame in acknowledged],
             "together": _together(make()).hex(),
             "sha256 of 1500 frames": _long_run(make()),
+            "marks": _read(make(), acknowledged)["marks"],
         }
+    frames = list(_frames(codecs["no model"](), acknowledged=True))
+    found["samples"] = _read(codecs["no model"](), frames)["samples"]
+    together = [_together(codecs["no model"]())]
+    found["samples together"] = _read(codecs["no model"](), together)["samples"][0]
     found["bytes without a type, packed"] = {
         octets.hex(): PackedBytesCodec().encode(octets).hex() for octets in OCTETS
     }
@@ -204,4 +229,4 @@ def vectors() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    VECTORS.write_text(json.dumps(vectors(), indent=1) + "\n", encoding="utf-8")
+    VECTORS.write_text(lines(vectors()) + "\n", encoding="utf-8")

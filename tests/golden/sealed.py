@@ -3,12 +3,13 @@
 `python -m tests.golden.sealed` prints them as they stand in docs/wire.md.
 """
 
-import json
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from tests.golden.fields import Fields, Reader
+from tests.golden.tables import TABLES, lines
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.peers.sealing import Seal
@@ -29,6 +30,24 @@ class Vector(msgspec.Struct, frozen=True):
     name: str
     frame: str
     meaning: str
+    key: dict[str, str | int]
+    """Network, generation and secret of the fleet."""
+    mode: str
+    """Whether records are encrypted."""
+    source: int
+    destination: int
+    port: int
+    """Number of the link."""
+    life: int
+    counter: int
+    strong: bool
+    """Whether the tag has eight bytes."""
+    digest: str
+    """Of the sender's table; zeros: none is needed."""
+    records: str
+    """The records inside."""
+    fields: list[Fields]
+    """Those records; of the command only its stream, call and age, since it is cut off."""
 
 
 def make() -> list[Vector]:
@@ -39,36 +58,74 @@ def make() -> list[Vector]:
     nav = bytes.fromhex("0a1a02b4bfc0187b190a9b01")
     hello = bytes.fromhex("b0020007a1b2c3d4")
 
-    def vector(name: str, frame: bytes, meaning: str) -> Vector:
-        return Vector(name, frame.hex(), meaning)
+    def vector(name: str, way: _Way, records: bytes, meaning: str) -> Vector:
+        sealed = (other if way.mode is Mode.AUTHENTICATE else seal).seal(
+            records, way.destination, way.digest, 0, port=way.port, strong=way.strong
+        )
+        return Vector(
+            name=name,
+            frame=sealed.hex(),
+            meaning=meaning,
+            key={
+                "network": KEY.network,
+                "generation": KEY.generation,
+                "secret": KEY.secret.hex(),
+            },
+            mode=way.mode.value,
+            source=1,
+            destination=way.destination,
+            port=way.port,
+            life=LIFE,
+            counter=way.counter,
+            strong=way.strong,
+            digest=way.digest.hex(),
+            records=records.hex(),
+            fields=Reader(TABLES["base"]).read(records, 1, way.destination),
+        )
 
     return [
         vector(
             "sealed_introduction",
-            seal.seal(hello + nav, BROADCAST, NO_TABLE, 0),
+            _Way(digest=NO_TABLE),
+            hello + nav,
             "first frame of the life to all: long head, counter 0, no digest; HELLO and a sample",
         ),
         vector(
             "sealed_short",
-            seal.seal(nav, BROADCAST, DIGEST, 0),
+            _Way(counter=1),
+            nav,
             "the next one: short head, counter 1, digest a1b2c3d4; the sample alone",
         ),
         vector(
             "sealed_unicast",
-            seal.seal(nav, 2, DIGEST, 0, port=1),
+            _Way(destination=2, port=1),
+            nav,
             "to node 2 by link 1: counters of its own, so the head is long",
         ),
         vector(
             "sealed_strong",
-            seal.seal(bytes.fromhex("af020000"), 2, NO_TABLE, 0, strong=True),
+            _Way(destination=2, digest=NO_TABLE, strong=True),
+            bytes.fromhex("af020000"),
             "a remote command to node 2: long head with s, tag of 8 bytes, no digest",
         ),
         vector(
             "sealed_readable",
-            other.seal(nav, BROADCAST, DIGEST, 0),
+            _Way(mode=Mode.AUTHENTICATE),
+            nav,
             "mode authenticate: the records as they are, and a tag",
         ),
     ]
+
+
+class _Way(msgspec.Struct, frozen=True, kw_only=True):
+    """How a frame is sealed."""
+
+    destination: int = BROADCAST
+    port: int = 0
+    counter: int = 0
+    digest: bytes = DIGEST
+    strong: bool = False
+    mode: Mode = Mode.ENCRYPT
 
 
 def text(vectors: list[Vector]) -> str:
@@ -77,5 +134,5 @@ def text(vectors: list[Vector]) -> str:
 
 
 if __name__ == "__main__":
-    VECTORS.write_text(json.dumps(msgspec.to_builtins(make()), indent=1) + "\n", encoding="utf-8")
+    VECTORS.write_text(lines(msgspec.to_builtins(make())) + "\n", encoding="utf-8")
     print(text(make()))

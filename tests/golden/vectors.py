@@ -5,15 +5,17 @@ changed wire version. After adding one: ``python -m tests.golden.vectors`` from 
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from tests.golden.fields import Fields, Reader
+from tests.golden.tables import NAV_VALUE, TABLES, lines
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
+from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
@@ -25,15 +27,11 @@ from zacoustic.core.engine.events import (
     GoalStatus,
     RequestReceived,
 )
-from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
-from zacoustic.core.streams.keys import Wildcard
-from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.status import STATUS_STREAM_ID
-from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.objects.code.code import Fragments
 from zacoustic.core.transport.objects.manifest import encode_object
-from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.wire.agreement import (
     ASSURED,
@@ -46,8 +44,9 @@ from zacoustic.core.wire.agreement import (
     Tag,
 )
 from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_error, encode_name
+from zacoustic.core.wire.controls import Extension
 from zacoustic.core.wire.envelope import Envelope
-from zacoustic.core.wire.frame import Control, DenseAck
+from zacoustic.core.wire.frame import Control, DenseAck, Sync
 from zacoustic.core.wire.goals import (
     REMINDER,
     UNKNOWN_RESULT,
@@ -74,45 +73,33 @@ from zacoustic.testing.virtual import VirtualNetwork
 VECTORS = Path(__file__).parent / "wire_native.json"
 
 
-class Vector(msgspec.Struct, frozen=True):
+class Vector(msgspec.Struct, frozen=True, omit_defaults=True):
     """One sequence of bytes and what it says."""
 
     name: str
     hex: str
     meaning: str
+    table: str = ""
+    """The table of both ends, by its name in `TABLES`."""
+    source: int = 0
+    """Address of the sender; 0: it is no frame."""
+    destination: int = 0
+    """Address of the receiver, or 255."""
+    after: tuple[str, ...] = ()
+    """Vectors of the same source that came before; a dense block refers to them."""
+    link: dict[str, bool] = {}
+    """What the link brings, if the envelope is not empty."""
+    fields: list[Fields] = []
+    """The controls and records of the frame, in its order."""
 
 
-NAV = TypeSpec(
-    name="Nav",
-    fields=(
-        FieldSpec(name="lat", type="float64", range=(-90, 90), step=1e-6),
-        FieldSpec(name="depth", type="float32", range=(0, 1000), step=0.1),
-        FieldSpec(name="heading", type="float32", range=(0, 360), step=0.1, wraps=True),
-        FieldSpec(name="mode", type="enum", values=("idle", "survey", "abort")),
-    ),
-)
-NAV_VALUE = {"lat": 45.4, "depth": 12.3, "heading": 271.5, "mode": "survey"}
+class Sent(msgspec.Struct, frozen=True):
+    """A frame, and its way."""
 
-
-def table() -> StreamTable:
-    """Return the table of all vectors: node 1 is ``shore``, node 2 is ``auv1``."""
-    aged = Qos(stamp=Stamp.AGE)
-    return StreamTable(
-        [
-            TopicSpec(stream_id=10, name="auv1/nav", type_name="Nav"),
-            TopicSpec(stream_id=11, name="auv1/raw"),
-            TopicSpec(stream_id=12, name="auv1/old", qos=aged),
-            TopicSpec(
-                stream_id=13,
-                name="fleet/{node}/{sensor}",
-                wildcards=(Wildcard(name="sensor", values=("ctd", "adcp", "sonar")),),
-            ),
-            ServiceSpec(stream_id=20, name="auv1/arm", server=2, timeout_s=30),
-            TopicSpec(stream_id=21, name="auv1/other"),
-        ],
-        types=TypeTable([NAV]),
-        nodes={1: "shore", 2: "auv1"},
-    )
+    data: bytes
+    source: int
+    destination: int
+    table: str = "base"
 
 
 def vectors() -> Iterator[Vector]:
@@ -121,10 +108,10 @@ def vectors() -> Iterator[Vector]:
     yield from _topics()
     yield from _calls()
     yield from _envelopes()
-    yield _vector("digest_of_table", table().digest, "digest of the table of these vectors")
-    for stream in table():
+    yield _digest("digest_of_table", "base", 0, "digest of the table of these vectors")
+    for stream in TABLES["base"]:
         name = f"digest_of_stream_{stream.stream_id}"
-        yield _vector(name, stream.digest, f"digest of its stream {stream.stream_id}")
+        yield _digest(name, "base", stream.stream_id, f"digest of its stream {stream.stream_id}")
     yield from _objects()
     yield from _access()
     yield from _reliable()
@@ -134,41 +121,75 @@ def vectors() -> Iterator[Vector]:
     yield from _subscriptions()
     yield from _dense()
     yield from _packed_bytes()
+    yield from _together()
 
 
-def _vector(name: str, frame: bytes, meaning: str) -> Vector:
-    return Vector(name, frame.hex(), meaning)
+def _vector(name: str, frame: Sent, meaning: str, *, reader: Reader | None = None) -> Vector:
+    reader = reader or Reader(TABLES[frame.table])
+    return Vector(
+        name=name,
+        hex=frame.data.hex(),
+        meaning=meaning,
+        table=frame.table,
+        source=frame.source,
+        destination=frame.destination,
+        fields=reader.read(frame.data, frame.source, frame.destination),
+    )
+
+
+def _to_all(records: bytes) -> Sent:
+    return Sent(records, 1, BROADCAST)
+
+
+def _to_server(records: bytes, table: str = "base") -> Sent:
+    """Return a frame from node 1, which is the client of all services."""
+    return Sent(records, 1, 2, table)
+
+
+def _to_client(records: bytes, table: str = "base") -> Sent:
+    return Sent(records, 2, 1, table)
+
+
+def _digest(name: str, table_name: str, stream_id: int, meaning: str) -> Vector:
+    """Return the digest of a stream, or with the id 0 of the table."""
+    known = TABLES[table_name]
+    digest = known.by_id(stream_id).digest if stream_id else known.digest
+    said: Fields = {"digest_of": f"stream {stream_id}" if stream_id else "table"}
+    return Vector(name, digest.hex(), meaning, table=table_name, fields=[said])
 
 
 def _controls() -> Iterator[Vector]:
     digest = bytes.fromhex("a1b2c3d4")
     hello = Hello(WIRE_VERSION, 0x1234, digest).encode()
-    yield _vector("hello", hello, "HELLO: version 2, epoch 1234, digest a1b2c3d4")
-    yield _vector("tag", Tag(0x1234).encode(), "TAG: epoch 1234")
-    yield _vector("confirm", Confirm(2, 0x1234).encode(), "CONFIRM: epoch 1234 of node 2")
+    yield _vector("hello", _to_all(hello), "HELLO: version 2, epoch 1234, digest a1b2c3d4")
+    yield _vector("tag", _to_all(Tag(0x1234).encode()), "TAG: epoch 1234")
+    confirm = Confirm(2, 0x1234).encode()
+    yield _vector("confirm", _to_all(confirm), "CONFIRM: epoch 1234 of node 2")
     assured = Confirm(ASSURED, 0x1234).encode()
     meaning = "CONFIRM: epoch 1234 of the destination, which has confirmed the sender"
-    yield _vector("confirm_assured", assured, meaning)
+    yield _vector("confirm_assured", _to_server(assured), meaning)
     provisional = Tag(0x1234).encode() + Confirm(PROVISIONAL, 0x5678).encode()
     meaning = (
         "TAG: epoch 1234; a provisional confirm for epoch 5678 of the destination, "
         "whose table the sender has"
     )
-    yield _vector("confirm_provisional", provisional, meaning)
-    yield _vector("ask_hello", Ask(2, 0).encode(), "ASK: node 2, its HELLO")
-    yield _vector("ask_row", Ask(2, 10).encode(), "ASK: node 2, its row of stream 10")
+    yield _vector("confirm_provisional", _to_server(provisional), meaning)
+    yield _vector("ask_hello", _to_all(Ask(2, 0).encode()), "ASK: node 2, its HELLO")
+    yield _vector("ask_row", _to_all(Ask(2, 10).encode()), "ASK: node 2, its row of stream 10")
     row = TableRow(0x1234, 10, digest).encode()
-    yield _vector("table_row", row, "TABLE: epoch 1234, stream 10, digest a1b2c3d4")
+    yield _vector("table_row", _to_all(row), "TABLE: epoch 1234, stream 10, digest a1b2c3d4")
 
 
 def _access() -> Iterator[Vector]:
-    yield _vector("turn", Turn(3, NS_PER_S).encode(), "TURN: node 3 may speak for 1 s")
-    yield _vector("turn_back", Turn(NOBODY, 0).encode(), "TURN: the turn is given back")
+    turn = Turn(3, NS_PER_S).encode()
+    yield _vector("turn", _to_all(turn), "TURN: node 3 may speak for 1 s")
+    back = Turn(NOBODY, 0).encode()
+    yield _vector("turn_back", _to_all(back), "TURN: the turn is given back")
     pause = Turn(ANYBODY, 284 * NS_PER_S // 100).encode()
     meaning = "TURN: a listen window begins 2.84 s after the beginning of this frame"
-    yield _vector("turn_pause", pause, meaning)
+    yield _vector("turn_pause", _to_all(pause), meaning)
     new_year = ClockTime(1_767_225_600 * NS_PER_S, 2 * NS_PER_S // 1000).encode()
-    yield _vector("clock", new_year, "CLOCK: 2026-01-01 00:00 UTC, wrong by 2 ms at most")
+    yield _vector("clock", _to_all(new_year), "CLOCK: 2026-01-01 00:00 UTC, wrong by 2 ms at most")
 
 
 def _objects() -> Iterator[Vector]:
@@ -197,13 +218,13 @@ def _objects() -> Iterator[Vector]:
         ),
     ):
         record = Fragment(5, call, index, whole.fragment(index)).encode()
-        yield _vector(name, record, f"FRAGMENT: {meaning}")
+        yield _vector(name, _to_server(record), f"FRAGMENT: {meaning}")
     for name, about, meaning in (
         ("fragment_withdrawn", WITHDRAWN, "object 5 is withdrawn"),
         ("fragment_turn", manifest.digest[:4], "no sample before object 5 will come"),
     ):
         record = Fragment(5, ListenHint.ANSWER, NO_FRAGMENT, about).encode()
-        yield _vector(name, record, f"FRAGMENT: {meaning}")
+        yield _vector(name, _to_server(record), f"FRAGMENT: {meaning}")
     for name, feedback, meaning in (
         (
             "feedback_lacks",
@@ -215,17 +236,23 @@ def _objects() -> Iterator[Vector]:
         ("feedback_refused", Refused(5, Reason.TOO_LARGE), "object 5 is too large"),
         ("feedback_headless", Headless(5, 300), "300 fragments of object 5, no manifest"),
     ):
-        yield _vector(name, feedback.encode(), f"FEEDBACK: {meaning}")
+        yield _vector(name, _to_client(feedback.encode()), f"FEEDBACK: {meaning}")
 
 
 class _Pair:
-    """Two nodes that have confirmed each other, and the frames that they send."""
+    """Two nodes that have confirmed each other, and the frames that they send.
 
-    def __init__(self, *, confirmed: bool = True, streams: StreamTable | None = None) -> None:
-        self.frames: dict[int, list[str]] = {1: [], 2: []}
+    Args:
+        confirmed: Whether they have.
+        table: The table of both.
+    """
+
+    def __init__(self, *, confirmed: bool = True, table: str = "base") -> None:
+        self.frames: dict[int, list[Sent]] = {1: [], 2: []}
+        self._table = table
         nodes = tuple(NodeSpec(address=each, position=(0.0, 0.0, 0.0)) for each in (1, 2))
         scenario = Scenario(nodes=nodes, profile="ideal", channel="none")
-        self.network = VirtualNetwork(scenario, streams or table(), trace=self._note)
+        self.network = VirtualNetwork(scenario, TABLES[table], trace=self._note)
         if confirmed:
             for address in (1, 2, 1, 2):
                 self.network.publish(address, 11, b"")
@@ -233,11 +260,12 @@ class _Pair:
 
     def _note(self, record: TraceRecord) -> None:
         if record.what == "transmit":
-            self.frames[record.node].append(record.frame)
+            sent = Sent(bytes.fromhex(record.frame), record.node, record.peer, self._table)
+            self.frames[record.node].append(sent)
 
     def frame(
         self, node: int, *commands: Callable[[Engine, int], object], for_s: float = 1e-4
-    ) -> bytes:
+    ) -> Sent:
         """Give commands to a node in one instant; return the frame that it sends.
 
         Args:
@@ -249,24 +277,7 @@ class _Pair:
         self.network.apply(node, lambda engine, now: [command(engine, now) for command in commands])
         # Longer, and ends that answer at once would ask each other a million times.
         self.network.run(until_s=self.network.now / NS_PER_S + for_s)
-        return bytes.fromhex(self.frames[node][0])
-
-
-def reliable_table() -> StreamTable:
-    """Return the table of `table` with a reliable topic for each of the two."""
-    known = table()
-    reliable = Qos(reliability=Reliability.RELIABLE, depth=8)
-    specs = [stream.spec for stream in known]
-    specs += [
-        TopicSpec(stream_id=30, name="auv1/orders", subscribers=(2,), qos=reliable),
-        TopicSpec(
-            stream_id=31,
-            name="fleet/{node}/log/{sensor}",
-            wildcards=(Wildcard(name="sensor", values=("ctd", "adcp", "sonar")),),
-            qos=reliable,
-        ),
-    ]
-    return StreamTable(specs, types=known.types, nodes=known.nodes)
+        return self.frames[node][0]
 
 
 _STEP_S: Final = 50e-6
@@ -274,40 +285,41 @@ _STEP_S: Final = 50e-6
 
 
 def _reliable() -> Iterator[Vector]:
-    pair = _Pair(streams=reliable_table())
+    pair = _Pair(table="reliable")
     order = partial(_publish, 30, b"dive")
     first = pair.frame(1, order)
     yield _vector("reliable_first", first, "SYNC: lineage 1, floor 0; sample 0 of stream 30: dive")
-    answer = bytes.fromhex(pair.frames[2][-1])
+    answer = pair.frames[2][-1]
     yield _vector("ack_sync", answer, "SYNC: lineage 1, expected 1; ACK: expected 1")
     pair.network.run(until_s=pair.network.now / NS_PER_S + 60)
     pair.frame(1, order)
     second = pair.frame(1, order)
     yield _vector("reliable_sample", second, "sample 2 of stream 30: dive")
-    answer = bytes.fromhex(pair.frames[2][-1])
+    answer = pair.frames[2][-1]
     yield _vector("ack", answer, "ACK to the destination: of stream 30, number 3 is expected")
     pair.frames[1].clear()
     begin_s = pair.network.now / NS_PER_S
     for step in range(3):
         pair.network.at(begin_s + step * _STEP_S, partial(pair.network.publish, 1, 30, b"dive"))
     pair.network.run(until_s=begin_s + 1)
-    third = bytes.fromhex(pair.frames[1][-1])
+    third = pair.frames[1][-1]
     yield _vector("reliable_in_rhythm", third, "sample 5 of stream 30, in rhythm: dive")
     gone = pair.frame(
         1, lambda engine, now: engine.publish(31, None, now, instance=(2,), delete=True)
     )
     yield _vector("reliable_delete", gone, "SYNC; fleet/shore/log/sonar is deleted, number 0")
     head = bytes((Control.ACK, 30))
-    held = head + Ack(200, 0b1000_0000_0101).encode()
+    held = _to_client(head + Ack(200, 0b1000_0000_0101).encode(), "reliable")
     yield _vector("ack_holding", held, "ACK: 200 is expected (48), and 201, 203 and 212 are held")
-    asks = head + Ack(0, knows=False).encode()
+    asks = _to_client(head + Ack(0, knows=False).encode(), "reliable")
     yield _vector("ack_asking", asks, "ACK: the lineage is not known")
-    broadcast = bytes((Control.ACK, 1, 31, 2)) + Ack(5).encode()
+    acknowledged = bytes((Control.ACK, 1, 31, 2)) + Ack(5).encode()
+    broadcast = Sent(acknowledged, 2, BROADCAST, "reliable")
     yield _vector("ack_broadcast", broadcast, "ACK to node 1, in a broadcast frame: sonar, 5")
     for stream_id in (30, 31):
         name = f"digest_of_stream_{stream_id}"
-        digest = reliable_table().by_id(stream_id).digest
-        yield _vector(name, digest, f"digest of the reliable stream {stream_id}")
+        meaning = f"digest of the reliable stream {stream_id}"
+        yield _digest(name, "reliable", stream_id, meaning)
 
 
 def _publish(stream_id: int, value: bytes, engine: Engine, now: int) -> int:
@@ -374,12 +386,12 @@ def _calls() -> Iterator[Vector]:
     yield _vector("error", error, "call 1 of stream 20 failed: the handler says 'no arm'")
     pair = _Pair()
     pair.frame(1, lambda engine, now: engine.call(20, b"\x01", now))
-    has_request = bytes.fromhex(pair.frames[2][-1])
+    has_request = pair.frames[2][-1]
     yield _vector("call_confirm_request", has_request, "the server has the request of call 0")
     pair = _Pair()
     pair.frame(1, lambda engine, now: engine.call(20, b"\x01", now))
     pair.frame(2, lambda engine, now: engine.reply(_call(pair), b"ok", now))
-    has_answer = bytes.fromhex(pair.frames[1][-1])
+    has_answer = pair.frames[1][-1]
     yield _vector("call_confirm_answer", has_answer, "the client has the answer to call 0")
     for kind, payload, what in (
         (CallKind.CONFIRM, b"", "confirm"),
@@ -388,21 +400,11 @@ def _calls() -> Iterator[Vector]:
     ):
         head = bytes((20, encode_call_byte(NAMED, 5))) + encode_name(kind, 0x1234)
         meaning = f"from the server: named {what}, call 5 of epoch 1234, of stream 20"
-        yield _vector(f"named_{what}", head + payload, meaning)
-
-
-def action_table() -> StreamTable:
-    """Return the table of the vectors of actions."""
-    known = table()
-    specs = [
-        *(stream.spec for stream in known),
-        ActionSpec(stream_id=40, name="auv1/goto", goal_type="Nav", server=2),
-    ]
-    return StreamTable(specs, types=known.types, nodes=known.nodes)
+        yield _vector(f"named_{what}", _to_client(head + payload), meaning)
 
 
 def _goals() -> Iterator[Vector]:
-    pair = _Pair(streams=action_table())
+    pair = _Pair(table="action")
     goal = pair.frame(1, lambda engine, now: engine.actions.send_goal(40, NAV_VALUE, now))
     yield _vector("goal", goal, "GOAL 0 of stream 40: Nav 45.4, 12.3, 271.5, survey")
     key = GoalKey(1, 1, 40, 0)
@@ -420,7 +422,7 @@ def _goals() -> Iterator[Vector]:
     status = GoalStatus.CANCELED
     result = pair.frame(2, lambda engine, now: engine.actions.finish(key, status, b"up", now))
     yield _vector("goal_result", result, "RESULT of goal 0: canceled, with up")
-    confirm = bytes.fromhex(pair.frames[1][-1])
+    confirm = pair.frames[1][-1]
     second = pair.network.apply(1, lambda engine, now: engine.actions.send_goal(40, NAV_VALUE, now))
     pair.network.run(until_s=pair.network.now / NS_PER_S + _STEP_S)
     pair.network.apply(2, lambda engine, now: engine.actions.accept(second, now))
@@ -489,9 +491,11 @@ def _goals() -> Iterator[Vector]:
             "FORMER: the same in a byte less: SUCCEEDED",
         ),
     ):
-        yield _vector(name, b"\x28" + encode_head(operation, 5, epoch) + payload, meaning)
-    digest = action_table().by_id(40).digest
-    yield _vector("digest_of_stream_40", digest, "digest of the action, stream 40")
+        record = b"\x28" + encode_head(operation, 5, epoch) + payload
+        from_client = operation in (Operation.CLAIM, Operation.CANCEL_AGAIN)
+        way = _to_server if from_client else _to_client
+        yield _vector(name, way(record, "action"), meaning)
+    yield _digest("digest_of_stream_40", "action", 40, "digest of the action, stream 40")
 
 
 def _orders() -> Iterator[Vector]:
@@ -527,12 +531,12 @@ def _orders() -> Iterator[Vector]:
         pair.frames[2].clear()
         frame = pair.frame(1, partial(_order, order))
         yield _vector(f"order_{name}", frame, f"HELLO; call for node 2: {meaning}")
-        said = bytes.fromhex(pair.frames[2][0])
+        said = pair.frames[2][0]
         yield _vector(f"order_{name}_answer", said, f"HELLO; named answer of node 2: {answer}")
-    confirm = bytes.fromhex(pair.frames[1][-1])  # whatever was asked again before
+    confirm = pair.frames[1][-1]  # whatever was asked again before
     yield _vector("order_confirm", confirm, "the client has the answer to call 4 of node 2")
-    digest = table().by_id(COMMANDS_STREAM_ID).digest
-    yield _vector("digest_of_stream_175", digest, "digest of the stream of remote commands")
+    meaning = "digest of the stream of remote commands"
+    yield _digest("digest_of_stream_175", "base", COMMANDS_STREAM_ID, meaning)
 
 
 def _order(order: RemoteCommand, engine: Engine, now: int) -> int:
@@ -546,52 +550,31 @@ def _status() -> Iterator[Vector]:
     pair.frames[2].clear()
     frame = pair.frame(1, lambda engine, now: engine.status.ask(2, now, timeout_s=30))
     yield _vector("status", frame, "HELLO; call for node 2: its status, call 0")
-    said = bytes.fromhex(pair.frames[2][0])
+    said = pair.frames[2][0]
     meaning = f"journal kept, first start, UTC {at_s} s, exact"
     yield _vector("status_answer", said, f"HELLO; named answer of node 2: {meaning}")
-    digest = table().by_id(STATUS_STREAM_ID).digest
-    yield _vector("digest_of_stream_174", digest, "digest of the stream of the status")
-
-
-def demand_table() -> StreamTable:
-    """Return the table of the vectors of on-demand topics."""
-    known = table()
-    qos = Qos(forward=Forward.ON_DEMAND)
-    specs = [stream.spec for stream in known]
-    specs.append(TopicSpec(stream_id=50, name="auv1/sonar", publishers=(2,), qos=qos))
-    return StreamTable(specs, types=known.types, nodes=known.nodes)
+    meaning = "digest of the stream of the status"
+    yield _digest("digest_of_stream_174", "base", STATUS_STREAM_ID, meaning)
 
 
 def _subscriptions() -> Iterator[Vector]:
-    pair = _Pair(streams=demand_table())
+    pair = _Pair(table="on_demand")
     message = pair.frame(1, lambda engine, now: engine.subscriptions.want(50, now))
     yield _vector("subscribe", message, "SUBSCRIBE: of the streams 48…55 50 is wanted, version 1")
-    answer = bytes.fromhex(pair.frames[2][-1])
+    answer = pair.frames[2][-1]
     yield _vector("subscribe_answer", answer, "SUBSCRIBE: the answer to it")
     message = pair.frame(1, lambda engine, now: engine.subscriptions.want(50, now, ()))
     yield _vector(
         "unsubscribe", message, "SUBSCRIBE: of the streams 48…55 none is wanted, version 2"
     )
-    digest = demand_table().by_id(50).digest
-    yield _vector("digest_of_stream_50", digest, "digest of the on-demand stream 50")
-
-
-def dense_table() -> StreamTable:
-    """Return the table of the vectors of dense topics: stream 10 is one, and 50, of its age."""
-    known = table()
-    specs: list[StreamSpec] = [stream.spec for stream in known if stream.stream_id != 10]
-    aged = Qos(stamp=Stamp.AGE)
-    specs += [
-        TopicSpec(stream_id=10, name="auv1/nav", type_name="Nav", codec="dense", qos=Qos(depth=4)),
-        TopicSpec(stream_id=50, name="auv1/way", type_name="Nav", codec="dense", qos=aged),
-    ]
-    return StreamTable(specs, types=known.types, nodes=known.nodes)
+    meaning = "digest of the on-demand stream 50"
+    yield _digest("digest_of_stream_50", "on_demand", 50, meaning)
 
 
 def _dense() -> Iterator[Vector]:
-    mark = DenseAck(0, 0x1234).encode()
+    mark = _to_client(DenseAck(0, 0x1234).encode(), "dense")
     yield _vector("dense_ack", mark, "ACK to the destination: its dense block 1234 is held")
-    mark = DenseAck(1, 0x3FFF).encode()
+    mark = Sent(DenseAck(1, 0x3FFF).encode(), 2, BROADCAST, "dense")
     meaning = "ACK to node 1, in a broadcast frame: its dense block 3fff is held"
     yield _vector("dense_ack_broadcast", mark, meaning)
 
@@ -599,10 +582,10 @@ def _dense() -> Iterator[Vector]:
         value = {**NAV_VALUE, **changed}
         return lambda engine, now: engine.publish(stream_id, value, now)
 
-    first = _Pair(confirmed=False, streams=dense_table()).frame(1, publish(10))
+    first = _Pair(confirmed=False, table="dense").frame(1, publish(10))
     meaning = "HELLO; an independent dense block: Nav 45.4, 12.3, 271.5, survey"
     yield _vector("dense_first", first, meaning)
-    pair = _Pair(streams=dense_table())
+    pair = _Pair(table="dense")
     several = pair.frame(
         1, publish(10), publish(10, depth=12.4), publish(50),
         lambda engine, now: engine.publish(11, b"raw", now),
@@ -610,31 +593,23 @@ def _dense() -> Iterator[Vector]:
     meaning = (
         "LEN before the opaque sample; an independent dense block: two Nav of stream 10, one of 50"
     )
-    yield _vector("dense_several", several, meaning)
+    reader = Reader(TABLES["dense"])
+    yield _vector("dense_several", several, meaning, reader=reader)
     acknowledging = pair.frame(2, lambda engine, now: engine.publish(11, b"", now))
     yield _vector("dense_acknowledged", acknowledging, "ACK to node 1; an opaque sample of nothing")
     referring = pair.frame(1, publish(10, heading=272.0))
-    yield _vector("dense_referring", referring, "a dense block that refers to it: Nav, heading 272")
+    meaning = "a dense block that refers to it: Nav, heading 272"
+    vector = _vector("dense_referring", referring, meaning, reader=reader)
+    yield msgspec.structs.replace(vector, after=("dense_several",))
     for stream_id in (10, 50):
-        digest = dense_table().by_id(stream_id).digest
         name = f"digest_of_dense_stream_{stream_id}"
-        yield _vector(name, digest, f"digest of the dense stream {stream_id}")
-
-
-def bytes_table() -> StreamTable:
-    """Return the table of the vectors of packed bytes: streams 51, and 52, which is dense."""
-    specs: list[StreamSpec] = [
-        *(stream.spec for stream in table()),
-        TopicSpec(stream_id=51, name="auv1/log", encoding="text/plain", codec="packed"),
-        TopicSpec(stream_id=52, name="auv1/talk", encoding="text/plain", codec="dense"),
-    ]
-    return StreamTable(specs, types=table().types, nodes=table().nodes)
+        yield _digest(name, "dense", stream_id, f"digest of the dense stream {stream_id}")
 
 
 def _packed_bytes() -> Iterator[Vector]:
-    pair = _Pair(streams=bytes_table())
+    pair = _Pair(table="bytes")
 
-    def publish(stream_id: int, octets: bytes) -> bytes:
+    def publish(stream_id: int, octets: bytes) -> Sent:
         return pair.frame(1, lambda engine, now: engine.publish(stream_id, octets, now))
 
     line = b"INF battery: 25.9 V, 2.8 A, 79 %"
@@ -646,9 +621,41 @@ def _packed_bytes() -> Iterator[Vector]:
     meaning = f"an independent dense block: {line.decode()}"
     yield _vector("dense_text", publish(52, line), meaning)
     for stream_id in (51, 52):
-        digest = bytes_table().by_id(stream_id).digest
         name = f"digest_of_bytes_stream_{stream_id}"
-        yield _vector(name, digest, f"digest of the stream {stream_id} of packed bytes")
+        meaning = f"digest of the stream {stream_id} of packed bytes"
+        yield _digest(name, "bytes", stream_id, meaning)
+
+
+def _together() -> Iterator[Vector]:
+    """What the others do not have: several parts of the grammar in one frame."""
+    point = TABLES["kinds"].by_id(3).codec.encode({"x": 1.5, "y": -2.5})
+    sync = Sync(0x1234, 0x010005).encode()
+    sample = sync + bytes((3, 1, 0, 0x07, 42)) + point
+    meaning = "SYNC; stream 3, wildcards 1 and 0, number 7, 4.2 s old: a typed sample"
+    yield _vector("reliable_wildcards_aged", Sent(sample, 1, 2, "kinds"), meaning)
+    ack = sync + bytes((Control.ACK, 31, 2)) + Ack(5, 0b101).encode()
+    meaning = "SYNC: lineage 1234, 65541 is awaited; ACK: 5, and 6 and 8 are held"
+    yield _vector("ack_sync_holding", _to_client(ack, "reliable"), meaning)
+    known = TABLES["reliable"].digest
+    head = Hello(WIRE_VERSION, 2, known).encode() + Confirm(1, 1).encode()
+    acked = bytes((Control.LEN, 3, Control.ACK, 30)) + Ack(3).encode()
+    frame = head + acked + bytes((11,)) + b"raw"
+    meaning = "HELLO, CONFIRM, LEN before an ACK, a sample to the end"
+    yield _vector("hello_len_ack", _to_client(frame, "reliable"), meaning)
+    several = Extension(0xE1, b"\x01\x02").encode() + bytes((0, 11)) + b"raw"
+    meaning = "an extension E1 of two bytes, padding, a sample"
+    yield _vector("extension_padding", _to_all(several), meaning)
+    link = LinkCapabilities(
+        mtu_bytes=300, bit_rate_bps=1000, addressed=False, checked=False, framed=False
+    )
+    records = bytes((11,)) + bytes(range(1, 256))
+    meaning = "a byte stream: 256 bytes of records, addresses, CRC-32, COBS in two pieces"
+    plain = _vector("byte_stream_long", Sent(records, 2, 1), meaning)
+    yield msgspec.structs.replace(
+        plain,
+        hex=Envelope(link, 2).wrap(records, 1).hex(),
+        link={"addressed": False, "checked": False, "framed": False},
+    )
 
 
 def _call(pair: _Pair) -> CallKey:
@@ -659,6 +666,7 @@ def _call(pair: _Pair) -> CallKey:
 
 def _envelopes() -> Iterator[Vector]:
     link = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1000)
+    records = bytes.fromhex("0b00ff")
     unaddressed = msgspec.structs.replace(link, addressed=False)
     unchecked = msgspec.structs.replace(link, checked=False)
     stream = msgspec.structs.replace(unaddressed, checked=False, framed=False)
@@ -668,11 +676,31 @@ def _envelopes() -> Iterator[Vector]:
         ("byte_stream", "the same on a byte stream: addresses, CRC-32, COBS", stream),
     ):
         envelope = Envelope(capabilities, 2)
-        yield _vector(name, envelope.wrap(bytes.fromhex("0b00ff"), 1), meaning)
+        plain = _vector(name, Sent(records, 2, 1), meaning)
+        yield msgspec.structs.replace(
+            plain,
+            hex=envelope.wrap(records, 1).hex(),
+            link={
+                "addressed": capabilities.addressed,
+                "checked": capabilities.checked,
+                "framed": capabilities.framed,
+            },
+        )
+
+
+def text(made: Iterable[Vector]) -> str:
+    """Return the file of vectors."""
+    return lines(msgspec.to_builtins(list(made))) + "\n"
 
 
 if __name__ == "__main__":
-    known = json.loads(VECTORS.read_text()) if VECTORS.exists() else []
-    names = {each["name"] for each in known}
-    known += [msgspec.to_builtins(each) for each in vectors() if each.name not in names]
-    VECTORS.write_text(json.dumps(known, indent=1) + "\n")
+    known = json.loads(VECTORS.read_text(encoding="utf-8"))
+    made = {each.name: each for each in vectors()}
+    changed = [
+        name
+        for name, octets in ((each["name"], each["hex"]) for each in known)
+        if name not in made or made[name].hex != octets
+    ]
+    if changed:
+        raise SystemExit(f"changed: {', '.join(changed)}; a changed vector is a changed version")
+    VECTORS.write_text(text(made.values()), encoding="utf-8")

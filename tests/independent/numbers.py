@@ -74,7 +74,7 @@ def grid(field: Field) -> Grid | None:
         return None
     step = exact(field.step) if field.step is not None else Fraction(1)
     bounds: tuple[float, float] | None = field.range
-    if bounds is None and whole and field.step is None:
+    if bounds is None and whole:
         bounds = INTEGERS[field.type]
     if bounds is None:
         return Grid(field, step, None, None)

@@ -38,7 +38,7 @@ class Field:
     def is_array(self) -> bool:
         """Tell whether it is one; a string with a `max_length` is a string of bounded length."""
         if self.type in ("string", "bytes"):
-            return False
+            return self.length is not None
         return self.length is not None or self.max_length is not None
 
 
