@@ -9,6 +9,8 @@
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
 unexport PYTHONPATH PYTHONHOME
+# Tests start hundreds of processes and import hundreds of modules in each worker: compiled once, not each time.
+unexport PYTHONDONTWRITEBYTECODE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYTHONUNBUFFERED := 1
 

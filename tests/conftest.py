@@ -1,13 +1,17 @@
 """One test in two sizes: a small share of its count in `make test`, all of it in `make soak`.
 
-Three ways to write such a test; `ZACOUSTIC_SOAK=1` turns on the full size of each:
+Ways to write such a test; `ZACOUSTIC_SOAK=1` turns on the full size of each:
 
 - a Hypothesis test without a `max_examples` of its own takes the number from the profile;
 - a test that repeats something takes the fixture `count`: `for seed in range(count(10_000)):`;
-- a test that makes sense at full size only carries the mark `soak`, and is deselected otherwise.
+- a test for which such a share is too little, or too much, takes the fixture `sized` and names both
+  sizes: `for minute in range(sized(24 * 60, share=6 * 60)):`;
+- a test that makes sense at full size only carries the mark `soak`, and is deselected otherwise; so
+  does a parameter of a test (`pytest.param(…, marks=pytest.mark.soak)`) whose others go the same
+  ways at less cost.
 
-`make soak` selects by the mark; the first two kinds get it here. A test with the mark `hardware` is
-skipped unless `ZACOUSTIC_HW` names a modem.
+`make soak` selects by the mark; the first three kinds get it here. A test with the mark `hardware`
+is skipped unless `ZACOUSTIC_HW` names a modem.
 """
 
 import gc
@@ -47,6 +51,16 @@ def count() -> Callable[[int], int]:
     return share
 
 
+@pytest.fixture(scope="session")
+def sized() -> Callable[..., int]:
+    """Give one of two sizes: `sized(full, share=...)`."""
+
+    def one(full: int, *, share: int) -> int:
+        return full if SOAK else share
+
+    return one
+
+
 # Engines make many objects of which few go in circles: to look for circles so often takes time.
 gc.set_threshold(50_000, 20, 20)
 
@@ -54,10 +68,10 @@ gc.set_threshold(50_000, 20, 20)
 # First of all, since `-m soak` selects by the marks that are given here.
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    deselected = [item for item in items if not SOAK and _is_full_size_only(item)]
+    deselected = [item for item in items if not SOAK and item.get_closest_marker("soak")]
     if deselected:
         config.hook.pytest_deselected(items=deselected)
-        items[:] = [item for item in items if item not in deselected]
+        items[:] = [item for item in items if not item.get_closest_marker("soak")]
     for item in items:
         if SOAK and _has_two_sizes(item):
             item.add_marker("soak")
@@ -68,11 +82,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _has_two_sizes(item: pytest.Item) -> bool:
-    return (
-        isinstance(item, pytest.Function)
-        and ("count" in item.fixturenames or hypothesis.is_hypothesis_test(item.obj))
-    )  # fmt: skip
-
-
-def _is_full_size_only(item: pytest.Item) -> bool:
-    return item.get_closest_marker("soak") is not None and not _has_two_sizes(item)
+    return isinstance(item, pytest.Function) and (
+        "count" in item.fixturenames
+        or "sized" in item.fixturenames
+        or hypothesis.is_hypothesis_test(item.obj)
+    )

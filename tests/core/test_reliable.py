@@ -287,7 +287,7 @@ def test_receiver_that_has_forgotten_is_brought_up_though_another_is_out_of_rang
         rig.run(5, without_3)
     rig.restart(2, fleet({address: NODES[address] for address in (1, 2, 3)}))
     publish(rig, 1, b"4")
-    rig.run(100, without_3)
+    rig.run(40, without_3)
     assert values(rig, 2)[-1] == b"4"
 
 

@@ -5,6 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -27,8 +28,10 @@ WITH_COMMANDS: Final = [
 
 @pytest.mark.skipif(sys.platform == "win32", reason="scripts of sh, pseudo-terminals")
 @pytest.mark.parametrize("page", WITH_COMMANDS)
-def test_what_a_page_says_can_be_typed(page: str, tmp_path: Path) -> None:
-    with Walk(page, tmp_path) as walk:
+def test_what_a_page_says_can_be_typed(
+    page: str, tmp_path: Path, sized: Callable[..., int]
+) -> None:
+    with Walk(page, tmp_path, part=sized(1, share=4)) as walk:
         walk.go()
 
 

@@ -46,9 +46,11 @@ class Walk:
     Args:
         page: Named from the root of the repository.
         folder: Where its files are written, and its commands run.
+        part: Virtual time that a command asks for is divided by that.
     """
 
-    def __init__(self, page: str, folder: Path) -> None:
+    def __init__(self, page: str, folder: Path, *, part: int = 1) -> None:
+        self._part = part
         self._folder = folder
         self._page = page
         self._serving = contextlib.ExitStack()  # until the next heading
@@ -101,7 +103,7 @@ class Walk:
         outputs = []
         for command, code in steps_of(block):
             background = command.endswith("&")
-            words = shlex.split(self.moved(command.rstrip("&")))
+            words = self._shortened(shlex.split(self.moved(command.rstrip("&"))))
             if words[0] == "make":
                 _check_target(words[1])
             elif background or _serves(words):
@@ -109,6 +111,12 @@ class Walk:
             else:
                 outputs.append(self._done(words, code))
         return outputs
+
+    def _shortened(self, words: list[str]) -> list[str]:
+        return [
+            str(float(word) / self._part) if before == "--until" else word
+            for before, word in itertools.pairwise(["", *words])
+        ]
 
     def _done(self, words: list[str], code: int) -> str:
         process = subprocess.run(

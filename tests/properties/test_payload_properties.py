@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from tests.conftest import SOAK
 from zacoustic.core.values.payload import CborCodec, PackedCodec, PayloadError, TypedCodec
 from zacoustic.core.values.types import INTEGER_LIMITS, FieldSpec, TypeSpec, TypeTable
 from zacoustic.core.values.types.fields import OUTSIDE_WORDS
@@ -19,7 +20,10 @@ STEPS = (1e-6, 1e-3, 0.01, 0.05, 0.1, 0.25, 0.3, 0.5, 1.0, 2.5, 7.0)
 LEAF = "Leaf"
 
 settings.register_profile(
-    "payload", deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=150
+    "payload",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    max_examples=150 if SOAK else 60,
 )
 QUICK = settings.get_profile("payload")
 BOTH = pytest.mark.parametrize("codec_type", [CborCodec, PackedCodec])

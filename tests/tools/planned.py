@@ -49,7 +49,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     """What is said."""
     access: dict[str, Any] | None = None
     """Medium access."""
-    short_hours: float = 0.5
+    short_hours: float = 0.25
     """What a quick look takes, h; more where chance decides more."""
 
     def write(self, folder: Path) -> Path:
@@ -135,7 +135,7 @@ CASES: Final = (
     ),
     Case(
         name="reliable_20_percent_loss",
-        short_hours=2.0,
+        short_hours=1.0,
         streams=[
             {"id": 10, "topic": "orders", "publishers": [1], "subscribers": [2],
              "reliability": "reliable", "depth": 20},
@@ -170,7 +170,7 @@ CASES: Final = (
     ),
     Case(
         name="services_three_nodes",
-        short_hours=3.0,
+        short_hours=1.5,
         streams=[
             {"id": 10, "service": "arm", "server": 2},
             {"id": 11, "service": "get", "server": 3, "timeout_s": 120},
@@ -188,7 +188,7 @@ CASES: Final = (
     ),
     Case(
         name="objects_beside_reports",
-        short_hours=2.0,
+        short_hours=1.0,
         streams=[
             {"id": 10, "topic": "photo", "publishers": [2], "subscribers": [1],
              "reliability": "reliable", "depth": 4, "priority": "background"},

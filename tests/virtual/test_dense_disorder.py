@@ -153,7 +153,9 @@ class Voyage:
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("part", range(4))
+@pytest.mark.parametrize(
+    "part", [0, 1, *(pytest.param(each, marks=pytest.mark.soak) for each in (2, 3))]
+)
 def test_what_is_late_or_doubled_is_never_read_as_something_else(
     part: int, count: Callable[[int], int]
 ) -> None:
@@ -165,7 +167,7 @@ def test_what_is_late_or_doubled_is_never_read_as_something_else(
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("part", range(2))
+@pytest.mark.parametrize("part", [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_what_is_late_is_read_as_what_it_is_however_often_a_source_speaks(
     part: int, count: Callable[[int], int]
 ) -> None:

@@ -40,14 +40,18 @@ def five_nodes(
     return medium
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [*(pytest.param(each, marks=pytest.mark.soak) for each in (0, 1)), 2]
+)
 def test_same_seed_gives_the_same_trace_and_another_seed_another(seed: int) -> None:
     digests = [five_nodes(each, 0.25).digest for each in (seed, seed, seed + 100)]
     assert digests[0] == digests[1]
     assert digests[0] != digests[2]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [*(pytest.param(each, marks=pytest.mark.soak) for each in (0, 1)), 2]
+)
 def test_scenarios_full_of_faults_are_repeatable(seed: int) -> None:
     def told() -> tuple[str, int]:
         trial = Trial(seed, nodes=4, modem=Modem(checked=False), repeat=0.4, corrupt=0.2)
@@ -69,8 +73,8 @@ def test_trace_holds_what_the_digest_is_made_of() -> None:
     assert len(records) > 100
 
 
-def test_five_nodes_deliver_most_of_their_reports() -> None:
-    hours = 1.0
+def test_five_nodes_deliver_most_of_their_reports(sized: Callable[..., int]) -> None:
+    hours = sized(60, share=30) / 60
     medium = five_nodes(1, hours, channel="none")
     received = sum(medium.engine(address).stats.received.get(10, 0) for address in range(1, 6))
     published = 5 * 360 * hours

@@ -99,10 +99,24 @@ class Sea:
             self.sent.append((record.at / NS_PER_S, record))
 
 
-@pytest.mark.parametrize("distance_m", [100.0, 1000.0, 1500.0])
-@pytest.mark.parametrize("access", [AlohaSpec(), CarrierSenseSpec()])
+@pytest.mark.parametrize(
+    ("access", "distance_m"),
+    [
+        (AlohaSpec(), 1500.0),
+        (CarrierSenseSpec(), 100.0),
+        *(
+            pytest.param(access, distance_m, marks=pytest.mark.soak)
+            for access, distance_m in (
+                (AlohaSpec(), 100.0),
+                (AlohaSpec(), 1000.0),
+                (CarrierSenseSpec(), 1000.0),
+                (CarrierSenseSpec(), 1500.0),
+            )
+        ),
+    ],
+)
 def test_emergency_reaches_a_node_that_talks(
-    distance_m: float, access: AccessSpec, count: Callable[[int], int]
+    access: AccessSpec, distance_m: float, count: Callable[[int], int]
 ) -> None:
     for seed in range(count(1000)):
         sea = Sea(distance_m, seed, access)
@@ -116,7 +130,12 @@ def test_emergency_reaches_a_node_that_talks(
 
 
 @pytest.mark.parametrize(
-    ("stream_id", "loss", "least"), [(STOP, 0.4, 0.85), (COMMAND, 0.2, 0.93), (COMMAND, 0.4, 0.75)]
+    ("stream_id", "loss", "least"),
+    [
+        (STOP, 0.4, 0.85),
+        pytest.param(COMMAND, 0.2, 0.93, marks=pytest.mark.soak),
+        (COMMAND, 0.4, 0.75),
+    ],
 )
 def test_what_presses_is_understood_in_the_next_pause_though_frames_are_lost(
     stream_id: int, loss: float, least: float, count: Callable[[int], int]

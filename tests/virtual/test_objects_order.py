@@ -45,7 +45,7 @@ def draw_mixed_scenario(seed: int) -> RandomScenario:
     return msgspec.structs.replace(drawn, casts=casts, pause_s=len(names) * drawn.pause_s)
 
 
-@pytest.mark.parametrize("seed", [36, 237])
+@pytest.mark.parametrize("seed", [pytest.param(36, marks=pytest.mark.soak), 237])
 def test_dense_texts_that_go_as_records_fit_the_frame(seed: int) -> None:
     assert run_scenario(draw_mixed_scenario(seed)).violations == ()
 

@@ -186,13 +186,25 @@ def _fleet(flood: Flood, *, sealed: bool = True) -> Fleet:
 
 @pytest.mark.parametrize("flood", Flood)
 def test_a_node_that_asks_without_end_is_answered_for_a_share_of_the_day(flood: Flood) -> None:
-    fleet, unlimited = _fleet(flood), _fleet(flood, sealed=False)
+    fleet = _fleet(flood)
     paid_s = DAY_SHARE_S + RUN_S * SHARE
     # Beside it: answers to node 3, and the last frame that made the debt.
     assert paid_s < fleet.airtime_s() < paid_s + 25
-    assert unlimited.airtime_s() > 2 * fleet.airtime_s()
     told = {(at, each.address, each.refusal, each.is_too_many) for _, at, each in fleet.alarms}
     assert told == {(2, 1, Refusal.COSTLY, False)}
+
+
+@pytest.mark.parametrize(
+    "flood",
+    [
+        Flood.CALLS,
+        pytest.param(Flood.COMMANDS, marks=pytest.mark.soak),
+        pytest.param(Flood.GOALS, marks=pytest.mark.soak),
+    ],
+)
+def test_without_a_seal_it_would_be_answered_for_far_longer(flood: Flood) -> None:
+    unlimited = _fleet(flood, sealed=False)
+    assert unlimited.airtime_s() > 2 * _fleet(flood).airtime_s()
     assert not unlimited.alarms
 
 

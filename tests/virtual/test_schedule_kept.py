@@ -45,10 +45,17 @@ def test_the_oracle_sees_what_the_medium_loses() -> None:
     assert len(lost) == sum(fleet.network.losses.values())
 
 
-@pytest.mark.parametrize("auto", [False, True])
-@pytest.mark.parametrize("measured", [False, True])
+@pytest.mark.parametrize(
+    ("measured", "auto"),
+    [
+        (False, False),
+        (True, True),
+        pytest.param(False, True, marks=pytest.mark.soak),
+        pytest.param(True, False, marks=pytest.mark.soak),
+    ],
+)
 def test_clock_that_is_wrong_by_ten_guards_destroys_no_frame_of_others_and_heals(
-    auto: bool, measured: bool, count: Callable[[int], int]
+    measured: bool, auto: bool, count: Callable[[int], int]
 ) -> None:
     for seed in range(count(100)):
         fleet = jumping(seed, auto=auto, measured=measured)
@@ -62,7 +69,7 @@ def test_clock_that_is_wrong_by_ten_guards_destroys_no_frame_of_others_and_heals
             assert max(waits) <= 3 * fleet.cycle_s, seed
 
 
-@pytest.mark.parametrize("auto", [False, True])
+@pytest.mark.parametrize("auto", [pytest.param(False, marks=pytest.mark.soak), True])
 def test_node_that_joins_with_a_wrong_clock_hears_that_it_is_wrong(
     auto: bool, count: Callable[[int], int]
 ) -> None:

@@ -40,6 +40,7 @@ CALM_S: Final = 2 * HOUR_S
 """Where frames have 32 bytes, a seal makes objects of short samples, and without carrier sense five
 nodes need 4,900 s for them (seed 93)."""
 QUIET: Final = {"channel": "none"}
+REPORTS: Final = 1_600
 _DEPTH: Final = TypeSpec(
     name="Depth",
     fields=(
@@ -80,19 +81,25 @@ def test_all_holds_in_any_random_scenario(count: Callable[[int], int]) -> None:
         assert not violations, f"{seed}: {len(violations)} complaints, {violations[0]}"
 
 
-def test_a_seal_takes_five_and_a_quarter_bytes() -> None:
+def test_a_seal_takes_five_and_a_quarter_bytes(sized: Callable[..., int]) -> None:
+    reports = sized(REPORTS, share=400)
     network = VirtualNetwork(line(0, 800, **QUIET), table(), build=SealedFleet())
-    for number in range(1_600):
+    for number in range(reports):
         network.at(5.0 + 2 * number, lambda: network.publish(1, NAV, b"x" * 10))
     network.run(until_s=HOUR_S)
-    assert len(network.samples(2, NAV)) == 1_600
+    assert len(network.samples(2, NAV)) == reports
     frames, seals = seal_bytes(network)
     assert seals / frames == pytest.approx(IN_STEP_BYTES, rel=0.01)
 
 
-@pytest.mark.parametrize("every", [1, 2, 4, 10])
-def test_a_strong_frame_takes_seven_and_three_quarters_more(every: int) -> None:
+@pytest.mark.parametrize(
+    "every", [1, *(pytest.param(each, marks=pytest.mark.soak) for each in (2, 4)), 10]
+)
+def test_a_strong_frame_takes_seven_and_three_quarters_more(
+    every: int, sized: Callable[..., int]
+) -> None:
     """One report in so many is followed by a call; request and answer are strong."""
+    reports = sized(REPORTS, share=400)
     fleet = SealedFleet()
 
     def reply(node: int, event: Event) -> None:
@@ -100,12 +107,12 @@ def test_a_strong_frame_takes_seven_and_three_quarters_more(every: int) -> None:
             network.apply(node, lambda each, now: each.reply(event.call, b"", now))
 
     network = VirtualNetwork(line(0, 800, **QUIET), table(), build=fleet, deliver=reply)
-    for number in range(1_600):
+    for number in range(reports):
         network.at(5.0 + 12 * number, lambda: network.publish(1, NAV, b"x" * 10))
         if number % every == 0:
             at_s = 8.0 + 12 * number
             network.at(at_s, lambda: network.apply(1, lambda each, now: each.call(ARM, b"", now)))
-    network.run(until_s=1_600 * 12.0 + 400)
+    network.run(until_s=reports * 12.0 + 400)
     frames, seals = seal_bytes(network)
     assert 0.1 < fleet.strong_share < 0.8
     assert seals / frames == pytest.approx(fleet.expected_bytes, rel=0.01)

@@ -29,8 +29,17 @@ def assert_prompt(took_s: list[float]) -> None:
         assert took_s[int(len(took_s) * 0.999)] <= _P999_S
 
 
-@pytest.mark.parametrize("loss", [0.0, 0.2, 0.4])
-@pytest.mark.parametrize("nodes", [2, 3])
+@pytest.mark.parametrize(
+    ("nodes", "loss"),
+    [
+        (2, 0.4),
+        (3, 0.2),
+        *(
+            pytest.param(nodes, loss, marks=pytest.mark.soak)
+            for nodes, loss in ((2, 0.0), (2, 0.2), (3, 0.0), (3, 0.4))
+        ),
+    ],
+)
 def test_a_stop_overtakes_a_photo(nodes: int, loss: float, count: Callable[[int], int]) -> None:
     assert_prompt([stop_took_s(seed, loss, nodes, Pressing.STOP) for seed in range(count(_RUNS))])
 

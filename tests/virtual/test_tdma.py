@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.conftest import SOAK
 from tests.virtual.survey import survey
 from zacoustic.app.tools.design.schedule import ScheduleWish, distance_of, make_schedule
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
@@ -171,7 +172,7 @@ def test_clocks_that_are_worse_than_stated_do_collide() -> None:
     assert any(map(collided, range(12)))
 
 
-@pytest.mark.parametrize("drift_ppm", [40.0, -3000.0])
+@pytest.mark.parametrize("drift_ppm", [pytest.param(40.0, marks=pytest.mark.soak), -3000.0])
 def test_drifting_clock_that_knows_its_error_mutes_in_time(
     drift_ppm: float, count: Callable[[int], int]
 ) -> None:
@@ -179,7 +180,7 @@ def test_drifting_clock_that_knows_its_error_mutes_in_time(
         # Each host begins right and is told of nothing: what it believes is off grows truly.
         clocks = {2: {"drift_ppm": drift_ppm, "error_s": 0.0, "offset_s": 0.0}}
         fleet = Fleet(seed, clocks=clocks, drift_ppm=abs(drift_ppm))
-        fleet.talk(60)
+        fleet.talk(60 if SOAK else 20)
         assert fleet.collided == 0, seed
         if fleet.spec.clock_error_s == 0.0:
             assert [at_s for at_s, node in fleet.sent if node == 2 and at_s > 60.0] == []
@@ -231,7 +232,7 @@ def test_steps_of_the_clock_of_the_node_that_tells_the_time_move_no_slot(
         fleet = Fleet(
             seed, clocks=clocks, clock=1, clock_error_s=0.02, beacon_s=120.0, slot_s=5.0,
         )  # fmt: skip
-        fleet.talk(30)
+        fleet.talk(30 if SOAK else 20)
         assert fleet.collided == 0, seed
         for node in fleet.addresses:
             times = [at_s for at_s, sender in fleet.sent if sender == node and at_s > 300.0]
@@ -249,7 +250,7 @@ def test_one_node_tells_the_others_the_time(count: Callable[[int], int]) -> None
         fleet = Fleet(
             seed, clocks=clocks, clock=1, clock_error_s=0.02, beacon_s=120.0, slot_s=5.0,
         )  # fmt: skip
-        fleet.talk(30)
+        fleet.talk(30 if SOAK else 20)
         assert fleet.collided == 0, seed
         assert {node for at_s, node in fleet.sent} == set(fleet.addresses), seed
         first_s = min(at_s for at_s, node in fleet.sent if node == 1)

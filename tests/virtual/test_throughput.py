@@ -16,6 +16,8 @@ from tests.virtual.throughput import (
 )
 
 SHARE = 0.05
+FULL_ONLY = pytest.mark.soak
+"""Points of a curve of which `make test` measures the ends or one."""
 ARRIVALS = 2_000
 
 
@@ -30,7 +32,7 @@ def messages(count: Callable[[int], int], load: float, throughput: float) -> int
     return round(max(150, count(ARRIVALS)) * load / throughput)
 
 
-@pytest.mark.parametrize("load", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("load", [0.2, 0.5, pytest.param(1.0, marks=FULL_ONLY)])
 def test_pure_aloha(load: float, count: Callable[[int], int]) -> None:
     point = pure_aloha(load, messages(count, load, pure_aloha_theory(load)))
     check(point, pure_aloha_theory(point.offered))
@@ -40,10 +42,10 @@ def test_pure_aloha(load: float, count: Callable[[int], int]) -> None:
 @pytest.mark.parametrize(
     ("delay", "guard", "load", "known"),
     [
-        (0.1, 0.1, 0.9, 0.3344),
-        (0.25, 0.225, 0.8, 0.2974),
+        pytest.param(0.1, 0.1, 0.9, 0.3344, marks=FULL_ONLY),
+        pytest.param(0.25, 0.225, 0.8, 0.2974, marks=FULL_ONLY),
         (0.5, 0.4, 0.7, 0.2531),
-        (1.0, 0.6, 0.55, 0.1995),
+        pytest.param(1.0, 0.6, 0.55, 0.1995, marks=FULL_ONLY),
         (2.0, 0.4, 0.525, 0.1880),
     ],
 )
@@ -60,10 +62,20 @@ def test_slots_as_long_as_a_frame_gain_nothing(count: Callable[[int], int]) -> N
     check(point, pure_aloha_theory(point.offered))
 
 
-@pytest.mark.parametrize("delay", [0.01, 0.1, 0.5, 1.0])
-@pytest.mark.parametrize("load", [0.5, 1.0])
+@pytest.mark.parametrize(
+    ("load", "delay"),
+    [
+        (0.5, 0.01),
+        (0.5, 0.1),
+        (1.0, 1.0),
+        *(
+            pytest.param(load, delay, marks=FULL_ONLY)
+            for load, delay in ((0.5, 0.5), (0.5, 1.0), (1.0, 0.01), (1.0, 0.1), (1.0, 0.5))
+        ),
+    ],
+)
 def test_carrier_sense_at_several_delays(
-    delay: float, load: float, count: Callable[[int], int]
+    load: float, delay: float, count: Callable[[int], int]
 ) -> None:
     theory = carrier_sense_theory(delay, load)
     point = carrier_sense(delay, load, messages(count, load, theory))

@@ -135,8 +135,8 @@ def test_objects_arrive_one_after_the_other() -> None:
     assert [each.payload for each in medium.nodes[2].delivered] == samples
 
 
-def test_objects_cross() -> None:
-    for seed in range(5):
+def test_objects_cross(sized: Callable[..., int]) -> None:
+    for seed in range(sized(5, share=2)):
         medium = Medium(seed, loss=0.2)
         there, back = payload(6000, 1), payload(6000, 2)
         medium.publish(there)
@@ -445,8 +445,8 @@ def test_progress_at_both_ends() -> None:
     assert len(there) > 20
 
 
-def test_answers_are_short() -> None:
-    for seed in range(5):
+def test_answers_are_short(sized: Callable[..., int]) -> None:
+    for seed in range(sized(5, share=1)):
         _, medium = confirmation_s(seed, 0.3, exclusive=False, size_bytes=60_000)
         assert all(len(each[3]) <= 8 for each in medium.record if each[3][0] == FEEDBACK_CODE)
 
