@@ -124,8 +124,8 @@ def test_programs_at_both_ends_know_nothing_of_the_radio(tmp_path: Path) -> None
                 shore.put("auv/plan", b"by radio")
                 assert await plan.payload() == b"by radio"
 
-            for each in air.values():
-                each.is_up = False  # the vehicle dives
+            for place in air.values():
+                place.is_up = False  # the vehicle dives
             shore.put("auv/plan", b"below")
             assert await plan.payload() == b"below"
             while await _reach(shore) == "up":
@@ -135,8 +135,8 @@ def test_programs_at_both_ends_know_nothing_of_the_radio(tmp_path: Path) -> None
             replies = await get(shore, "auv/arm", b"now")
             assert replies.payload("auv/arm") == b"armed now"
 
-            for each in air.values():
-                each.is_up = True  # and surfaces
+            for place in air.values():
+                place.is_up = True  # and surfaces
             passed = air[1].passed
             while await _reach(shore) != "up":
                 auv.put("auv/nav", b"at the surface")

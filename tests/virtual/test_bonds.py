@@ -287,11 +287,7 @@ def test_whoever_forges_a_radio_takes_no_frame_from_the_sound_of_a_sealed_fleet(
                 arrived = ReceivedFrame(
                     frame_bytes=envelope.wrap(content, other), received_at=trial.network.now
                 )
-                trial.network.apply(
-                    other, lambda engine, now, arrived=arrived: engine.handle_frame(
-                        arrived, now, RADIO
-                    )
-                )  # fmt: skip
+                trial.network.apply(other, partial(_hear, arrived))
         heard = len(trial.frames)
 
     # Between two times at the surface.
@@ -302,6 +298,18 @@ def test_whoever_forges_a_radio_takes_no_frame_from_the_sound_of_a_sealed_fleet(
     assert len(trial.got_s) == 40
     assert {len(each) for each in trial.got_s.values()} == {1}
     assert max(trial.delays_s(REPORT)) < 5.0
+
+
+def _reply(event: RequestReceived, engine: Engine, now: int) -> bool:
+    return engine.reply(event.call, b"", now)
+
+
+def _hear(arrived: ReceivedFrame, engine: Engine, now: int) -> None:
+    engine.handle_frame(arrived, now, RADIO)
+
+
+def _call(stream_id: int, request: bytes, engine: Engine, now: int) -> int:
+    return engine.call(stream_id, request, now)
 
 
 def diamond(seed: int, kills: list[tuple[float, float, int]]) -> tuple[list[int], list[str]]:
@@ -343,11 +351,10 @@ def diamond(seed: int, kills: list[tuple[float, float, int]]) -> tuple[list[int]
 
     def happened(node: int, event: Event) -> None:
         if isinstance(event, RequestReceived):
-            call = event.call
-            served[call.stream_id, bytes(event.value)] += 1
+            served[event.call.stream_id, bytes(event.value)] += 1
             network.at(
                 network.now / NS_PER_S,
-                lambda: network.apply(node, lambda engine, now: engine.reply(call, b"", now)),
+                partial(network.apply, node, partial(_reply, event)),
             )
         elif isinstance(event, ResponseReceived | CallFailed):
             ended.append(type(event).__name__)
@@ -359,10 +366,8 @@ def diamond(seed: int, kills: list[tuple[float, float, int]]) -> tuple[list[int]
             request = b"%d" % number
             network.at(
                 rng.uniform(10.0, 3600.0),
-                lambda node=node, stream_id=stream_id, request=request: network.apply(
-                    node, lambda engine, now: engine.call(stream_id, request, now)
-                ),
-            )  # fmt: skip
+                partial(network.apply, node, partial(_call, stream_id, request)),
+            )
     for from_s, to_s, node in kills:
         network.at(from_s, partial(network.crash, node))
         network.at(to_s, partial(network.start, node))

@@ -12,15 +12,16 @@ FREE = BondLink(cost=LinkCost.FREE)
 
 def test_a_free_link_is_up_when_answered_and_down_when_not() -> None:
     reach = PeerReach(FREE)
-    assert reach.state is Reach.DOWN
+    states = [reach.state]
     reach.answered(0)
-    assert reach.state is Reach.UP
+    states.append(reach.state)
     reach.overdue(100 * NS_PER_S)
-    assert reach.state is Reach.DOUBT
+    states.append(reach.state)
     reach.review(102 * NS_PER_S)
-    assert reach.state is Reach.DOUBT
+    states.append(reach.state)
     reach.review(103 * NS_PER_S)
-    assert reach.state is Reach.DOWN
+    states.append(reach.state)
+    assert states == [Reach.DOWN, Reach.UP, Reach.DOUBT, Reach.DOUBT, Reach.DOWN]
     assert not reach.may_try(107 * NS_PER_S)
     assert reach.may_try(108 * NS_PER_S)
 
@@ -54,14 +55,15 @@ def test_to_be_heard_is_a_hope_for_a_short_while() -> None:
 
 def test_silence_counts_where_nobody_answers() -> None:
     reach = PeerReach(BondLink())
-    assert reach.state is Reach.UP
+    states = [reach.state]
     for second in range(0, 590, 10):
         reach.transmitted(second * NS_PER_S)
-    assert reach.state is Reach.UP
+    states.append(reach.state)
     reach.transmitted(600 * NS_PER_S)
-    assert reach.state is Reach.DOWN
+    states.append(reach.state)
     reach.heard(700 * NS_PER_S)
-    assert reach.state is Reach.UP
+    states.append(reach.state)
+    assert states == [Reach.UP, Reach.UP, Reach.DOWN, Reach.UP]
     last = PeerReach(BondLink(), is_last=True)
     for second in range(0, 2000, 10):
         last.transmitted(second * NS_PER_S)
@@ -78,5 +80,6 @@ def test_an_answer_is_sure_for_ten_seconds() -> None:
 
 @pytest.mark.parametrize("key", ["probe_s", "down_after_s"])
 def test_durations_are_checked(key: str) -> None:
+    values = {"probe_s": 1.0, "down_after_s": 1.0, key: float("nan")}
     with pytest.raises(ConfigError, match=key):
-        BondLink(**{key: float("nan")})
+        BondLink(probe_s=values["probe_s"], down_after_s=values["down_after_s"])
