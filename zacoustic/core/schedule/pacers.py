@@ -89,7 +89,9 @@ class Pacers(PerPeer[Pacer]):
 
     def await_nothing(self, address: int) -> None:
         """Stop awaiting an answer from a node."""
-        self[address].await_nothing()
+        pacer = self.get(address)  # a node that is being forgotten has none any more
+        if pacer is not None:
+            pacer.await_nothing()
         self.changed()
 
     def heard_at(self, address: int) -> int:
