@@ -933,6 +933,8 @@ class Node:
         epoch = peer.epoch()
         if not isinstance(service, Service) or epoch is None:
             return "no client is known"
+        if service.server not in (None, self.address):
+            return "another server"
         name = (peer.address, epoch, item.stream, item.head.number)
         served = self._served.get(name)
         if item.head.kind == calls.CONFIRM:

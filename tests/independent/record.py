@@ -200,17 +200,9 @@ def _payload(cursor: Cursor, table: Table, name: str | None, codec: str = "cbor"
         raise EndedError(str(error)) from error
 
 
-def _from_server(way: Way, server: int) -> bool:
-    if way.source == server:
-        return True
-    if way.destination == server:
-        return False
-    raise ReadError("neither from the server nor to it")
-
-
 def _call(cursor: Cursor, way: Way, service: Service) -> Call:
     server = cursor.number(1) if service.server is None else None
-    from_server = _from_server(way, service.server or server or 0)
+    from_server = way.source == (service.server or server)
     if from_server and way.broadcast:
         raise ReadError("an answer goes to its client")
     head = calls.read_head(cursor, from_server=from_server)
@@ -227,7 +219,7 @@ def _call(cursor: Cursor, way: Way, service: Service) -> Call:
 
 
 def _goal(cursor: Cursor, way: Way, action: Action) -> Goal:
-    from_server = _from_server(way, action.server)
+    from_server = way.source == action.server
     if from_server and way.broadcast:
         raise ReadError("a goal's records go to its client")
     head = goals.read_head(cursor, from_server=from_server)
