@@ -36,7 +36,7 @@ from tests.independent.envelope import BROADCAST, Capabilities, Opened
 from tests.independent.errors import ReadError
 from tests.independent.record import Acknowledgement, Call, Payload, Sample, Way
 from tests.independent.reliable import Holding, Sync
-from tests.independent.table import Service, Table, Topic
+from tests.independent.table import COMMANDS, EVERYWHERE, Service, Table, Topic
 
 _WINDOW = 32
 _CALL_WINDOW = 16
@@ -985,6 +985,8 @@ class Node:
         if isinstance(item.payload, calls.Failure):
             return item.payload
         handler = self.handlers.get(item.stream)
+        if handler is None and self.table.stream(item.stream) is COMMANDS:
+            return calls.Failure(1, "no commands")
         if handler is None or item.payload is None:
             return calls.Failure(2, "")
         try:
@@ -1109,6 +1111,12 @@ class Node:
         peer = self._peers[destination]
         wanted = peer.hello is not None and peer.hello.allowed_s <= now
         wanted = wanted or peer.in_vain > _PATIENCE
+        built_in = self._built_in(destination, now)
+        if built_in:
+            self._sent_hello = True
+            equal = peer.known.hello is not None and not peer.differs
+            rows = [] if equal else [Row(self.epoch, one, self._rows[one]) for one in built_in]
+            return [hello, *rows]
         if peer.state == Agreement.CONFIRMED and not wanted:
             return []
         if peer.state == Agreement.PROVISIONAL and not wanted:
@@ -1120,6 +1128,18 @@ class Node:
             self._lengthen(peer, now)
         self._sent_hello = True
         return [hello]
+
+    def _built_in(self, node: int, now: float) -> list[int]:
+        """Return the streams of every table of which a request or an answer is due."""
+        due = [
+            one.stream for one in self._requests() if one.server == node and one.again.due_s <= now
+        ]
+        due += [
+            one.service.id
+            for one in self._answers()
+            if one.client == node and one.again.due_s <= now
+        ]
+        return sorted({one for one in due if self.table.stream(one) in EVERYWHERE})
 
     def _broadcast_introduction(self, hello: Hello) -> list[agreement.Control]:
         others = [node for node in self.table.nodes if node != self.address]

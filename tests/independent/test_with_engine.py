@@ -26,12 +26,14 @@ from zacoustic.core.base.qos import Qos, Reliability, Stamp
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import (
     CallFailed,
+    CallFailure,
     DeliveryEnded,
     DeliveryOutcome,
     RequestReceived,
     ResponseReceived,
     SampleReceived,
 )
+from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -195,7 +197,7 @@ class Real:
             rng=random.Random(f"{world.seed}/{address}/{epoch}"),
         )
         self._world = world
-        self._calls: dict[int, int] = {}
+        self.calls: dict[int, int] = {}
         self._sending: int | None = None
         now = _ns(world.now)
         self.engine.handle_link_state(LinkState.UP, now, world.capabilities)
@@ -205,8 +207,8 @@ class Real:
         self.engine.publish(stream, value, _ns(now), instance=instance)
 
     def call(self, stream: int, value: Any, now: float) -> int:
-        index = len(self._calls)
-        self._calls[self.engine.call(stream, value, _ns(now))] = index
+        index = len(self.calls)
+        self.calls[self.engine.call(stream, value, _ns(now))] = index
         return index
 
     def hear(self, data: bytes, source: int, destination: int, now: float) -> None:
@@ -258,9 +260,9 @@ class Real:
                 self.log.requests.append(event.value)
                 assert self.engine.reply(event.call, answer_to(event.value), _ns(now))
             case ResponseReceived():
-                self.log.answers[self._calls[event.call_id]] = event.value
+                self.log.answers[self.calls[event.call_id]] = event.value
             case CallFailed():
-                self.log.answers[self._calls[event.call_id]] = event.failure
+                self.log.answers[self.calls[event.call_id]] = event.failure
             case DeliveryEnded():
                 self.log.ended.append(event.outcome is DeliveryOutcome.DELIVERED)
 
@@ -319,7 +321,8 @@ class World:
         heapq.heappush(self._agenda, (when, self._count, action))
 
     def run(self, until: float) -> None:
-        """Let time pass."""
+        """Let time pass. What the applications have given since the last time counts first."""
+        self.at(self.now, lambda: None)
         while True:
             times = [self._agenda[0][0]] if self._agenda else []
             for address, end in self.ends.items():
@@ -476,3 +479,133 @@ def test_reliable_samples_and_calls(real: int, loss: float, count: Callable[[int
     for seed in range(count(400)):
         world = World(f"talk/{real}/{loss}/{seed}", loss=loss)
         talk(meet(world, real, 3 - real), 12, (5, 40))
+
+
+def test_many_numbers(count: Callable[[int], int]) -> None:
+    """Numbers of samples and calls come round, and more wait than a window holds."""
+    for seed in range(count(100)):
+        world = meet(
+            World(f"numbers/{seed}", loss=0.1, half_duplex=False), 1 + seed % 2, 2 - seed % 2
+        )
+        published: dict[int, list[tuple[int, str, Any]]] = {1: [], 2: []}
+        for burst in range(6):
+            for address, end in world.ends.items():
+                for one in range(40):
+                    value = b"%d" % (40 * burst + one)
+                    end.publish(ORDERS, value, "", world.now)
+                    published[address].append((ORDERS, "", value))
+            for one in range(15):
+                world.ends[2].call(20, b"%d %d" % (burst, one), world.now)
+            world.run(world.now + 250)
+        check_reliable(world, published)
+        wanted = [b"%d %d" % (burst, one) for burst in range(6) for one in range(15)]
+        assert world.ends[2].log.answers == dict(enumerate(map(answer_to, wanted)))
+        assert sorted(world.ends[1].log.requests) == sorted(wanted)
+
+
+@pytest.mark.parametrize("real", [1, 2])
+def test_one_of_them_restarts(real: int, count: Callable[[int], int]) -> None:
+    """Each of them in turn: what the other one publishes afterwards arrives, and its calls work."""
+    for seed in range(count(200)):
+        world = meet(World(f"restart/{real}/{seed}", loss=0.2), real, 3 - real)
+        _exchange(world, b"a")
+        world.ends[real] = Real(world, real, engine_table(NODES), 0x2222)
+        _exchange(world, b"b")
+        minimal = 3 - real
+        world.ends[minimal] = Minimal(world, minimal, node_table(NODES), 0x6666)
+        _exchange(world, b"c")
+
+
+def _exchange(world: World, word: bytes) -> None:
+    before = {address: len(end.log.samples) for address, end in world.ends.items()}
+    asked = {}
+    for one in range(3):
+        for address, end in world.ends.items():
+            end.publish(ORDERS, b"%s %d" % (word, one), "", world.now)
+            server = 3 - address
+            request: Any = word if server == 1 else {"x": 1.0, "name": word.decode()}
+            asked[address, end.call(SERVED[server], request, world.now)] = answer_to(request)
+        world.run(world.now + 20)
+    world.run(world.now + 400)
+    for address, end in world.ends.items():
+        new = [heard.value for heard in end.log.samples[before[address] :]]
+        assert new == [b"%s %d" % (word, one) for one in range(3)]
+        for (node, index), answer in asked.items():
+            assert node != address or end.log.answers[index] == answer
+
+
+@pytest.mark.parametrize("real", [1, 2])
+def test_tables_that_differ_in_one_stream(real: int) -> None:
+    world = World(f"tables/{real}", loss=0.1, half_duplex=False)
+    meet(world, real, 3 - real)
+    minimal = 3 - real
+    world.ends[minimal] = Minimal(world, minimal, node_table(NODES, other=True), 0x5678)
+    for one in range(12):
+        for address, end in world.ends.items():
+            end.publish(AGED, b"no", "", world.now)
+            end.publish(RAW, b"yes", "", world.now)
+            end.publish(ORDERS, b"%d" % one, "", world.now)
+            if one == 5:
+                server = 3 - address
+                end.call(SERVED[server], b"x" if server == 1 else {"x": 1.0, "name": ""}, world.now)
+        world.run(world.now + 50)
+    world.run(world.now + 500)
+    for end in world.ends.values():
+        got = [heard.value for heard in end.log.samples]
+        assert b"no" not in got
+        assert got.count(b"yes") > 4
+        assert [one for one in got if one not in (b"no", b"yes")] == [
+            b"%d" % one for one in range(12)
+        ]
+        assert len(end.log.answers) == 1
+        assert all(isinstance(one, bytes | dict) for one in end.log.answers.values())
+    frames = len(world.frames)
+    world.run(world.now + 1e6)
+    assert len(world.frames) < frames + 3
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+def test_three_nodes(loss: float, count: Callable[[int], int]) -> None:
+    """Two engines and one minimal node, and the other way round."""
+    nodes = {**NODES, 3: "auv2"}
+    for seed in range(count(200)):
+        for real in ((1, 2), (3,), (1, 3)):
+            world = World(f"three/{loss}/{seed}/{real}", loss=loss)
+            for address in nodes:
+                if address in real:
+                    world.ends[address] = Real(world, address, engine_table(nodes), 0x100 + address)
+                else:
+                    ours = node_table(nodes)
+                    world.ends[address] = Minimal(world, address, ours, 0x100 + address)
+            talk(world, 6, (30, 100))
+
+
+def test_status_and_commands() -> None:
+    for real in (1, 2):
+        world = meet(World(f"status/{real}", loss=0.2), real, 3 - real)
+        engine, node = world.ends[real], world.ends[3 - real]
+        assert isinstance(engine, Real)
+        assert isinstance(node, Minimal)
+        status = {"journal": "none", "starts": 0, "utc_s": None, "clock_error_s": None}
+        status |= {"range_m": None, "schedule": 0}
+        node.node.handlers[0xAE] = lambda _: status  # noqa: B023
+        for _ in range(2):
+            index = node.node.call(0xAE, b"", world.now, server=real)
+            asked = engine.engine.status.ask(3 - real, _ns(world.now), timeout_s=60)
+            command = RemoteCommand(kind=CommandKind.ASK)
+            told = engine.engine.commands.send(3 - real, command, _ns(world.now))
+            engine.calls |= {asked: 1, told: 2}
+            world.run(world.now + 60)
+            answer = node.log.answers[index]
+            assert answer["journal"] in ("none", "kept")
+            assert engine.log.answers[1] == status
+            assert engine.log.answers[2] is CallFailure.HANDLER
+
+
+def test_an_object_is_refused_and_the_rest_goes_on() -> None:
+    world = meet(World("object", loss=0.2), 1, 2)
+    for value in (b"before", bytes(300), b"behind"):
+        world.ends[1].publish(ORDERS, value, "", world.now)
+        world.run(world.now + 200)
+    assert [heard.value for heard in world.ends[2].log.samples] == [b"before", b"behind"]
+    assert world.ends[1].log.ended == [True, False, True]
