@@ -282,10 +282,11 @@ End = Minimal | Real
 
 @dataclass
 class World:
-    """The channel. `noise`: draws which frames are lost."""
+    """The channel. `repeats`: share of frames that come twice, within the settling time."""
 
     seed: str
     loss: float = 0.0
+    repeats: float = 0.0
     half_duplex: bool = True
     envelope: Capabilities = field(
         default_factory=lambda: Capabilities(addresses=True, checks=True, delimits=True)
@@ -360,11 +361,17 @@ class World:
             began = arrives - airtime_s(len(data))
             from_s, to_s = self._busy.get(other, (0.0, 0.0))
             deaf = self.half_duplex and from_s < arrives and to_s > began
-            handed = destination in (other, BROADCAST) or not self.envelope.addresses
-            if handed and not lost and not deaf:
-                self.ends[other].hear(data, source, destination, arrives)
+            if not lost and not deaf:
+                self._hand_over(data, source, destination, other)
 
         self.at(arrives, arrive)
+        if self._noise.random() < self.repeats:
+            again = self._noise.uniform(0, 3 * UNIT_S)
+            self.at(arrives + again, lambda: self._hand_over(data, source, destination, other))
+
+    def _hand_over(self, data: bytes, source: int, destination: int, other: int) -> None:
+        if destination in (other, BROADCAST) or not self.envelope.addresses:
+            self.ends[other].hear(data, source, destination, self.now)
 
 
 NODES = {1: "shore", 2: "auv1"}
@@ -478,6 +485,13 @@ def talk(world: World, rounds: int, quiet_s: tuple[float, float]) -> None:
 def test_reliable_samples_and_calls(real: int, loss: float, count: Callable[[int], int]) -> None:
     for seed in range(count(400)):
         world = World(f"talk/{real}/{loss}/{seed}", loss=loss)
+        talk(meet(world, real, 3 - real), 12, (5, 40))
+
+
+@pytest.mark.parametrize("real", [1, 2])
+def test_frames_that_come_twice(real: int, count: Callable[[int], int]) -> None:
+    for seed in range(count(200)):
+        world = World(f"twice/{real}/{seed}", loss=0.2, repeats=0.4)
         talk(meet(world, real, 3 - real), 12, (5, 40))
 
 
