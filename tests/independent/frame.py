@@ -260,20 +260,25 @@ class _Splitter:
         else:
             self._add(Unread(data, "reserved"))
 
+    def _measures(self) -> bool:
+        """Tell whether a record behind an introduction ends where it shows its end."""
+        data = self._cursor.data[self._cursor.position :]
+        if not self._sealed:
+            return False
+        if record.is_acknowledgement(data):
+            return True
+        verdict = self._judge.verdict(self.introduction, record.stream_of(data))
+        return verdict == Verdict.DECODE
+
     def _record(self) -> None:
         """Take a record without LEN."""
         cursor = self._cursor
         self._behind_record = True
-        if self.introduction is not None and not self._sealed:
+        if self.introduction is not None and not self._measures():
             self._add(RecordBytes(cursor.rest()))
             return
         start = cursor.position
         ahead = Cursor(cursor.data, start)
-        data = cursor.data[start:]
-        if not record.is_acknowledgement(data):
-            verdict = self._judge.verdict(self.introduction, record.stream_of(data))
-            if verdict != Verdict.DECODE:
-                raise ReadError(verdict.value)
         try:
             record.read(ahead, self._way)
         except EndedError as error:

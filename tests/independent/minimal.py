@@ -34,7 +34,7 @@ from tests.independent.agreement import Ask, Confirm, Hello, Row, Tag, Verdict
 from tests.independent.cursor import Cursor
 from tests.independent.envelope import BROADCAST, Capabilities, Opened
 from tests.independent.errors import ReadError
-from tests.independent.record import Acknowledgement, Call, Payload, Sample, Way
+from tests.independent.record import Acknowledgement, Call, Goal, Payload, Sample, Way
 from tests.independent.reliable import Holding, Sync
 from tests.independent.table import COMMANDS, EVERYWHERE, Service, Table, Topic
 
@@ -444,6 +444,10 @@ class Node:
         judge = _Judge(self, peer, way, now)
         whole = frame.read(opened.records, way, judge)
         self._note_frame(peer, now)
+        if _has_records(whole) and peer.known.hello is not None:
+            epoch = None if whole.introduction is None else whole.introduction.epoch
+            if epoch == peer.known.hello.epoch:
+                self._answer_introduction(peer, now)
         self.taken.clear()
         for placed in whole.placed:
             refused = None
@@ -453,8 +457,6 @@ class Node:
                 self.taken.append(placed)
             else:
                 self.events.append(NotRead(peer.address, refused, placed.data))
-        if whole.introduction is None and peer.known.hello is None and whole.items:
-            self._owe_ask(peer, 0, now)
 
     def _item(
         self,
@@ -475,7 +477,7 @@ class Node:
         if isinstance(item, access.Clock | access.Turn | dense.BlockAck):
             return None
         if isinstance(item, frame.Unread):
-            self._unread(item, peer, now)
+            self._unread(item, peer, introduction, now)
             if listed and not way.broadcast:
                 self._refuse_request(item, peer, introduction, now)
             return item.reason
@@ -513,9 +515,9 @@ class Node:
         introduction: frame.Introduction | None,
         now: float,
     ) -> None:
-        """Answer a request that cannot be decoded."""
-        differs = item.reason == Verdict.DIFFERS.value
-        if item.reason == Verdict.UNCONFIRMED.value or peer.known.hello is None:
+        """Answer a request that does not decode, though its stream is equal."""
+        refused = item.reason in (Verdict.UNCONFIRMED.value, Verdict.DIFFERS.value)
+        if refused or peer.known.hello is None:
             return
         try:
             cursor = Cursor(item.data)
@@ -527,14 +529,19 @@ class Node:
             return
         if not isinstance(service, Service) or service.server != self.address:
             return
-        if head.kind == calls.REQUEST and (not differs or stream in peer.known.rows):
-            failure = calls.Failure(4 if differs else 3, "")
-            self._request(Call(stream, head, failure), peer, introduction, now)
+        if head.kind == calls.REQUEST:
+            self._request(Call(stream, head, calls.Failure(3, "")), peer, introduction, now)
 
-    def _unread(self, item: frame.Unread, peer: Peer, now: float) -> None:
-        if item.reason == Verdict.UNCONFIRMED.value:
-            if peer.known.hello is None:
-                self._owe_ask(peer, 0, now)
+    def _unread(
+        self,
+        item: frame.Unread,
+        peer: Peer,
+        introduction: frame.Introduction | None,
+        now: float,
+    ) -> None:
+        refused = item.reason in (Verdict.UNCONFIRMED.value, Verdict.DIFFERS.value)
+        if refused and (introduction is None or peer.known.hello is None):
+            self._owe_ask(peer, 0, now)
         elif item.reason == Verdict.DIFFERS.value:
             try:
                 stream = record.stream_of(item.data)
@@ -638,7 +645,11 @@ class Node:
                 peer.confirm_not_before_s = peer.ask_not_before_s = now
         if after is None:
             self._owe_ask(peer, 0, now)
-        elif peer.differs:
+        elif after != before:
+            self._answer_introduction(peer, now)
+
+    def _answer_introduction(self, peer: Peer, now: float) -> None:
+        if peer.differs:
             self._owe_hello(peer, now, requested=False)
         else:
             self._owe_confirm(peer, now)
@@ -909,10 +920,7 @@ class Node:
         return None
 
     def _fail_calls(self, peer: Peer, stream: int) -> None:
-        """End the calls of a stream that the server defines differently.
-
-        Its failure 4 says the same, but section 8 lets nobody decode a record of such a stream.
-        """
+        """End the calls of a stream that the server defines differently."""
         client = self._clients.get(stream, Client())
         for request in [*client.active.values()]:
             if request.server == peer.address:
@@ -1270,6 +1278,11 @@ class Node:
 
     def _written(self, one: record.Record) -> bytes:
         return compose.write(one, self.table)
+
+
+def _has_records(whole: frame.Frame) -> bool:
+    records = (Sample, Acknowledgement, Call, Goal, frame.Unread)
+    return any(isinstance(one, records) for one in whole.items)
 
 
 class _Judge:

@@ -106,6 +106,13 @@ def node_table(nodes: dict[int, str], *, other: bool = False) -> table.Table:
     return table.Table({one.id: one for one in streams}, {"At": (where, name)}, nodes)
 
 
+@pytest.mark.parametrize("stream", [0xAC, 0xAD, 0xAE, 0xAF])
+def test_a_table_that_gives_an_id_of_every_table_to_another_stream(stream: int) -> None:
+    theirs = StreamTable([TopicSpec(stream_id=stream, name="a"), TopicSpec(stream_id=5, name="b")])
+    ours = table.Table({5: table.Topic(5, "b"), stream: table.Topic(stream, "a")})
+    assert theirs.digest == describe.table_digest(ours)
+
+
 @dataclass(frozen=True)
 class Heard:
     """A sample that an application was given."""
