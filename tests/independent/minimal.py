@@ -225,7 +225,8 @@ class Receiver:
         return number >= self.awaited and number not in self.held
 
     def lose(self) -> None:
-        """It is not in sync any more."""
+        """It is not in sync any more, and may have lost what it held."""
+        self.held.clear()
         self.in_sync = False
         self.first_sync_s = None
 
@@ -255,7 +256,23 @@ class Publication:
         return min(self.pending, default=self.next_number)
 
     def lacking(self, number: int) -> list[int]:
-        return [node for node, one in self.receivers.items() if one.lacks(number)]
+        """Return who is to get a number: of what it holds, only the next that is not over."""
+        return [
+            node
+            for node, one in self.receivers.items()
+            if one.lacks(number) or number == self._next_for(one)
+        ]
+
+    def _next_for(self, one: Receiver) -> int | None:
+        return min((number for number in self.pending if number >= one.awaited), default=None)
+
+    def is_acknowledged(self, number: int) -> bool:
+        """Tell whether a number has ended: one that is only held may be lost by a restart."""
+        return all(one.awaited > number for one in self.receivers.values())
+
+    def wanted(self) -> list[tuple[int, Pending]]:
+        """Return the samples that somebody is to get."""
+        return [(number, one) for number, one in self.pending.items() if self.lacking(number)]
 
     def needs_sync(self, number: int) -> bool:
         return any(
@@ -859,7 +876,7 @@ class Node:
             return "not published"
         receiver.awaited = max(receiver.awaited, awaited)
         receiver.held = {one for one in ack.holding.numbers(awaited) if one >= receiver.awaited}
-        for number in [one for one in publication.pending if not publication.lacking(one)]:
+        for number in [one for one in publication.pending if publication.is_acknowledged(one)]:
             self._end(publication, number, delivered=True)
         self._admit(publication, now)
         return None
@@ -1052,7 +1069,7 @@ class Node:
         for served in self._answers():
             yield served.client, served.again.due_s, 1
         for publication in self._publications.values():
-            for number, pending in publication.pending.items():
+            for number, pending in publication.wanted():
                 yield self._destination(publication, number), pending.again.due_s, 2
         if self._samples:
             yield BROADCAST, 0.0, 3
@@ -1191,7 +1208,7 @@ class Node:
 
     def _fill_broadcast(self, filling: "_Filling", now: float) -> None:
         for publication in self._publications.values():
-            for number, pending in publication.pending.items():
+            for number, pending in publication.wanted():
                 everyone = self._destination(publication, number) == BROADCAST
                 if everyone and pending.again.due_s <= now:
                     self._put_sample(publication, number, pending, filling, now)
@@ -1234,7 +1251,7 @@ class Node:
                 if filling.record(Call(served.service.id, head, served.answer, server), self.table):
                     self._repeat(served.again, now)
         for publication in self._publications.values():
-            for number, pending in publication.pending.items():
+            for number, pending in publication.wanted():
                 alone = self._destination(publication, number) == destination
                 if alone and pending.again.due_s <= now:
                     self._put_sample(publication, number, pending, filling, now)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.independent import describe, table
+from tests.independent import calls, describe, table
 from tests.independent.envelope import BROADCAST, Capabilities
 from tests.independent.minimal import Answered, Delivered, Ended, Link, Node
 from zacoustic.core.base.linktypes import (
@@ -66,7 +66,7 @@ def engine_table(nodes: dict[int, str], *, other: bool = False) -> StreamTable:
         TopicSpec(stream_id=RAW, name="raw"),
         TopicSpec(stream_id=AGED, name="aged", qos=Qos(stamp=stamp)),
         TopicSpec(stream_id=KEYED, name="{node}/{sensor}", wildcards=(sensor,), type_name="At"),
-        TopicSpec(stream_id=ORDERS, name="{node}/words", qos=reliable),
+        TopicSpec(stream_id=ORDERS, name="{node}/words", qos=reliable, journal=True),
         TopicSpec(
             stream_id=LOG,
             name="{node}/log/{sensor}",
@@ -194,13 +194,22 @@ class Minimal:
 class Real:
     """The project's engine."""
 
-    def __init__(self, world: "World", address: int, of_streams: StreamTable, epoch: int) -> None:
+    def __init__(
+        self,
+        world: "World",
+        address: int,
+        of_streams: StreamTable,
+        epoch: int,
+        journal: dict[str, bytes] | None = None,
+    ) -> None:
         self.address = address
         self.log = Log()
+        self.journal = {} if journal is None else journal
         self.engine = Engine(
             address=address,
             table=of_streams,
             epoch=epoch,
+            stored=dict(self.journal),
             rng=random.Random(f"{world.seed}/{address}/{epoch}"),
         )
         self._world = world
@@ -248,6 +257,10 @@ class Real:
         if due is not None and due <= _ns(now):
             self.engine.handle_timeout(_ns(now))
         while (write := self.engine.poll_journal()) is not None:
+            if write.value is None:
+                self.journal.pop(write.key, None)
+            else:
+                self.journal[write.key] = write.value
             self.engine.handle_journal_committed(write.write_id, _ns(now))
         while (event := self.engine.poll_event()) is not None:
             self._note(event, now)
@@ -535,6 +548,48 @@ def test_one_of_them_restarts(real: int, count: Callable[[int], int]) -> None:
         minimal = 3 - real
         world.ends[minimal] = Minimal(world, minimal, node_table(NODES), 0x6666)
         _exchange(world, b"c")
+
+
+@pytest.mark.parametrize("real", [1, 2])
+def test_an_engine_with_a_journal_restarts(real: int, count: Callable[[int], int]) -> None:
+    """What it has written down arrives all the same, once; and no call is executed twice."""
+    for seed in range(count(200)):
+        world = meet(World(f"journal/{real}/{seed}", loss=0.3), real, 3 - real)
+        minimal = world.ends[3 - real]
+        chance = random.Random(seed)
+        published: list[bytes] = []
+        backwards: list[bytes] = []
+        requests: list[Any] = []
+        heard: list[Any] = []
+        executed: list[Any] = []
+        for life in range(4):
+            engine = world.ends[real]
+            assert isinstance(engine, Real)
+            for one in range(3):
+                published.append(b"%d %d" % (life, one))
+                engine.publish(ORDERS, published[-1], "", world.now)
+                backwards.append(b"%d %d" % (life, one))
+                minimal.publish(ORDERS, backwards[-1], "", world.now)
+                request: Any = {"x": float(life), "name": str(one)}
+                requests.append(request if real == 2 else str(request).encode())
+                minimal.call(SERVED[real], requests[-1], world.now)
+                world.run(world.now + chance.uniform(1, 20))
+            if life == 3:
+                world.run(world.now + 1500)
+            heard += [sample.value for sample in engine.log.samples]
+            executed += engine.log.requests
+            again = Real(world, real, engine_table(NODES), 0x2222 + life, engine.journal)
+            world.ends[real] = again
+        assert [sample.value for sample in minimal.log.samples] == published
+        assert heard == backwards
+        assert len(set(map(str, executed))) == len(executed)
+        for index, request in enumerate(requests):
+            answer = minimal.log.answers[index]
+            if isinstance(answer, calls.Failure):
+                assert answer.code == 8
+            else:
+                assert answer == answer_to(request)
+                assert request in executed
 
 
 def _exchange(world: World, word: bytes) -> None:
