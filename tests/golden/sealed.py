@@ -106,7 +106,7 @@ def make() -> list[Vector]:
             "sealed_strong",
             _Way(destination=2, digest=NO_TABLE, strong=True),
             bytes.fromhex("af020000"),
-            "a remote command to node 2: long head with s, tag of 8 bytes, no digest",
+            "to node 2 the beginning of a command: long head with s, tag of 8 bytes, no digest",
         ),
         vector(
             "sealed_readable",

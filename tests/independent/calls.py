@@ -18,6 +18,7 @@ FAILURES = {
     8: "the server ended without an answer and may have executed the call",
 }
 TEXT_LIMIT = 48
+HANDLER = 1
 
 
 @dataclass(frozen=True)
@@ -66,20 +67,19 @@ def read_head(cursor: Cursor, *, from_server: bool) -> Head:
 def read_failure(cursor: Cursor) -> Failure:
     """Take the payload of an error, to the end."""
     code = cursor.take(1)[0]
-    if code not in FAILURES:
-        raise ReadError("no such failure")
-    return Failure(code, read_text(cursor))
+    text = read_text(cursor)
+    return Failure(code, text) if code in FAILURES else Failure(HANDLER, "")
 
 
 def read_text(cursor: Cursor) -> str:
-    """Take a text of at most 48 bytes, to the end."""
+    """Take a text of at most 48 bytes, to the end; one that is no UTF-8 counts as none."""
     raw = cursor.rest()
     if len(raw) > TEXT_LIMIT:
         raise ReadError("a text has at most 48 bytes")
     try:
         return raw.decode()
-    except UnicodeDecodeError as error:
-        raise ReadError("no UTF-8") from error
+    except UnicodeDecodeError:
+        return ""
 
 
 def first_number(epoch: int) -> int:

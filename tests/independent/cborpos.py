@@ -30,18 +30,49 @@ def write(types: Types, name: str, value: Mapping[str, Any]) -> bytes:
     return b"".join(_written(types, field, value.get(field.name)) for field in types[name])
 
 
+def skip(types: Types, name: str, cursor: Cursor) -> None:
+    """Go to the end of the fields, whatever they say: by items in shortest form, and counts."""
+    for field in types[name]:
+        if field.optional and cursor.peek() == _ABSENT[0]:
+            cursor.take(1)
+            continue
+        for _ in range(_count(field, cursor) if field.is_array else 1):
+            if field.type in types:
+                skip(types, field.type, cursor)
+            else:
+                _skip_item(cursor)
+
+
+def _skip_item(cursor: Cursor) -> None:
+    head = cursor.peek()
+    if head is not None and head >> 5 == _SIMPLE:
+        short = cursor.take(1)[0] & 31
+        if bytes((head,)) not in (_FALSE, _TRUE, _ABSENT) and short not in _FORMS:
+            raise ReadError("no such item")
+        cursor.take(1 << short - 24 if short in _FORMS else 0)
+        return
+    major, length = _head(cursor)
+    if major > _TEXT:
+        raise ReadError("no such item")
+    cursor.take(length if major in (_BYTES, _TEXT) else 0)
+
+
+def _count(field: Field, cursor: Cursor) -> int:
+    if field.length is not None:
+        return field.length
+    count = _whole(cursor)
+    if not 0 <= count <= (field.max_length or 0):
+        raise ReadError("too many items")
+    return count
+
+
 def _field(types: Types, field: Field, cursor: Cursor) -> Any:
     if field.optional and cursor.peek() == _ABSENT[0]:
         cursor.take(1)
         return None
     if not field.is_array:
         return _one(types, field, cursor)
-    count = field.length
-    if count is None:
-        count = _whole(cursor)
-        if not 0 <= count <= (field.max_length or 0):
-            raise ReadError("too many items")
-    return [_one(types, field, cursor) for _ in range(count)]
+    return [_one(types, field, cursor) for _ in range(_count(field, cursor))]
 
 
 def _one(types: Types, field: Field, cursor: Cursor) -> Any:

@@ -72,14 +72,7 @@ def _sample(one: Sample, topic: Topic, table: Table) -> bytes:
         return out
     if topic.aged:
         out += bytes((record.write_age(one.age_s or 0.0),))
-    if isinstance(one.payload, bytes):
-        plain = topic.type is not None or topic.codec == "cbor"
-        return out + (one.payload if plain else packed.write_bytes(one.payload))
-    if topic.type is None:
-        raise ReadError("a topic without a type")
-    if topic.codec == "cbor":
-        return out + cborpos.write(table.all_types, topic.type, one.payload)
-    return out + packed.write(table.all_types, topic.type, one.payload)
+    return out + payload_bytes(one.payload, topic.type, topic.codec, table)
 
 
 def _wildcards(values: Sequence[str], topic: Topic) -> bytes:
@@ -93,12 +86,15 @@ def _acknowledgement(one: Acknowledgement, topic: Topic) -> bytes:
     return out + bytes((topic.id,)) + _wildcards(one.wildcards, topic) + one.holding.write()
 
 
-def _payload(payload: Payload, name: str | None, table: Table) -> bytes:
+def payload_bytes(payload: Payload, name: str | None, codec: str, table: Table) -> bytes:
+    """Return a payload of a type; bytes stand for themselves, but packed ones without a type."""
     if isinstance(payload, bytes):
-        return payload
+        plain = name is not None or codec == "cbor"
+        return payload if plain else packed.write_bytes(payload)
     if name is None:
         raise ReadError("a stream without a type")
-    return cborpos.write(table.all_types, name, payload)
+    written = cborpos.write if codec == "cbor" else packed.write
+    return written(table.all_types, name, payload)
 
 
 def _call(one: Call, service: Service, table: Table) -> bytes:
@@ -111,7 +107,7 @@ def _call(one: Call, service: Service, table: Table) -> bytes:
     if service.aged:
         out += bytes((record.write_age(one.age_s or 0.0),))
     name = service.response if one.head.from_server else service.request
-    return out + _payload(one.payload, name, table)
+    return out + payload_bytes(one.payload, name, service.codec, table)
 
 
 def _goal(one: Goal, action: Action, table: Table) -> bytes:
@@ -125,4 +121,5 @@ def _goal(one: Goal, action: Action, table: Table) -> bytes:
     if isinstance(one.payload, goals.Refusal):
         return out + one.payload.write()
     names = {"GOAL": action.goal, "FEEDBACK": action.feedback}
-    return out + _payload(one.payload, names.get(one.head.operation, action.result), table)
+    name = names.get(one.head.operation, action.result)
+    return out + payload_bytes(one.payload, name, action.codec, table)

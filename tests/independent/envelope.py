@@ -99,6 +99,7 @@ def uncobs(data: bytes) -> bytes:
     return bytes(out)
 
 
-def stream_frames(data: bytes) -> list[bytes]:
-    """Cut a byte stream into frames, each with its two zero bytes."""
-    return [b"\0" + part + b"\0" for part in data.split(b"\0") if part]
+def stream_frames(data: bytes, mtu: int | None = None) -> list[bytes]:
+    """Cut a byte stream into frames, each with its two zero bytes; longer pieces are skipped."""
+    frames = [b"\0" + part + b"\0" for part in data.split(b"\0") if part]
+    return [one for one in frames if mtu is None or len(one) <= mtu]

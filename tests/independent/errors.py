@@ -5,5 +5,9 @@ class ReadError(Exception):
     """These bytes are not what the page describes."""
 
 
+class EndedError(ReadError):
+    """What is refused shows its end, where the cursor stands now: nothing else is lost."""
+
+
 class LimitError(ReadError):
     """The page describes these bytes by a reference to source code, which this reader ignores."""

@@ -8,8 +8,8 @@ from tests.independent import access, agreement, dense, objects, record, relay, 
 from tests.independent import subscriptions as subscribe
 from tests.independent.agreement import Hello, Tag, Verdict
 from tests.independent.cursor import Cursor
-from tests.independent.errors import ReadError
-from tests.independent.record import Way
+from tests.independent.errors import EndedError, ReadError
+from tests.independent.record import Call, Goal, Way
 
 PADDING, LEN = 0x00, 0xB2
 FIRST_EXTENSION = 0xC0
@@ -57,6 +57,15 @@ Item = (
 )
 Piece = agreement.Control | Item | RecordBytes
 
+
+@dataclass(frozen=True)
+class Placed:
+    """A control or record, and its bytes in the frame, LEN included."""
+
+    data: bytes
+    item: agreement.Control | Item
+
+
 Introduction = Hello | Tag
 
 
@@ -83,31 +92,50 @@ class Trusting:
 
 @dataclass(frozen=True)
 class Frame:
-    """What a frame holds: agreement first, then everything else in its order."""
+    """What a frame holds: all in its order, without padding."""
 
     introduction: Introduction | None
-    agreement: tuple[agreement.Control, ...]
-    items: tuple[Item, ...]
+    placed: tuple[Placed, ...]
     padding: int
 
+    @property
+    def agreement(self) -> tuple[agreement.Control, ...]:
+        """The controls of agreement, which are taken first."""
+        return tuple(one.item for one in self.placed if isinstance(one.item, agreement.Control))
 
-def read(records: bytes, way: Way, judge: Judge | None = None, *, life: int | None = None) -> Frame:
+    @property
+    def items(self) -> tuple[Item, ...]:
+        """Everything else."""
+        return tuple(one.item for one in self.placed if not isinstance(one.item, agreement.Control))
+
+
+def read(
+    records: bytes,
+    way: Way,
+    judge: Judge | None = None,
+    *,
+    life: int | None = None,
+    weak: bool = False,
+) -> Frame:
     """Read the records of a frame. What cannot be read is among the items as `Unread`.
 
     `life`: of the sender of a sealed frame, which is read as if it began with a TAG of its life.
+    `weak`: it is sealed, and not strong.
     """
     judge = Trusting() if judge is None else judge
     splitter = _Splitter(records, way, judge, life)
     pieces = splitter.split()
-    controls = tuple(piece for piece in pieces if isinstance(piece, agreement.Control))
-    judge.learn(controls)
-    items: list[Item] = []
-    for piece in pieces:
+    judge.learn([piece for _, piece in pieces if isinstance(piece, agreement.Control)])
+    placed: list[Placed] = []
+    for data, piece in pieces:
         if isinstance(piece, RecordBytes):
-            items.append(_decoded(piece.data, way, judge, splitter.introduction))
-        elif not isinstance(piece, agreement.Control):
-            items.append(piece)
-    return Frame(splitter.introduction, controls, tuple(items), splitter.padding)
+            item = _decoded(piece.data, way, judge, splitter.introduction)
+            if weak and isinstance(item, Call | Goal):
+                item = Unread(piece.data, "weak")
+            placed.append(Placed(data, item))
+        else:
+            placed.append(Placed(data, piece))
+    return Frame(splitter.introduction, tuple(placed), splitter.padding)
 
 
 def _decoded(data: bytes, way: Way, judge: Judge, introduction: Introduction | None) -> Item:
@@ -132,23 +160,35 @@ class _Splitter:
         self._way = way
         self._judge = judge
         self._behind_record = False
-        self._pieces: list[Piece] = []
+        self._pieces: list[tuple[bytes, Piece]] = []
+        self._start = 0
         self._sealed = life is not None
         self.introduction: Introduction | None = None if life is None else Tag(life)
         self.padding = 0
 
-    def split(self) -> list[Piece]:
+    def split(self) -> list[tuple[bytes, Piece]]:
         cursor = self._cursor
         if cursor.peek() == relay.RELAY:
-            return [_attempt(lambda: relay.read(cursor.data), cursor.data)]
+            return [(cursor.data, self._relayed())]
         while cursor.left:
-            start = cursor.position
+            self._start = cursor.position
             try:
                 self._piece()
             except ReadError as error:
-                self._pieces.append(Unread(cursor.data[start:], str(error)))
+                rest = cursor.data[self._start :]
+                self._pieces.append((rest, Unread(rest, str(error))))
                 break
         return self._pieces
+
+    def _relayed(self) -> Item:
+        data = self._cursor.data
+        if not self._way.routes:
+            return Unread(data, "no such route")
+        return _attempt(lambda: relay.read(data), data)
+
+    def _add(self, piece: Piece) -> None:
+        data = self._cursor.data[self._start : self._cursor.position]
+        self._pieces.append((data, piece))
 
     def _piece(self) -> None:
         cursor = self._cursor
@@ -160,19 +200,23 @@ class _Splitter:
             cursor.take(1)
             self._delimited(cursor.take(cursor.number(1)))
         elif code >= dense.FIRST:
-            self._pieces.append(dense.Block(cursor.rest()))
+            self._add(dense.Block(cursor.rest()))
         elif code in agreement.CODES:
             self._agreement(code)
         elif code in (access.CLOCK, access.TURN, objects.FEEDBACK, subscribe.SUBSCRIBE):
             cursor.take(1)
-            self._pieces.append(self._control(code))
+            control = self._control(code)
+            if isinstance(control, subscribe.Subscribe) and self._way.broadcast:
+                self._add(Unread(control.write(), "in unicast frames only"))
+            else:
+                self._add(control)
         elif code == objects.FRAGMENT:
             cursor.take(1)
-            self._pieces.append(objects.read_fragment(cursor))
+            self._add(objects.read_fragment(cursor))
         elif code == reliable.ACK and self._is_dense_ack():
             cursor.take(1)
             node = cursor.number(1) if self._way.broadcast else None
-            self._pieces.append(dense.BlockAck(node, dense.read_mark(cursor)))
+            self._add(dense.BlockAck(node, dense.read_mark(cursor)))
         elif code <= record.LAST_STREAM or code in _PREFIXES:
             self._record()
         else:
@@ -184,10 +228,10 @@ class _Splitter:
             raise ReadError("an introduction behind a record")
         cursor.take(1)
         control = agreement.read(code, cursor)
-        self._pieces.append(control)
         if isinstance(control, Hello) and control.version != agreement.VERSION:
-            self._pieces.append(Unread(cursor.rest(), "another version"))
-        elif isinstance(control, Hello | Tag):
+            raise ReadError("another version")
+        self._add(control)
+        if isinstance(control, Hello | Tag):
             self.introduction = control
 
     def _control(self, code: int) -> Control:
@@ -202,34 +246,46 @@ class _Splitter:
         return self._cursor.data[place : place + 1] >= bytes((dense.FIRST,))
 
     def _delimited(self, data: bytes) -> None:
-        """Take what stands behind LEN."""
-        first = data[0] if data else PADDING
+        """Take what stands behind LEN; nothing is skipped."""
+        if not data:
+            return
+        first = data[0]
         if first >= FIRST_EXTENSION:
-            self._pieces.append(Extension(first, data[1:]))
+            self._add(Extension(first, data[1:]))
         elif first == objects.FRAGMENT:
-            self._pieces.append(_attempt(lambda: objects.read_fragment(Cursor(data, 1)), data))
+            self._add(_attempt(lambda: objects.read_fragment(Cursor(data, 1)), data))
         elif PADDING < first <= record.LAST_STREAM or first in _PREFIXES:
             self._behind_record = True
-            self._pieces.append(RecordBytes(data))
+            self._add(RecordBytes(data))
         else:
-            self._pieces.append(Unread(data, "reserved"))
+            self._add(Unread(data, "reserved"))
+
+    def _measures(self) -> bool:
+        """Tell whether a record behind an introduction ends where it shows its end."""
+        data = self._cursor.data[self._cursor.position :]
+        if not self._sealed:
+            return False
+        if record.is_acknowledgement(data):
+            return True
+        verdict = self._judge.verdict(self.introduction, record.stream_of(data))
+        return verdict == Verdict.DECODE
 
     def _record(self) -> None:
         """Take a record without LEN."""
         cursor = self._cursor
         self._behind_record = True
-        if self.introduction is not None and not self._sealed:
-            self._pieces.append(RecordBytes(cursor.rest()))
+        if self.introduction is not None and not self._measures():
+            self._add(RecordBytes(cursor.rest()))
             return
         start = cursor.position
         ahead = Cursor(cursor.data, start)
-        data = cursor.data[start:]
-        if not record.is_acknowledgement(data):
-            verdict = self._judge.verdict(self.introduction, record.stream_of(data))
-            if verdict != Verdict.DECODE:
-                raise ReadError(verdict.value)
-        record.read(ahead, self._way)
-        self._pieces.append(RecordBytes(cursor.take(ahead.position - start)))
+        try:
+            record.read(ahead, self._way)
+        except EndedError as error:
+            refused = cursor.take(ahead.position - start)
+            self._add(Unread(refused, str(error)))
+            return
+        self._add(RecordBytes(cursor.take(ahead.position - start)))
 
 
 def _attempt(reading: Callable[[], Item], data: bytes) -> Item:

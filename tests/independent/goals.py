@@ -23,6 +23,7 @@ STATUSES = {4: "succeeded", 5: "canceled", 6: "aborted"}
 UNKNOWN, REMINDER = 0x80, 0x81
 NO_RESULT_FOLLOWS = 0x80
 FAILURES = range(1, 11)
+_REJECTED = 1
 CANCEL_AGAIN_REFUSED = 10
 
 
@@ -78,18 +79,16 @@ def read_head(cursor: Cursor, *, from_server: bool) -> Head:
 def read_refusal(cursor: Cursor) -> Refusal:
     """Take the payload of REFUSED, to the end."""
     failure = cursor.take(1)[0]
-    if failure not in FAILURES:
-        raise ReadError("no such failure")
     attempt = cursor.take(1)[0] if failure == CANCEL_AGAIN_REFUSED else None
-    return Refusal(failure, attempt, read_text(cursor))
+    text = read_text(cursor)
+    if failure not in FAILURES:
+        return Refusal(_REJECTED, None, "")
+    return Refusal(failure, attempt, text)
 
 
-def read_status(cursor: Cursor) -> int:
-    """Take the status of RESULT."""
-    status = cursor.take(1)[0]
-    if status in (UNKNOWN, REMINDER) or status & ~NO_RESULT_FOLLOWS in STATUSES:
-        return status
-    raise ReadError("no such status")
+def is_listed(status: int) -> bool:
+    """Tell whether a status of RESULT is one that the page lists."""
+    return status in (UNKNOWN, REMINDER) or status & ~NO_RESULT_FOLLOWS in STATUSES
 
 
 def has_result(status: int) -> bool:

@@ -13,18 +13,30 @@ of all of the pace of repetitions.
 
 import random
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from tests.independent import agreement, calls, compose, envelope, frame, objects, record, reliable
+from tests.independent import (
+    access,
+    agreement,
+    calls,
+    compose,
+    dense,
+    describe,
+    envelope,
+    frame,
+    objects,
+    record,
+    reliable,
+)
 from tests.independent.agreement import Ask, Confirm, Hello, Row, Tag, Verdict
 from tests.independent.cursor import Cursor
 from tests.independent.envelope import BROADCAST, Capabilities, Opened
 from tests.independent.errors import ReadError
-from tests.independent.record import Acknowledgement, Call, Payload, Sample, Way
+from tests.independent.record import Acknowledgement, Call, Goal, Payload, Sample, Way
 from tests.independent.reliable import Holding, Sync
-from tests.independent.table import Service, Table, Topic
+from tests.independent.table import COMMANDS, EVERYWHERE, Service, Table, Topic
 
 _WINDOW = 32
 _CALL_WINDOW = 16
@@ -108,10 +120,11 @@ class Answered:
 
 @dataclass(frozen=True)
 class NotRead:
-    """Something in a frame was not read."""
+    """Something in a frame was not read, or not taken; `data`: that part of the frame."""
 
     source: int
     reason: str
+    data: bytes
 
 
 @dataclass(frozen=True)
@@ -212,7 +225,8 @@ class Receiver:
         return number >= self.awaited and number not in self.held
 
     def lose(self) -> None:
-        """It is not in sync any more."""
+        """It is not in sync any more, and may have lost what it held."""
+        self.held.clear()
         self.in_sync = False
         self.first_sync_s = None
 
@@ -242,7 +256,23 @@ class Publication:
         return min(self.pending, default=self.next_number)
 
     def lacking(self, number: int) -> list[int]:
-        return [node for node, one in self.receivers.items() if one.lacks(number)]
+        """Return who is to get a number: of what it holds, only the next that is not over."""
+        return [
+            node
+            for node, one in self.receivers.items()
+            if one.lacks(number) or number == self._next_for(one)
+        ]
+
+    def _next_for(self, one: Receiver) -> int | None:
+        return min((number for number in self.pending if number >= one.awaited), default=None)
+
+    def is_acknowledged(self, number: int) -> bool:
+        """Tell whether a number has ended: one that is only held may be lost by a restart."""
+        return all(one.awaited > number for one in self.receivers.values())
+
+    def wanted(self) -> list[tuple[int, Pending]]:
+        """Return the samples that somebody is to get."""
+        return [(number, one) for number, one in self.pending.items() if self.lacking(number)]
 
     def needs_sync(self, number: int) -> bool:
         return any(
@@ -312,27 +342,27 @@ class Served:
 
 
 class Node:
-    """A node of the fleet. `digest` and `rows`: those of its table and of its streams."""
+    """A node of the fleet."""
 
     def __init__(
         self,
         address: int,
         table: Table,
-        digest: bytes,
         epoch: int,
         link: Link,
         chance: random.Random,
         now: float,
-        rows: Mapping[int, bytes] | None = None,
     ) -> None:
         self.address = address
         self.table = table
-        self.digest = digest
+        self.digest = describe.table_digest(table)
         self.epoch = epoch
         self.link = link
         self.handlers: dict[int, Handler] = {}
         self.events: list[Event] = []
-        self._rows = dict(rows or {})
+        self.taken: list[frame.Placed] = []
+        """What of the last frame was neither unreadable nor refused."""
+        self._rows = describe.rows(table)
         self._chance = chance
         self._began_s = now
         self._sent_hello = False
@@ -410,9 +440,13 @@ class Node:
     def handle(self, data: bytes, now: float, addresses: tuple[int, int] | None = None) -> None:
         """Take a frame from the link. `addresses`: destination and source, if the link has them."""
         try:
+            if len(data) > self.link.mtu:
+                raise ReadError("longer than the MTU")
             opened = envelope.unwrap(data, self.link.capabilities, addresses=addresses)
+            if not envelope.is_for(opened, self.address):
+                raise ReadError("for another node, or of this one")
         except ReadError as error:
-            self.events.append(NotRead(0, str(error)))
+            self.events.append(NotRead(0, str(error), data))
             return
         self.handle_opened(opened, now)
 
@@ -423,14 +457,23 @@ class Node:
         self._tick(now)
         peer = self._peer(opened.source)
         peer.in_vain = 0
-        way = Way(self.table, opened.source, opened.destination)
+        way = Way(self.table, opened.source, opened.destination, routes=False)
         judge = _Judge(self, peer, way, now)
         whole = frame.read(opened.records, way, judge)
         self._note_frame(peer, now)
-        for item in whole.items:
-            self._item(item, peer, way, whole.introduction, now)
-        if whole.introduction is None and peer.known.hello is None and whole.items:
-            self._owe_ask(peer, 0, now)
+        if _has_records(whole) and peer.known.hello is not None:
+            epoch = None if whole.introduction is None else whole.introduction.epoch
+            if epoch == peer.known.hello.epoch:
+                self._answer_introduction(peer, now)
+        self.taken.clear()
+        for placed in whole.placed:
+            refused = None
+            if not isinstance(placed.item, agreement.Control):
+                refused = self._item(placed.item, peer, way, whole.introduction, now)
+            if refused is None:
+                self.taken.append(placed)
+            else:
+                self.events.append(NotRead(peer.address, refused, placed.data))
 
     def _item(
         self,
@@ -439,32 +482,48 @@ class Node:
         way: Way,
         introduction: frame.Introduction | None,
         now: float,
-    ) -> None:
+    ) -> str | None:
+        """Take an item of a frame, or return why it is not taken."""
         listed = not self.table.nodes or peer.address in self.table.nodes
         if isinstance(item, Sample):
-            topic = self.table.stream(item.stream)
-            if not isinstance(topic, Topic) or not self._subscribes(topic, peer.address):
-                return
-            if topic.reliable and listed:
-                self._reliable(item, topic, peer, way, now)
-            elif not topic.reliable and self._is_first_copy(item, peer.address):
-                self.events.append(Delivered(peer.address, item))
-        elif isinstance(item, Acknowledgement):
-            if item.node in (None, self.address):
-                self._acknowledged(item, peer, now)
-        elif isinstance(item, Call) and listed:
-            if item.server not in (None, peer.address, self.address):
-                return
-            if item.head.from_server:
-                self._answer(item, peer, now)
-            else:
-                self._request(item, peer, introduction, now)
-        elif isinstance(item, objects.Fragment) and listed:
-            self._refuse_object(item, peer)
-        elif isinstance(item, frame.Unread):
-            self._unread(item, peer, now)
+            return self._sample(item, peer, way, now, listed=listed)
+        if isinstance(item, Acknowledgement):
+            if item.node not in (None, self.address):
+                return None
+            return self._acknowledged(item, peer, now)
+        if isinstance(item, access.Clock | access.Turn | dense.BlockAck):
+            return None
+        if isinstance(item, frame.Unread):
+            self._unread(item, peer, introduction, now)
             if listed and not way.broadcast:
                 self._refuse_request(item, peer, introduction, now)
+            return item.reason
+        if not listed:
+            return "of a node that is not listed"
+        if isinstance(item, Call):
+            if item.server not in (None, peer.address, self.address):
+                return "another server"
+            if item.head.from_server:
+                return self._answer(item, peer, now)
+            return self._request(item, peer, introduction, now)
+        if isinstance(item, objects.Fragment):
+            return self._refuse_object(item, peer)
+        return "nothing that this node takes"
+
+    def _sample(
+        self, item: Sample, peer: Peer, way: Way, now: float, *, listed: bool
+    ) -> str | None:
+        topic = self.table.stream(item.stream)
+        if not isinstance(topic, Topic) or not self._subscribes(topic, peer.address):
+            return "no publisher or no subscriber"
+        if not topic.reliable:
+            if not self._is_first_copy(item, peer.address):
+                return "a copy"
+            self.events.append(Delivered(peer.address, item))
+            return None
+        if not listed:
+            return "of a node that is not listed"
+        return self._reliable(item, topic, peer, way, now)
 
     def _refuse_request(
         self,
@@ -473,9 +532,9 @@ class Node:
         introduction: frame.Introduction | None,
         now: float,
     ) -> None:
-        """Answer a request that cannot be decoded."""
-        differs = item.reason == Verdict.DIFFERS.value
-        if item.reason == Verdict.UNCONFIRMED.value or peer.known.hello is None:
+        """Answer a request that does not decode, though its stream is equal."""
+        refused = item.reason in (Verdict.UNCONFIRMED.value, Verdict.DIFFERS.value)
+        if refused or peer.known.hello is None:
             return
         try:
             cursor = Cursor(item.data)
@@ -487,15 +546,19 @@ class Node:
             return
         if not isinstance(service, Service) or service.server != self.address:
             return
-        if head.kind == calls.REQUEST and (not differs or stream in peer.known.rows):
-            failure = calls.Failure(4 if differs else 3, "")
-            self._request(Call(stream, head, failure), peer, introduction, now)
+        if head.kind == calls.REQUEST:
+            self._request(Call(stream, head, calls.Failure(3, "")), peer, introduction, now)
 
-    def _unread(self, item: frame.Unread, peer: Peer, now: float) -> None:
-        self.events.append(NotRead(peer.address, item.reason))
-        if item.reason == Verdict.UNCONFIRMED.value:
-            if peer.known.hello is None:
-                self._owe_ask(peer, 0, now)
+    def _unread(
+        self,
+        item: frame.Unread,
+        peer: Peer,
+        introduction: frame.Introduction | None,
+        now: float,
+    ) -> None:
+        refused = item.reason in (Verdict.UNCONFIRMED.value, Verdict.DIFFERS.value)
+        if refused and (introduction is None or peer.known.hello is None):
+            self._owe_ask(peer, 0, now)
         elif item.reason == Verdict.DIFFERS.value:
             try:
                 stream = record.stream_of(item.data)
@@ -504,22 +567,23 @@ class Node:
             if stream not in peer.known.rows:
                 self._owe_ask(peer, stream, now)
 
-    def _refuse_object(self, fragment: objects.Fragment, peer: Peer) -> None:
+    def _refuse_object(self, fragment: objects.Fragment, peer: Peer) -> str | None:
         """Refuse an object of a subscribed topic, so that its publisher goes on without it."""
         if fragment.index == objects.NO_FRAGMENT:
-            return
+            return None
         if fragment.index == 0:
             peer.refused.discard(fragment.number)
             try:
                 topic = self.table.stream(objects.read_manifest(fragment.data).stream)
-            except ReadError:
-                return
+            except ReadError as error:
+                return str(error)
             if isinstance(topic, Topic) and self._subscribes(topic, peer.address):
                 peer.refused.add(fragment.number)
         if fragment.number in peer.refused and fragment.hint == 0:
             feedback = objects.Feedback(fragment.number, objects.REFUSED, reason=_TOO_LARGE)
             if (peer.address, feedback) not in self._feedback:
                 self._feedback.append((peer.address, feedback))
+        return "an object"
 
     def _subscribes(self, topic: Topic, source: int) -> bool:
         if topic.publishers and source not in topic.publishers:
@@ -598,7 +662,11 @@ class Node:
                 peer.confirm_not_before_s = peer.ask_not_before_s = now
         if after is None:
             self._owe_ask(peer, 0, now)
-        elif peer.differs:
+        elif after != before:
+            self._answer_introduction(peer, now)
+
+    def _answer_introduction(self, peer: Peer, now: float) -> None:
+        if peer.differs:
             self._owe_hello(peer, now, requested=False)
         else:
             self._owe_confirm(peer, now)
@@ -697,7 +765,9 @@ class Node:
 
     # Reliable topics: the receiver
 
-    def _reliable(self, sample: Sample, topic: Topic, peer: Peer, way: Way, now: float) -> None:
+    def _reliable(
+        self, sample: Sample, topic: Topic, peer: Peer, way: Way, now: float
+    ) -> str | None:
         key = (peer.address, (sample.stream, sample.wildcards))
         reception = self._receptions.setdefault(key, Reception())
         sync = sample.sync
@@ -707,7 +777,7 @@ class Node:
         if sync is not None and sync.lineage != reception.lineage:
             if sync.lineage in reception.ended or self._is_former(reception, sync.lineage):
                 self._owe_ack(reception, topic, way, now, again=True)
-                return
+                return "a former lineage"
             if reception.lineage is not None:
                 self._deliver_all(reception, peer.address)
                 reception.ended.append(reception.lineage)
@@ -716,7 +786,7 @@ class Node:
         if reception.lineage is None:
             reception.asks_lineage = True
             self._owe_ack(reception, topic, way, now, again=True)
-            return
+            return "the lineage is not known"
         if sync is not None:
             ahead = (sync.number - reception.awaited) % _MODULUS
             if ahead < _MODULUS // 2:
@@ -731,6 +801,7 @@ class Node:
         else:
             known_before = True
         self._owe_ack(reception, topic, way, now, again=known_before or sync is not None)
+        return "repeated" if known_before else None
 
     @staticmethod
     def _is_former(reception: Reception, lineage: int) -> bool:
@@ -782,32 +853,33 @@ class Node:
         stream = publication.topic.id
         self.events.append(Ended(stream, publication.wildcards, number, delivered))
 
-    def _acknowledged(self, ack: Acknowledgement, peer: Peer, now: float) -> None:
+    def _acknowledged(self, ack: Acknowledgement, peer: Peer, now: float) -> str | None:
         publication = self._publications.get((ack.stream, ack.wildcards))
         if publication is None or peer.address not in publication.receivers:
-            return
+            return "nothing was published"
         receiver = publication.receivers[peer.address]
         if not ack.holding.knows_lineage:
             receiver.lose()
             for pending in publication.pending.values():
                 pending.again.due_s = now
-            return
+            return None
         if ack.sync is not None:
             if ack.sync.lineage != self.epoch or ack.sync.number > publication.next_number:
-                return
+                return "another lineage"
             awaited = ack.sync.number
             self._count_sync(receiver, now)
         elif receiver.in_sync:
             awaited = reliable.whole_awaited(ack.holding.awaited, receiver.awaited)
         else:
-            return
+            return "not in sync"
         if not 0 <= awaited <= publication.next_number:
-            return
+            return "not published"
         receiver.awaited = max(receiver.awaited, awaited)
         receiver.held = {one for one in ack.holding.numbers(awaited) if one >= receiver.awaited}
-        for number in [one for one in publication.pending if not publication.lacking(one)]:
+        for number in [one for one in publication.pending if publication.is_acknowledged(one)]:
             self._end(publication, number, delivered=True)
         self._admit(publication, now)
+        return None
 
     def _count_sync(self, receiver: Receiver, now: float) -> None:
         """Count acknowledgements with SYNC: two, a settling time apart, bring it in sync."""
@@ -831,10 +903,10 @@ class Node:
             client.begun += 1
             client.active[request.index] = request
 
-    def _answer(self, item: Call, peer: Peer, now: float) -> None:
+    def _answer(self, item: Call, peer: Peer, now: float) -> str | None:
         client = self._clients.get(item.stream)
         if client is None:
-            return
+            return "nothing was called"
         request = next(
             (one for one in client.active.values() if one.number == item.head.number), None
         )
@@ -846,28 +918,26 @@ class Node:
             if request is not None and item.head.kind != calls.CONFIRM:
                 request.again.due_s = now
                 request.confirmed = False
-            return
+            return "not known to be of this epoch"
         if item.head.kind != calls.CONFIRM:
             head = calls.Head(calls.CONFIRM, item.head.number, from_server=False)
             confirm = (peer.address, Call(item.stream, head, None, item.server))
             if confirm not in self._confirms:
                 self._confirms.append(confirm)
         if request is None or request.server != peer.address or request.last_sent_s is None:
-            return
+            return "no such call"
         if client.closed >= request.index - 48:
             client.closed = max(client.closed, request.index - _CALL_WINDOW + 1)
         if item.head.kind == calls.CONFIRM:
             request.confirmed = True
-            return
+            return None
         if item.payload is not None:
             self._finish(client, request, item.payload)
         self._begin_calls(client, now)
+        return None
 
     def _fail_calls(self, peer: Peer, stream: int) -> None:
-        """End the calls of a stream that the server defines differently.
-
-        Its failure 4 says the same, but section 8 lets nobody decode a record of such a stream.
-        """
+        """End the calls of a stream that the server defines differently."""
         client = self._clients.get(stream, Client())
         for request in [*client.active.values()]:
             if request.server == peer.address:
@@ -883,32 +953,34 @@ class Node:
 
     def _request(
         self, item: Call, peer: Peer, introduction: frame.Introduction | None, now: float
-    ) -> None:
+    ) -> str | None:
         service = self.table.stream(item.stream)
         epoch = peer.epoch()
         if not isinstance(service, Service) or epoch is None:
-            return
+            return "no client is known"
+        if service.server not in (None, self.address):
+            return "another server"
         name = (peer.address, epoch, item.stream, item.head.number)
         served = self._served.get(name)
         if item.head.kind == calls.CONFIRM:
             if served is not None:
                 served.done = True
-            return
+            return None
         if served is not None:
             served.named = introduction is not None
             served.done = False
             served.again.due_s = now
             if served.answer is None:
                 self._confirm_request(served)
-            return
+            return "repeated"
         if epoch in peer.epochs and epoch != peer.epochs[-1]:
-            return
+            return "a former epoch"
         ours = [one for one in self._served if one[:3] == name[:3]]
         for one in ours:
             if 16 <= (item.head.number - one[3]) % _NUMBERS <= 48:
                 del self._served[one]
         if len(ours) >= _CALLS_KEPT:
-            return
+            return "too many calls"
         answer = self._execute(item)
         served = self._served[name] = Served(
             peer.address,
@@ -924,6 +996,7 @@ class Node:
             self._confirm_request(served)
             if item.payload is not None and not isinstance(item.payload, calls.Failure):
                 self.events.append(Requested(*name, item.payload))
+        return None
 
     def _confirm_request(self, served: Served) -> None:
         epoch = served.epoch & 63 if served.named else None
@@ -937,6 +1010,8 @@ class Node:
         if isinstance(item.payload, calls.Failure):
             return item.payload
         handler = self.handlers.get(item.stream)
+        if handler is None and self.table.stream(item.stream) is COMMANDS:
+            return calls.Failure(1, "no commands")
         if handler is None or item.payload is None:
             return calls.Failure(2, "")
         try:
@@ -994,7 +1069,7 @@ class Node:
         for served in self._answers():
             yield served.client, served.again.due_s, 1
         for publication in self._publications.values():
-            for number, pending in publication.pending.items():
+            for number, pending in publication.wanted():
                 yield self._destination(publication, number), pending.again.due_s, 2
         if self._samples:
             yield BROADCAST, 0.0, 3
@@ -1061,6 +1136,12 @@ class Node:
         peer = self._peers[destination]
         wanted = peer.hello is not None and peer.hello.allowed_s <= now
         wanted = wanted or peer.in_vain > _PATIENCE
+        built_in = self._built_in(destination, now)
+        if built_in:
+            self._sent_hello = True
+            equal = peer.known.hello is not None and not peer.differs
+            rows = [] if equal else [Row(self.epoch, one, self._rows[one]) for one in built_in]
+            return [hello, *rows]
         if peer.state == Agreement.CONFIRMED and not wanted:
             return []
         if peer.state == Agreement.PROVISIONAL and not wanted:
@@ -1072,6 +1153,18 @@ class Node:
             self._lengthen(peer, now)
         self._sent_hello = True
         return [hello]
+
+    def _built_in(self, node: int, now: float) -> list[int]:
+        """Return the streams of every table of which a request or an answer is due."""
+        due = [
+            one.stream for one in self._requests() if one.server == node and one.again.due_s <= now
+        ]
+        due += [
+            one.service.id
+            for one in self._answers()
+            if one.client == node and one.again.due_s <= now
+        ]
+        return sorted({one for one in due if self.table.stream(one) in EVERYWHERE})
 
     def _broadcast_introduction(self, hello: Hello) -> list[agreement.Control]:
         others = [node for node in self.table.nodes if node != self.address]
@@ -1115,7 +1208,7 @@ class Node:
 
     def _fill_broadcast(self, filling: "_Filling", now: float) -> None:
         for publication in self._publications.values():
-            for number, pending in publication.pending.items():
+            for number, pending in publication.wanted():
                 everyone = self._destination(publication, number) == BROADCAST
                 if everyone and pending.again.due_s <= now:
                     self._put_sample(publication, number, pending, filling, now)
@@ -1158,7 +1251,7 @@ class Node:
                 if filling.record(Call(served.service.id, head, served.answer, server), self.table):
                     self._repeat(served.again, now)
         for publication in self._publications.values():
-            for number, pending in publication.pending.items():
+            for number, pending in publication.wanted():
                 alone = self._destination(publication, number) == destination
                 if alone and pending.again.due_s <= now:
                     self._put_sample(publication, number, pending, filling, now)
@@ -1202,6 +1295,11 @@ class Node:
 
     def _written(self, one: record.Record) -> bytes:
         return compose.write(one, self.table)
+
+
+def _has_records(whole: frame.Frame) -> bool:
+    records = (Sample, Acknowledgement, Call, Goal, frame.Unread)
+    return any(isinstance(one, records) for one in whole.items)
 
 
 class _Judge:

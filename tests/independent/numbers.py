@@ -1,7 +1,7 @@
 """Steps, ranges and floats of fields, for both codecs (section 7). Written from docs/wire.md alone.
 
-Guesses, where the page is silent: the bounds of a range are counted in steps like any other value,
-to the nearest one; a multiple beyond the range stands for the end of it; halves go to the even one.
+A multiple beyond the range stands for the end of it. Ties go to the even one; of an integer field,
+to the greater.
 """
 
 import math
@@ -61,7 +61,7 @@ class Grid:
 
     def multiple(self, value: float) -> int:
         """Return the nearest multiple to the value; a field that wraps folds it."""
-        nearest = round(exact(value) / self.step)
+        nearest = _nearest(self.field, exact(value) / self.step)
         if self.field.wraps and self.least is not None and self.greatest is not None:
             return (nearest - self.least) % self.count + self.least
         return nearest
@@ -78,10 +78,14 @@ def grid(field: Field) -> Grid | None:
         bounds = INTEGERS[field.type]
     if bounds is None:
         return Grid(field, step, None, None)
-    least, greatest = (round(exact(bound) / step) for bound in bounds)
-    if field.wraps:
+    least, greatest = (_nearest(field, exact(bound) / step) for bound in bounds)
+    if field.wraps and greatest * step >= exact(bounds[1]):
         greatest -= 1
     return Grid(field, step, least, greatest)
+
+
+def _nearest(field: Field, quotient: Fraction) -> int:
+    return math.floor(quotient + Fraction(1, 2)) if field.type in INTEGERS else round(quotient)
 
 
 def as_float(number: Fraction, field: Field) -> float:

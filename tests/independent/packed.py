@@ -30,6 +30,56 @@ def read(types: Types, name: str, cursor: Cursor) -> Value:
     return value
 
 
+def skip(types: Types, name: str, cursor: Cursor) -> None:
+    """Go to the end of the fields, whatever they say: by lengths within their bounds."""
+    _skip_fields(types, name, Bits(cursor))
+
+
+def _skip_fields(types: Types, name: str, bits: Bits) -> None:
+    for field in types[name]:
+        if field.optional and not bits.take(1):
+            continue
+        count = 1
+        if field.is_array:
+            count = field.length if field.length is not None else _length(field, bits)
+        for _ in range(count):
+            _skip_one(types, field, bits)
+
+
+def _skip_one(types: Types, field: Field, bits: Bits) -> None:
+    if field.type == "string":
+        size = 7 if bits.take(1) else 8
+        _skip_bits(size * _length(field, bits), bits)
+    elif field.type == "bytes":
+        _skip_bits(8 * _length(field, bits), bits)
+    elif field.type in ("bool", "enum"):
+        bits.take(1 if field.type == "bool" else width(len(field.values)))
+    elif field.type in INTEGERS or field.type in ("float32", "float64"):
+        _skip_number(field, bits)
+    else:
+        _skip_fields(types, field.type, bits)
+
+
+def _skip_number(field: Field, bits: Bits) -> None:
+    grid = numbers.grid(field)
+    full = 32 if field.type == "float32" else 64
+    if field.type in INTEGERS:
+        least, greatest = INTEGERS[field.type]
+        full = width(greatest - least + 1)
+    if grid is None:
+        bits.take(full)
+    elif grid.least is None:
+        bits.take(bits.take(6))
+    elif bits.take(width(grid.count + field.escapes)) == grid.count and field.escapes:
+        bits.take(full)
+
+
+def _skip_bits(count: int, bits: Bits) -> None:
+    if count > bits.left:
+        raise ReadError("too long")
+    bits.take(count)
+
+
 def write(types: Types, name: str, value: Mapping[str, Any]) -> bytes:
     """Return the fields of a type as bits."""
     writer = BitWriter()

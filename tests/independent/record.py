@@ -10,7 +10,7 @@ from typing import Any
 from tests.independent import calls, cborpos, encodings, goals, packed, reliable
 from tests.independent.cursor import Cursor
 from tests.independent.envelope import BROADCAST
-from tests.independent.errors import ReadError
+from tests.independent.errors import EndedError, ReadError
 from tests.independent.table import KEYS, Action, Service, Table, Topic
 
 DELETE, ENCODING = 0xB3, 0xB4
@@ -21,11 +21,15 @@ _KEYS_REQUEST = 41
 
 @dataclass(frozen=True)
 class Way:
-    """Between whom a frame goes, and the table by which its records are read."""
+    """Between whom a frame goes, and the table by which its records are read.
+
+    `routes`: whether the link has routes or bonds.
+    """
 
     table: Table
     source: int
     destination: int
+    routes: bool = True
 
     @property
     def broadcast(self) -> bool:
@@ -86,55 +90,65 @@ class Goal:
 Record = Sample | Acknowledgement | Call | Goal
 
 
+@dataclass(frozen=True)
+class _Before:
+    """What stands before a content. `node`: of an ACK; None: for the destination of its frame."""
+
+    stream: int
+    sync: reliable.Sync | None
+    node: int | None
+    encoding: str | None
+    deletes: bool
+    acknowledges: bool
+
+
 def is_acknowledgement(data: bytes) -> bool:
     """Tell whether a record is an ACK."""
-    place = 6 if data[:1] == bytes((reliable.SYNC,)) else 0
-    return data[place : place + 1] == bytes((reliable.ACK,))
+    try:
+        return _prefixes(Cursor(data)).acknowledges
+    except ReadError:
+        return False
 
 
 def stream_of(data: bytes) -> int:
     """Return the stream of a record, without reading its content."""
-    return _prefixes(Cursor(data))[-1]
+    return _prefixes(Cursor(data)).stream
 
 
 def read(cursor: Cursor, way: Way) -> Record:
     """Take a record. If its payload shows no end, it takes all that is there."""
-    sync, node, deletes, encoding, stream_id = _prefixes(cursor, way)
-    stream = way.table.stream(stream_id)
-    if node is not None:
-        return _acknowledgement(cursor, stream, sync, node or None)
+    before = _prefixes(cursor, way)
+    stream = way.table.stream(before.stream)
+    if before.acknowledges:
+        return _acknowledgement(cursor, stream, before)
     if isinstance(stream, Topic):
-        return _sample(cursor, way.table, stream, sync, encoding, deletes=deletes)
-    if sync is not None or deletes or encoding is not None:
+        return _sample(cursor, way.table, stream, before)
+    if before.sync is not None or before.deletes or before.encoding is not None:
         raise ReadError("only samples have prefixes")
     if isinstance(stream, Service):
         return _call(cursor, way, stream)
     return _goal(cursor, way, stream)
 
 
-def _prefixes(
-    cursor: Cursor, way: Way | None = None
-) -> tuple[reliable.Sync | None, int | None, bool, str | None, int]:
-    """Take what stands before a content: SYNC, ACK (0: to the destination), DELETE, ENCODING."""
+def _prefixes(cursor: Cursor, way: Way | None = None) -> _Before:
+    """Take what stands before a content, in any order; of each prefix the last one counts."""
     sync = node = encoding = None
-    deletes = False
-    code = cursor.number(1)
-    if code == reliable.SYNC:
-        sync = reliable.read_sync(cursor)
+    deletes = acknowledges = False
+    while True:
         code = cursor.number(1)
-    if code == reliable.ACK:
-        node = cursor.number(1) if way is not None and way.broadcast else 0
-        code = cursor.number(1)
-    else:
-        if code == DELETE:
+        if code == reliable.SYNC:
+            sync = reliable.read_sync(cursor)
+        elif code == reliable.ACK:
+            acknowledges = True
+            node = cursor.number(1) if way is not None and way.broadcast else None
+        elif code == DELETE:
             deletes = True
-            code = cursor.number(1)
-        if code == ENCODING:
+        elif code == ENCODING:
             encoding = encodings.read(cursor)
-            code = cursor.number(1)
-    if not 1 <= code <= LAST_STREAM:
-        raise ReadError("no stream")
-    return sync, node, deletes, encoding, code
+        elif 1 <= code <= LAST_STREAM:
+            return _Before(code, sync, node, encoding, deletes, acknowledges)
+        else:
+            raise ReadError("no stream")
 
 
 def _wildcards(cursor: Cursor, stream: Topic) -> tuple[str, ...]:
@@ -147,68 +161,48 @@ def _wildcards(cursor: Cursor, stream: Topic) -> tuple[str, ...]:
     return tuple(values)
 
 
-def _acknowledgement(
-    cursor: Cursor, stream: object, sync: reliable.Sync | None, node: int | None
-) -> Acknowledgement:
-    if not isinstance(stream, Topic) or not stream.reliable:
-        raise ReadError("no reliable topic")
-    wildcards = _wildcards(cursor, stream)
+def _acknowledgement(cursor: Cursor, stream: object, before: _Before) -> Acknowledgement:
+    wildcards = _wildcards(cursor, stream) if isinstance(stream, Topic) else ()
     holding = reliable.read_holding(cursor)
-    if sync is not None and sync.number & 127 != holding.awaited:
-        raise ReadError("SYNC and ACK await different numbers")
-    return Acknowledgement(node, stream.id, wildcards, holding, sync)
+    if not isinstance(stream, Topic) or not stream.reliable:
+        raise EndedError("no reliable topic")
+    return Acknowledgement(before.node, stream.id, wildcards, holding, before.sync)
 
 
-def _sample(
-    cursor: Cursor,
-    table: Table,
-    topic: Topic,
-    sync: reliable.Sync | None,
-    encoding: str | None,
-    *,
-    deletes: bool,
-) -> Sample:
+def _sample(cursor: Cursor, table: Table, topic: Topic, before: _Before) -> Sample:
     wildcards = _wildcards(cursor, topic)
     number = None
     in_rhythm = False
     if topic.reliable:
         byte = cursor.number(1)
         number, in_rhythm = byte & 127, bool(byte & reliable.RHYTHM)
-    age_s = read_age(cursor) if topic.aged and not deletes else None
-    payload = None
-    if not deletes:
-        payload = _topic_payload(cursor, table, topic, encoding)
-    return Sample(topic.id, wildcards, payload, encoding, number, in_rhythm, age_s, sync)
+    age_s = payload = None
+    if not before.deletes:
+        age_s = read_age(cursor) if topic.aged else None
+        payload = _payload(cursor, table, topic.type, topic.codec)
+    return Sample(
+        topic.id, wildcards, payload, before.encoding, number, in_rhythm, age_s, before.sync
+    )
 
 
-def _topic_payload(cursor: Cursor, table: Table, topic: Topic, encoding: str | None) -> Payload:
-    if topic.type is None:
-        raw = cursor.rest()
-        return raw if topic.codec == "cbor" else packed.read_bytes(raw)
-    if encoding is not None:
-        return cursor.rest()  # A guess: a payload in another encoding is not of the type.
-    if topic.codec == "cbor":
-        return cborpos.read(table.all_types, topic.type, cursor)
-    return packed.read(table.all_types, topic.type, cursor)
-
-
-def _payload(cursor: Cursor, table: Table, name: str | None) -> Payload:
+def _payload(cursor: Cursor, table: Table, name: str | None, codec: str = "cbor") -> Payload:
+    """Take a payload. One that is not allowed has an end, if that can be told."""
     if name is None:
-        return cursor.rest()
-    return cborpos.read(table.all_types, name, cursor)
-
-
-def _from_server(way: Way, server: int) -> bool:
-    if way.source == server:
-        return True
-    if way.destination == server:
-        return False
-    raise ReadError("neither from the server nor to it")
+        raw = cursor.rest()
+        return raw if codec == "cbor" else packed.read_bytes(raw)
+    read, skip = (cborpos.read, cborpos.skip) if codec == "cbor" else (packed.read, packed.skip)
+    ahead = Cursor(cursor.data, cursor.position)
+    try:
+        return read(table.all_types, name, cursor)
+    except ReadError as error:
+        skip(table.all_types, name, ahead)
+        cursor.position = ahead.position
+        raise EndedError(str(error)) from error
 
 
 def _call(cursor: Cursor, way: Way, service: Service) -> Call:
     server = cursor.number(1) if service.server is None else None
-    from_server = _from_server(way, service.server or server or 0)
+    from_server = way.source == (service.server or server)
     if from_server and way.broadcast:
         raise ReadError("an answer goes to its client")
     head = calls.read_head(cursor, from_server=from_server)
@@ -218,33 +212,40 @@ def _call(cursor: Cursor, way: Way, service: Service) -> Call:
         return Call(service.id, head, calls.read_failure(cursor), server)
     age_s = read_age(cursor) if service.aged else None
     name = service.response if from_server else service.request
-    payload = _payload(cursor, way.table, name)
+    payload = _payload(cursor, way.table, name, service.codec)
     if service is KEYS and not from_server and len(payload) != _KEYS_REQUEST:
         raise ReadError("a request of keys has 41 bytes")
     return Call(service.id, head, payload, server, age_s)
 
 
 def _goal(cursor: Cursor, way: Way, action: Action) -> Goal:
-    from_server = _from_server(way, action.server)
+    from_server = way.source == action.server
     if from_server and way.broadcast:
         raise ReadError("a goal's records go to its client")
     head = goals.read_head(cursor, from_server=from_server)
     name = head.operation
     if name == "GOAL":
-        return Goal(action.id, head, _payload(cursor, way.table, action.goal))
+        return Goal(action.id, head, _payload(cursor, way.table, action.goal, action.codec))
     if name == "SUCCEEDED":
-        return Goal(action.id, head, _payload(cursor, way.table, action.result), status=4)
+        return Goal(
+            action.id, head, _payload(cursor, way.table, action.result, action.codec), status=4
+        )
     if name == "FEEDBACK":
-        return Goal(action.id, head, _payload(cursor, way.table, action.feedback))
+        return Goal(action.id, head, _payload(cursor, way.table, action.feedback, action.codec))
     if name == "REFUSED":
         return Goal(action.id, head, goals.read_refusal(cursor))
     if name == "CANCEL AGAIN":
         return Goal(action.id, head, attempt=cursor.number(1))
     if name == "RESULT":
-        status = goals.read_status(cursor)
+        status = cursor.number(1)
+        if not goals.is_listed(status):
+            cursor.rest()  # It ends the goal with failure 5.
+            return Goal(action.id, head, status=status)
         if not goals.has_result(status):
             return Goal(action.id, head, status=status)
-        return Goal(action.id, head, _payload(cursor, way.table, action.result), status=status)
+        return Goal(
+            action.id, head, _payload(cursor, way.table, action.result, action.codec), status=status
+        )
     return Goal(action.id, head)
 
 
@@ -255,7 +256,7 @@ def read_age(cursor: Cursor) -> float:
         return code / 10
     if code == 255:
         return float("inf")
-    return float(10 * 360 ** ((code - 100) / 154))
+    return round(float(10 * 360 ** ((code - 100) / 154)), 3)
 
 
 def write_age(age_s: float) -> int:

@@ -9,6 +9,7 @@ SYNC, ACK = 0xB8, 0xB9
 RHYTHM = 0x80
 _MORE = 0x80
 _MOST_BYTES = 5
+_FARTHEST = 31
 _BITS = 7
 
 
@@ -71,6 +72,8 @@ def read_holding(cursor: Cursor) -> Holding:
         return Holding(0, (), knows_lineage=False)
     if not byte:
         raise ReadError("a byte that says nothing")
+    if bits >> _FARTHEST:
+        raise ReadError("no number so far ahead is in use")
     beyond = tuple(bit + 1 for bit in range(bits.bit_length()) if bits >> bit & 1)
     return Holding(first & 127, beyond)
 

@@ -2,7 +2,9 @@
 
 import hashlib
 import hmac
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
@@ -23,6 +25,11 @@ class FleetKey:
     network: str
     generation: int
     secret: bytes
+
+    @classmethod
+    def of_plain(cls, plain: Mapping[str, Any]) -> "FleetKey":
+        """Read a key as the vectors spell it."""
+        return cls(plain["network"], plain["generation"], bytes.fromhex(plain["secret"]))
 
     def of(self, source: int) -> bytes:
         """Return the key of a source."""
@@ -169,3 +176,80 @@ class Window:
         self._opened.add(counter)
         self.highest = max(counter, self.highest or 0)
         self._opened = {one for one in self._opened if one > self.highest - self.SIZE}
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A sealed frame that a receiver has opened. `digest`: what it was opened with."""
+
+    records: bytes
+    life: int
+    counter: int
+    strong: bool
+    digest: bytes
+
+
+@dataclass
+class _Source:
+    """What a receiver knows of a source."""
+
+    life: int | None = None
+    digest: bytes = NO_TABLE
+    windows: dict[tuple[int, int, bool], Window] = field(default_factory=dict)
+
+
+class Receiver:
+    """Opens what is for a node and for all, each frame once, in the mode *encrypt*."""
+
+    def __init__(self, node: int, key: FleetKey, digest: bytes) -> None:
+        self._node = node
+        self._key = key
+        self._digest = digest
+        self._sources: dict[int, _Source] = {}
+
+    def announced(self, source: int, digest: bytes) -> None:
+        """Take the digest of a HELLO of a source."""
+        self._sources.setdefault(source, _Source()).digest = digest
+
+    def open(self, frame: bytes, source: int, destination: int, port: int = 0) -> Opening:
+        """Open a frame, or refuse it."""
+        if destination not in (self._node, 255):
+            raise ReadError("for another node")
+        head, _ = read_head(frame)
+        known = self._sources.setdefault(source, _Source())
+        life = known.life if head.life is None else head.life
+        if life is None:
+            raise ReadError("no long head was heard")
+        if known.life is not None and life < known.life:
+            raise ReadError("a former life")
+        place = (destination, port, head.strong)
+        window = known.windows.get(place, Window()) if life == known.life else Window()
+        counters = (head.counter,) if head.life is not None else window.candidates(head.counter)
+        opening = self._try(frame, Way(source, destination, port), head, life, counters, known)
+        window.take(opening.counter)
+        if life != known.life:
+            known.life = life
+            known.windows.clear()
+        known.windows[place] = window
+        return opening
+
+    def _try(
+        self,
+        frame: bytes,
+        way: Way,
+        head: Head,
+        life: int,
+        counters: tuple[int, ...],
+        known: _Source,
+    ) -> Opening:
+        digests = dict.fromkeys((self._digest, known.digest, NO_TABLE))
+        for counter in counters:
+            for digest in digests:
+                try:
+                    records = open_frame(
+                        frame, way, self._key, life=life, counter=counter, digest=digest
+                    )
+                except ReadError:
+                    continue
+                return Opening(records, life, counter, head.strong, digest)
+        raise ReadError("no counter and no digest fits the tag")

@@ -3,8 +3,6 @@
 The page says what a table holds, not how it is written: these classes are this reader's own.
 """
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -69,7 +67,7 @@ class Topic:
     publishers: tuple[int, ...] = ()
     subscribers: tuple[int, ...] = ()
     on_demand: bool = False
-    encoding: str = "zenoh/bytes"
+    encoding: str | None = None
 
 
 @dataclass(frozen=True)
@@ -83,6 +81,8 @@ class Service:
     response: str | None = None
     timeout_s: float = 30.0
     aged: bool = False
+    codec: str = "cbor"
+    encoding: str | None = None
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,10 @@ class Action:
     goal: str | None = None
     result: str | None = None
     feedback: str | None = None
+    timeout_s: float = 60.0
+    result_timeout_s: float = 3600.0
+    codec: str = "cbor"
+    encoding: str | None = None
 
 
 Stream = Topic | Service | Action
@@ -109,9 +113,10 @@ PRIORITIES = (
     "background",
 )
 
+_YEAR_S = 31_622_400
 _STATE = (
     Field("on", "bool", optional=True),
-    Field("min_interval_s", "float64", step=0.01, optional=True),
+    Field("min_interval_s", "float64", range=(0, 86400), step=0.01, optional=True),
     Field("priority", "enum", values=PRIORITIES, optional=True),
 )
 
@@ -119,7 +124,7 @@ SYSTEM_TYPES: Types = {
     "command": (
         Field("serial", "uint16"),
         Field("order", "enum", values=("ask", "silence", "resume", "tune", "reset")),
-        Field("for_s", "float64", step=0.1, optional=True),
+        Field("for_s", "float64", range=(0, _YEAR_S), step=0.1, optional=True),
         Field("stream", "uint8", optional=True),
         *_STATE,
         Field("heard", "uint16", optional=True),
@@ -127,10 +132,9 @@ SYSTEM_TYPES: Types = {
     "command answer": (
         Field("silent", "bool"),
         Field("ordered", "bool"),
-        Field("left_s", "float64", step=0.1, optional=True),
+        Field("left_s", "float64", range=(0, _YEAR_S), step=0.1, optional=True),
         *_STATE,
     ),
-    "nothing": (),
     "status": (
         Field("journal", "enum", values=("none", "kept", "doubted", "failing")),
         Field("starts", "uint16"),
@@ -142,9 +146,11 @@ SYSTEM_TYPES: Types = {
 }
 """Section 5, Remote commands and Status."""
 
-COMMANDS = Service(0xAF, "commands", None, "command", "command answer", 600, aged=True)
-STATUS = Service(0xAE, "status", None, "nothing", "status", 60, aged=True)
-KEYS = Service(0xAD, "keys", None, None, "nothing", 600)
+COMMANDS = Service(0xAF, "orders", None, "command", "command answer", 600, aged=True)
+STATUS = Service(0xAE, "status", None, None, "status", 60, aged=True)
+KEYS = Service(0xAD, "keys", None, None, None, 600)
+EVERYWHERE = (KEYS, STATUS, COMMANDS)
+"""The streams that every table has, unless it gives their ids to others."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +165,7 @@ class Table:
         known = self.streams.get(stream_id)
         if known is not None:
             return known
-        for system in (COMMANDS, STATUS, KEYS):
+        for system in EVERYWHERE:
             if system.id == stream_id:
                 return system
         raise ReadError(f"no stream {stream_id:#04x}")
@@ -175,18 +181,8 @@ class Table:
         return {**SYSTEM_TYPES, **self.types}
 
 
-def table_digest(nodes: Mapping[int, str], rows: Mapping[int, bytes]) -> bytes:
-    """Return the digest of a table whose streams have these digests.
-
-    The form of the list of nodes is a guess that the vector `digest_of_table` confirms.
-    """
-    listed = json.dumps([[node, nodes[node]] for node in sorted(nodes)], separators=(",", ":"))
-    counted = b"".join(rows[row] for row in sorted(rows) if row not in (0xAD, 0xAE, 0xAF))
-    return hashlib.sha256(listed.encode() + counted).digest()[:4]
-
-
 def field_of(plain: Mapping[str, Any]) -> Field:
-    """Read a field as the vectors of payloads spell it."""
+    """Read a field as the vectors spell it."""
     bounds = plain.get("range")
     return Field(
         name=plain["name"],
@@ -203,5 +199,44 @@ def field_of(plain: Mapping[str, Any]) -> Field:
 
 
 def types_of(plain: list[Mapping[str, Any]]) -> Types:
-    """Read types as the vectors of payloads spell them."""
+    """Read types as the vectors spell them."""
     return {one["name"]: tuple(field_of(each) for each in one["fields"]) for one in plain}
+
+
+def stream_of(plain: Mapping[str, Any]) -> Stream:
+    """Read a stream as `tables.json` spells it."""
+    number, name, codec = plain["id"], plain["name"], plain["codec"]
+    aged, encoding = plain["stamp"] == "age", plain["encoding"]
+    if plain["kind"] == "topic":
+        return Topic(
+            number,
+            name,
+            plain["type"],
+            codec,
+            tuple(Wildcard(one["name"], tuple(one["values"])) for one in plain["wildcards"]),
+            plain["reliability"] == "reliable",
+            plain["depth"],
+            aged,
+            tuple(plain["publishers"] or ()),
+            tuple(plain["subscribers"] or ()),
+            plain["forward"] == "on_demand",
+            encoding,
+        )
+    server, timeout_s = plain["server"], plain["timeout_s"]
+    if plain["kind"] == "service":
+        every = server == "every node"
+        types = plain["request"], plain["response"]
+        return Service(
+            number, name, None if every else server, *types, timeout_s, aged, codec, encoding
+        )
+    kinds = plain["goal"], plain["result"], plain["feedback"]
+    return Action(
+        number, name, server, *kinds, timeout_s, plain["result_timeout_s"], codec, encoding
+    )
+
+
+def table_of(plain: Mapping[str, Any]) -> Table:
+    """Read a table as `tables.json` spells it."""
+    streams = [stream_of(one) for one in plain["streams"]]
+    nodes = {int(address): name for address, name in plain["nodes"].items()}
+    return Table({one.id: one for one in streams}, types_of(plain["types"]), nodes)

@@ -6,15 +6,14 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from tests.independent import calls, envelope, fleet, objects
+from tests.independent import calls, describe, envelope, fleet, objects
 from tests.independent.minimal import Answered, Delivered, Link, Node, NotRead, Requested
 from tests.independent.record import Payload
-from tests.independent.table import Service, Table, Topic
+from tests.independent.table import Service, Stream, Table, Topic
 
 UNIT_S = 1.0
 LINK = Link(mtu=64, unit_s=UNIT_S, linger_s=0.1, turn_s=0.2)
-DIGEST = bytes.fromhex("200b2be1")
-ROWS = {stream: bytes((stream,)) * 4 for stream in (10, 11, 12, 13, 20, 30, 31)}
+DIGEST = describe.table_digest(fleet.TABLE)
 
 
 @dataclass
@@ -67,9 +66,13 @@ class Channel:
             self.nodes[other].handle(data, self.now)
 
 
-def _node(address: int, epoch: int, table: Table = fleet.TABLE, digest: bytes = DIGEST) -> Node:
+def _node(address: int, epoch: int, table: Table = fleet.TABLE) -> Node:
     chance = random.Random(100 * address + epoch)
-    return Node(address, table, digest, epoch, LINK, chance, 0.0, ROWS)
+    return Node(address, table, epoch, LINK, chance, 0.0)
+
+
+def _with(stream: Stream) -> Table:
+    return Table({**fleet.TABLE.streams, stream.id: stream}, fleet.TABLE.types, fleet.NODES)
 
 
 def _channel(seed: int = 0, loss: float = 0.0, repeats: float = 0.0) -> Channel:
@@ -86,7 +89,7 @@ def _payloads(node: Node, stream: int) -> list[Payload | None]:
 
 
 def test_the_first_frame_is_as_the_vector_says() -> None:
-    node = _node(2, 1)
+    node = _node(2, 1, fleet.BASE)
     node.publish(10, fleet.NAV_VALUE, 0.0)
     node.publish(11, b"raw", 0.0)
     opened = node.poll_opened(0.0)
@@ -212,7 +215,7 @@ def test_the_status_of_a_node_by_a_call() -> None:
         "schedule": 0,
     }
     channel.nodes[2].handlers[0xAE] = lambda _: status
-    channel.nodes[1].call(0xAE, {}, 0.0, server=2)
+    channel.nodes[1].call(0xAE, b"", 0.0, server=2)
     channel.run(30)
     assert channel.nodes[1].events == [Answered(0xAE, 0, status)]
 
@@ -233,10 +236,9 @@ def test_an_answer_that_takes_its_time() -> None:
 
 
 def test_a_request_that_does_not_decode() -> None:
-    streams = {**fleet.TABLE.streams, 20: Service(20, "auv1/arm", 2, request="Nav")}
-    table = Table(streams, fleet.TABLE.types, fleet.TABLE.nodes)
+    table = _with(Service(20, "auv1/arm", 2, request="Nav"))
     channel = _channel()
-    channel.nodes[2] = _node(2, 9, table)
+    channel.nodes = {1: _node(1, 1, table), 2: _node(2, 9, table)}
     channel.nodes[1].call(20, b"\x01", 0.0)
     channel.run(30)
     assert channel.nodes[1].events == [Answered(20, 0, calls.Failure(3, ""))]
@@ -244,9 +246,7 @@ def test_a_request_that_does_not_decode() -> None:
 
 def test_a_request_of_a_stream_that_differs() -> None:
     channel = _channel()
-    rows = {**ROWS, 20: bytes(4)}
-    digest = bytes.fromhex("01020304")
-    channel.nodes[2] = Node(2, fleet.TABLE, digest, 9, LINK, random.Random(1), 0.0, rows)
+    channel.nodes[2] = _node(2, 9, _with(Service(20, "auv1/arm", 2, timeout_s=20)))
     channel.nodes[1].call(20, b"\x01", 0.0)
     channel.run(60)
     answers = [one for one in channel.nodes[1].events if isinstance(one, Answered)]
@@ -261,12 +261,8 @@ def test_a_service_that_nobody_serves() -> None:
 
 
 def test_tables_that_differ_in_one_stream() -> None:
-    streams = dict(fleet.TABLE.streams)
-    streams[11] = Topic(11, "auv1/raw", aged=True)
-    other = Table(streams, fleet.TABLE.types, fleet.TABLE.nodes)
-    rows = {**ROWS, 11: bytes(3) + b"\x01"}
     one = _node(1, 1)
-    two = Node(2, other, bytes.fromhex("01020304"), 2, LINK, random.Random(1), 0.0, rows)
+    two = _node(2, 2, _with(Topic(11, "auv1/raw", aged=True)))
     channel = Channel({1: one, 2: two}, random.Random(0))
     for _ in range(20):
         two.publish(11, b"aged", channel.now)
@@ -318,7 +314,11 @@ def _from_two(records: str) -> bytes:
     return envelope.wrap(envelope.Opened(2, 1, bytes.fromhex(records)), link)
 
 
-HELLO_OF_TWO = "b0025678200b2be1"
+HELLO_OF_TWO = f"b0025678{DIGEST.hex()}"
+
+
+def _answers(node: Node) -> list[Answered]:
+    return [event for event in node.events if isinstance(event, Answered)]
 
 
 def test_an_unnamed_answer_is_taken_only_of_a_server_that_has_confirmed_the_epoch() -> None:
@@ -326,15 +326,15 @@ def test_an_unnamed_answer_is_taken_only_of_a_server_that_has_confirmed_the_epoc
     node.call(20, b"\x01", 0.0)
     assert node.poll(0.0) is not None
     node.handle(_from_two(HELLO_OF_TWO + "14406f6b"), 1.0)
-    assert not node.events
+    assert not _answers(node)
     opened = node.poll_opened(1.0)
     assert opened is not None
-    assert opened.records.startswith(bytes.fromhex("b0020001200b2be1"))
+    assert opened.records.startswith(bytes.fromhex("b0020001") + DIGEST)
     assert opened.records.endswith(bytes.fromhex("140001"))
     node.handle(_from_two(HELLO_OF_TWO + "b501000214406f6b"), 2.0)
-    assert not node.events
+    assert not _answers(node)
     node.handle(_from_two(HELLO_OF_TWO + "b501000114406f6b"), 3.0)
-    assert node.events == [Answered(20, 0, b"ok")]
+    assert _answers(node) == [Answered(20, 0, b"ok")]
 
 
 def test_a_named_answer_of_another_epoch_is_not_taken() -> None:
@@ -342,9 +342,9 @@ def test_a_named_answer_of_another_epoch_is_not_taken() -> None:
     node.call(20, b"\x01", 0.0)
     assert node.poll(0.0) is not None
     node.handle(_from_two(HELLO_OF_TWO + "1400426f6b"), 1.0)
-    assert not node.events
+    assert not _answers(node)
     node.handle(_from_two(HELLO_OF_TWO + "1400416f6b"), 2.0)
-    assert node.events == [Answered(20, 0, b"ok")]
+    assert _answers(node) == [Answered(20, 0, b"ok")]
     opened = node.poll_opened(2.0)
     assert opened is not None
     assert opened.records.endswith(bytes.fromhex("14c0"))

@@ -196,7 +196,7 @@ REFUSED_FRAMES = {
     "HELLO behind a record": ("b2020b00b0020001200b2be1", "an introduction behind a record"),
     "LEN beyond the frame": ("b2050b00", "5 bytes wanted, 2 left"),
     "another version": ("b0030001200b2be10b00", "another version"),
-    "two numbers in one ACK": ("b80001000002b91e01", "SYNC and ACK await different numbers"),
+    "an ACK of a best-effort topic": ("b90b03", "no reliable topic"),
     "a turn given back for a time": ("be0001", "the span of a turn given back is 0"),
 }
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,7 +16,9 @@ from tests.independent import (
     cborpos,
     compose,
     dense,
+    describe,
     envelope,
+    fields,
     fleet,
     frame,
     goals,
@@ -204,7 +205,7 @@ EXPECTED: dict[str, tuple[Way, list[Any]]] = {
         ],
     ),
     "order_confirm": (DOWN, [Call(0xAF, calls.Head(calls.CONFIRM, 4, False), None, AUV)]),
-    "status": (DOWN, [ME, Call(0xAE, calls.Head(calls.REQUEST, 0, False), {}, AUV, 0.0)]),
+    "status": (DOWN, [ME, Call(0xAE, calls.Head(calls.REQUEST, 0, False), b"", AUV, 0.0)]),
     "status_answer": (
         UP,
         [
@@ -384,34 +385,48 @@ def test_every_envelope_returns_what_it_was_given(
 
 # Digests
 
-ROWS = {stream: NATIVE[f"digest_of_stream_{stream}"] for stream in (10, 11, 12, 13, 20, 21)}
+FILE = _load("tables.json")
 
 
-def test_digest_of_table() -> None:
-    assert table.table_digest(fleet.NODES, ROWS) == NATIVE["digest_of_table"] == TABLE_DIGEST
-    assert table.table_digest({SHORE: "shore"}, ROWS) != TABLE_DIGEST
-    for stream in ROWS:
-        other = {**ROWS, stream: bytes(4)}
-        assert table.table_digest(fleet.NODES, other) != TABLE_DIGEST
+@pytest.mark.parametrize("name", fleet.TABLES)
+def test_digests_of_tables(name: str) -> None:
+    table, plain = fleet.TABLES[name], FILE["tables"][name]
+    for one in plain["streams"]:
+        stream = table.streams[one["id"]]
+        assert describe.stream_text(stream, table) == one["description"]
+        assert describe.stream_digest(stream, table).hex() == one["digest"]
+    for one in plain["types"]:
+        assert describe.type_text(table.types, one["name"]) == one["description"]
+    assert describe.nodes_text(table) == plain["nodes_description"]
+    assert describe.table_digest(table).hex() == plain["digest"]
 
 
-def test_the_streams_of_every_table_are_not_in_its_digest() -> None:
-    every = {one: NATIVE[f"digest_of_stream_{one}"] for one in (174, 175)}
-    assert table.table_digest(fleet.NODES, ROWS | every) == TABLE_DIGEST
+def test_digests_of_the_streams_of_every_table() -> None:
+    rows = describe.rows(fleet.BASE)
+    for one in FILE["built_in"]:
+        assert rows[one["id"]].hex() == one["digest"]
+    assert {one["id"] for one in FILE["built_in"]} == {0xAD, 0xAE, 0xAF}
 
 
-def test_digest_of_a_table_with_dense_streams() -> None:
-    rows = {stream: row for stream, row in ROWS.items() if stream != 10}
-    rows |= {stream: NATIVE[f"digest_of_dense_stream_{stream}"] for stream in (10, 50)}
-    (hello,) = _read("dense_first").agreement
-    assert isinstance(hello, Hello)
-    assert hello.digest == table.table_digest(fleet.NODES, rows)
+@pytest.mark.parametrize(
+    "one",
+    [one for one in _load("wire_native.json") if "source" not in one],
+    ids=lambda one: one["name"],
+)
+def test_digest_vectors(one: dict[str, Any]) -> None:
+    table = fleet.TABLES[one["table"]]
+    ((what,),) = [item.values() for item in one["fields"]]
+    if what == "table":
+        assert describe.table_digest(table).hex() == one["hex"]
+    else:
+        assert describe.rows(table)[int(what.removeprefix("stream "))].hex() == one["hex"]
 
 
-@pytest.mark.parametrize("name", sorted(DIGESTS))
-def test_digests_have_four_bytes(name: str) -> None:
-    """The page does not say how a stream is described, so nothing more can be tested."""
-    assert len(NATIVE[name]) == 4
+def test_the_example_of_the_page() -> None:
+    depth = table.Field("depth", "float32", range=(0, 1000), step=0.1)
+    topic = table.Topic(7, "nav", "T", subscribers=(2,))
+    example = table.Table({7: topic}, {"T": (depth,)}, {})
+    assert describe.stream_digest(topic, example).hex() == "a5000b16"
 
 
 def test_digests_of_streams_differ() -> None:
@@ -494,14 +509,6 @@ def test_blocks_of_a_large_object() -> None:
 # Payloads
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, bytes):
-        return value.hex()
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    return value if not isinstance(value, float) or math.isfinite(value) else str(value)
-
-
 @pytest.mark.parametrize(
     "one", _load("payload_cbor.json")["vectors"], ids=lambda one: one["meaning"]
 )
@@ -511,7 +518,7 @@ def test_cbor_by_position(one: dict[str, Any]) -> None:
     cursor = Cursor(data)
     value = cborpos.read(types, name, cursor)
     cursor.end()
-    assert _plain(value) == one["decoded"]
+    assert fields.plain(value) == one["decoded"]
     assert cborpos.write(types, name, value) == data
     if one.get("value") and one["types"][0]["fields"][0].get("outside") != "clamp":
         assert cborpos.write(types, name, one["value"]) == data
@@ -535,7 +542,7 @@ def test_packed(one: dict[str, Any]) -> None:
     cursor = Cursor(data)
     value = packed.read(types, name, cursor)
     cursor.end()
-    assert _plain(value) == one["decoded"]
+    assert fields.plain(value) == one["decoded"]
     for other in _mutated(data):
         try:
             cursor = Cursor(other)
