@@ -1,8 +1,10 @@
 """Two links over emulated Iridium: two modems, or a modem and its shore."""
 
+import contextlib
+import random
+import socket
 from typing import Final
 
-from tests.links.udp_pair import free_port
 from zacoustic.link import Link
 from zacoustic.testing.proxy import StreamProxy
 from zacoustic_iridium.atsea import ModemLink
@@ -68,9 +70,18 @@ class DirectIpHarness:
         return False
 
 
+def _quiet_port() -> int:
+    """Find a TCP port to listen on, below those that systems give to outgoing connections."""
+    while True:
+        port = random.SystemRandom().randrange(20_000, 32_000)
+        with contextlib.suppress(OSError), socket.socket() as probe:
+            probe.bind(("127.0.0.1", port))
+            return port
+
+
 async def sea_and_shore(config: IridiumConfig = CONFIG) -> tuple[SbdServer, IridiumLink, ShoreLink]:
     """Start an emulated modem with its gateway; return it, and both links, not open yet."""
-    port = free_port()
+    port = _quiet_port()
     server = SbdServer(1, shore=("127.0.0.1", port), session_s=SESSION_S)
     await server.open()
     on_shore = IridiumConfig(
