@@ -60,8 +60,8 @@ def test_another_link_by_argument_has_no_lists() -> None:
 def test_nodes_may_lack_a_link_or_have_it_elsewhere() -> None:
     links = [
         SOUND,
-        {**RADIO, "nodes": [1]},
-        {**RADIO, "nodes": [2], "locator": "udp/239.1.2.4:7000"},
+        {**RADIO, "owners": [1]},
+        {**RADIO, "owners": [2], "locator": "udp/239.1.2.4:7000"},
     ]
     rules = {each: read(links=links, address=each) for each in (1, 2, 3)}
     assert [[own.name for own in rules[each].of_links] for each in (1, 2, 3)] == [
@@ -83,10 +83,13 @@ def test_nodes_may_lack_a_link_or_have_it_elsewhere() -> None:
         ({"links": [SOUND, {**RADIO, "cost": "cheap"}]}, 'links[1].cost: "cheap"; allowed: "free"'),
         ({"links": [SOUND, {**RADIO, "probe_s": 0}]}, "links[1].probe_s: 0; allowed: "),
         ({"links": [SOUND, {**RADIO, "down_after_s": 1e300}]}, "links[1].down_after_s: 1e+300"),
-        ({"links": [SOUND, {**RADIO, "nodes": [9]}]}, "links[1].nodes[0]: 9 is no node; allowed: "),
-        ({"links": [{**SOUND, "nodes": [2]}]}, "links: none is for node 1"),
         (
-            {"links": [SOUND, RADIO, {**RADIO, "nodes": [2]}]},
+            {"links": [SOUND, {**RADIO, "owners": [9]}]},
+            "links[1].owners[0]: 9 is no node; ",
+        ),
+        ({"links": [{**SOUND, "owners": [2]}]}, "links: none is for node 1"),
+        (
+            {"links": [SOUND, RADIO, {**RADIO, "owners": [2]}]},
             'links[2].name: "radio" a second time',
         ),
         (

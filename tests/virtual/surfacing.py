@@ -6,7 +6,7 @@ through in both directions; the modems hear each other all the time, or only bel
 
 import random
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -116,6 +116,7 @@ class Surfacing:
         self.frames: list[tuple[float, int, str, bytes]] = []
         """``(instant, node, link, frame)``"""
         self._is_ready = False
+        self._observers: list[Callable[[TraceRecord], None]] = []
 
         def by_sound(source: int, node: int, now: int) -> Sequence[float]:
             return (0.0,) if hears_above or not is_up(now) else ()
@@ -137,6 +138,10 @@ class Surfacing:
         radio = medium(2, apart_m=300.0, profile="ideal", loss=0.0, seed=seed + 1)
         self.network.add_link(RADIO, radio, modem=RADIO_MODEM, disturb=by_radio)
         self._is_ready = True
+
+    def observe(self, observer: Callable[[TraceRecord], None]) -> None:
+        """Show an observer all further trace records."""
+        self._observers.append(observer)
 
     @property
     def now_s(self) -> float:
@@ -189,6 +194,8 @@ class Surfacing:
         self.network.at(at_s, act)
 
     def _traced(self, record: TraceRecord) -> None:
+        for observer in self._observers:
+            observer(record)
         if record.what == "transmit" and record.link in (RADIO, SOUND):
             at_s = record.at / NS_PER_S
             self.frames.append((at_s, record.node, record.link, bytes.fromhex(record.frame)))

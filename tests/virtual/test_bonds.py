@@ -25,6 +25,7 @@ from tests.virtual.surfacing import (
     Surfacing,
     is_up,
     rules,
+    table,
 )
 from tests.virtual.twolinks import RADIO, SOUND
 from zacoustic.channel.scenario import scenario_from_mapping
@@ -46,7 +47,7 @@ from zacoustic.core.relay.route import Route
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.bond import Bonded
+from zacoustic.core.wire.bond import Bonded, decode, decode_answers
 from zacoustic.core.wire.envelope import Envelope
 from zacoustic.errors import ConfigError
 from zacoustic.testing.virtual import VirtualNetwork
@@ -322,7 +323,7 @@ def diamond(seed: int, kills: list[tuple[float, float, int]]) -> tuple[list[int]
     two = Route(route_id=1, name="by2", path=(1, 2, 4), link=link)
     three = Route(route_id=2, name="by3", path=(1, 3, 4), link=link)
     both = Bond(number=31, links=(two.name, three.name))
-    table = StreamTable(
+    services = StreamTable(
         [
             ServiceSpec(stream_id=1, name="a", server=4, timeout_s=1800.0),
             ServiceSpec(stream_id=2, name="b", server=1, timeout_s=1800.0),
@@ -359,7 +360,7 @@ def diamond(seed: int, kills: list[tuple[float, float, int]]) -> tuple[list[int]
         elif isinstance(event, ResponseReceived | CallFailed):
             ended.append(type(event).__name__)
 
-    network = VirtualNetwork(scenario, table, rules=rules_of, deliver=happened, digest=False)
+    network = VirtualNetwork(scenario, services, rules=rules_of, deliver=happened, digest=False)
     rng = random.Random(seed)
     for number in range(20):
         for node, stream_id in ((1, 1), (4, 2)):
@@ -382,6 +383,82 @@ def test_of_two_routes_the_one_that_works_is_used(count: Callable[[int], int]) -
         times, ended = diamond(seed, kills)
         assert times == [1] * 40, seed
         assert ended == ["ResponseReceived"] * 40, seed
+
+
+def test_a_node_that_no_stream_concerns_keeps_nobody_on_the_slow_link() -> None:
+    """All streams have the default list, and go between shore and vehicle."""
+    listed = rules()
+    trial = Surfacing(
+        table=table((SHORE, AUV, 3)), rules=msgspec.structs.replace(listed, links_of_streams={})
+    )
+    trial.publish_at(20.0, LOG, b"l")
+    trial.network.run(until_s=60.0)
+    [status] = trial.network.engine(AUV).bonds
+    assert set(status.reach) == {SHORE}
+    assert status.in_use == RADIO
+
+
+def test_noise_does_not_keep_a_link_that_brings_nothing() -> None:
+    """Where receivers do not answer, a frame must open before it shows that a link works."""
+    scarce = rules()
+    links = tuple(
+        msgspec.structs.replace(each, bonded=BondLink(down_after_s=20.0)) for each in scarce.links
+    )
+    trial = Surfacing(
+        build=SealedFleet(), rules=msgspec.structs.replace(scarce, links=links), loss=0.1
+    )
+    envelope = Envelope(trial.network.capabilities(SHORE, RADIO), AUV)
+
+    def forge(seq: int) -> None:
+        noise = Bonded(BOND.number, seq % 256, trial.rng.randbytes(20)).encode()
+        arrived = ReceivedFrame(
+            frame_bytes=envelope.wrap(noise, SHORE), received_at=trial.network.now
+        )
+        trial.network.apply(SHORE, partial(_hear, arrived))
+
+    for number in range(300):
+        trial.network.at(UP_S + number, partial(forge, number))
+    for number in range(30):
+        trial.call_at(UP_S + 10.0 * number, ARM, b"a%d" % number)
+    trial.network.run(until_s=UP_S + 400.0)
+    [status] = trial.network.engine(SHORE).bonds
+    assert status.reach[AUV][RADIO] is Reach.DOWN
+    assert trial.answers["answered"] == 30
+
+
+def test_more_frames_than_one_answer_names_are_all_answered() -> None:
+    trial = Surfacing()
+    envelope = Envelope(trial.network.capabilities(SHORE, RADIO), AUV)
+
+    def burst() -> None:
+        questions = [
+            ReceivedFrame(
+                frame_bytes=envelope.wrap(
+                    Bonded(BOND.number, seq, b"", wants_answer=True).encode(), SHORE
+                ),
+                received_at=trial.network.now,
+            )
+            for seq in range(40)
+        ]
+
+        def hear(engine: Engine, now: int) -> None:
+            for each in questions:
+                _hear(each, engine, now)
+
+        trial.network.apply(SHORE, hear)
+
+    trial.network.at(20.0, burst)
+    trial.network.run(until_s=40.0)
+    answered: set[int] = set()
+    for _, node, _, frame in trial.frames:
+        bonded = decode(frame[2:-4])
+        assert node == SHORE
+        assert bonded is not None
+        extension = bonded.content.index(b"\xff", 0)
+        answers = decode_answers(bonded.content[extension + 1 :])
+        assert answers is not None
+        answered |= {seq for _, seq in answers}
+    assert answered == set(range(40))
 
 
 def test_wrong_rules_are_refused() -> None:

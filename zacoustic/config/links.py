@@ -39,7 +39,7 @@ def read_links(
             if fault_of_name(entry.name) or set("/@{}") & set(entry.name):
                 here.at("name").refuse(allowed="one chunk of a key, without / @ * $ ? # { }")
             others = names.setdefault(entry.name, set())
-            owners = set(entry.nodes) if entry.nodes is not None else set(range(1, 255))
+            owners = set(entry.owners) if entry.owners is not None else set(range(1, 255))
             if owners & others:
                 here.at("name").refuse(f'"{entry.name}" a second time', allowed=_NAMED)
             others |= owners
@@ -49,12 +49,22 @@ def read_links(
                 allowed=f'"{WireProfile.NATIVE.value}", or one link',
             )
     if locator is None:
-        mine = tuple(each for each in entries if each.nodes is None or own in each.nodes)
+        mine = tuple(each for each in entries if each.owners is None or own in each.owners)
         if entries and not mine:
             place.refuse(f"none is for node {own}", allowed="at least one link for each node")
         return mine
     wire = entries[0].wire if entries else WireProfile.NATIVE.value
     return (LinkEntry(locator=locator, wire=wire),)
+
+
+def is_replaced(entries: tuple[LinkEntry, ...], links: tuple[LinkEntry, ...]) -> bool:
+    """Return whether an argument gives the node another link, which has no name.
+
+    Args:
+        entries: The links of the file.
+        links: Those of the node.
+    """
+    return bool(entries) and not any(each in entries for each in links)
 
 
 def read_links_of_streams(
@@ -109,8 +119,8 @@ def read_link_rules(
     found: list[LinkRules] = []
     ports: dict[int, str] = {}
     names = list(dict.fromkeys(each.name for each in written.links))
-    is_whole = all(each.nodes is None for each in written.links)
-    is_other = not any(each in links for each in written.links)
+    is_whole = all(each.owners is None for each in written.links)
+    is_other = is_replaced(written.links, links)
     for index, entry in enumerate(written.links):
         here = place.at("links").at(index)
         access = read_access(here.at("access"), entry.access, fleet.nodes)
@@ -128,8 +138,8 @@ def read_link_rules(
         if ports.get(port, name) != name or (is_whole and port in ports):
             here.at("port").refuse(f"{port} a second time", allowed=ALLOWED["port"])
         ports[port] = name
-        for number, address in enumerate(entry.nodes or ()):
-            check_address(here.at("nodes").at(number), address, fleet)
+        for number, address in enumerate(entry.owners or ()):
+            check_address(here.at("owners").at(number), address, fleet)
         bonded = read_bonded(here, entry)
         own = LinkRules(
             name=name,

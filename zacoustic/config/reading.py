@@ -13,7 +13,12 @@ from zacoustic.config.bonds import read_bonded, read_bonds
 from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
-from zacoustic.config.links import read_link_rules, read_links, read_links_of_streams
+from zacoustic.config.links import (
+    is_replaced,
+    read_link_rules,
+    read_links,
+    read_links_of_streams,
+)
 from zacoustic.config.lostcontact import LostContactAction, read_lost_contact
 from zacoustic.config.metrics import read_metrics
 from zacoustic.config.model import check_model, read_model
@@ -353,9 +358,8 @@ def _read_rules(
         check_address(place.at("commands_from").at(index), address, fleet)
     commands_from = None if written.commands_from is None else frozenset(written.commands_from)
     routes = read_routes(place, written.routes, written.links, fleet)
-    bonds, bonded, default = read_bonds(
-        place, written.links, routes, is_in_use=not _is_other(written, links)
-    )
+    is_other = is_replaced(written.links, links)
+    bonds, bonded, default = read_bonds(place, written.links, routes, is_in_use=not is_other)
     rules = TransmitRules(
         access=own_links[0].access if own_links else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
@@ -382,12 +386,7 @@ def _read_rules(
         sealing=seal_rules(security),
         port=own_links[0].port if own_links else None,
     )
-    return rules.on_one_link() if _is_other(written, links) else rules
-
-
-def _is_other(written: Section, links: tuple[LinkEntry, ...]) -> bool:
-    """Return whether an argument gives the node another link, which has no name."""
-    return bool(written.links) and not any(each in written.links for each in links)
+    return rules.on_one_link() if is_other else rules
 
 
 def _read_agreement(place: Place, written: str | None) -> AgreementMethod:

@@ -204,7 +204,7 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     port: int | None = None
     """Number of the link in sealed frames, the same at all nodes; default: its place in the
     list."""
-    nodes: tuple[int, ...] | None = None
+    owners: tuple[int, ...] | None = None
     """Addresses of the nodes that have it; default: all. Several nodes may each have an entry with
     the same name and another locator."""
     cost: str | None = None

@@ -115,15 +115,21 @@ class _Awaited(msgspec.Struct):
 class _Sent:
     """A frame on its way by several links; its end is that of the first one that sent it."""
 
-    def __init__(self, transmission_id: int, links: int, report: Report) -> None:
-        self._transmission_id = transmission_id
+    def __init__(self, frame: Transmission, links: int, report: Report) -> None:
+        self._transmission_id = frame.transmission_id
+        self._unclaimed_bytes = len(frame.frame_bytes)
         self._left = links
         self._report: Report | None = report
+
+    def claim(self) -> int:
+        """Return how many bytes of a copy the ledger of the bond has: those of the first one."""
+        claimed_bytes, self._unclaimed_bytes = self._unclaimed_bytes, 0
+        return claimed_bytes
 
     def ended(self, report: TransmitReport, now: int) -> None:
         """Take the end on one link."""
         self._left -= 1
-        is_sent = report.outcome not in (TransmitOutcome.ABORTED, TransmitOutcome.REJECTED)
+        is_sent = _has_left(report)
         tell = self._report
         if tell is None or not (is_sent or self._left == 0):
             return
@@ -141,7 +147,7 @@ class Bonding:
     Args:
         bond: The bond.
         links: How it treats each of its links at this node, in its order.
-        hearers: The nodes that its frames concern.
+        hearers: The nodes that its frames concern, heard or not.
         context: The node on the bond, as on a link.
         stats: The counters of each of its links.
         rng: Draws the first number.
@@ -175,12 +181,17 @@ class Bonding:
         self._next_seq = rng.randrange(NUMBERS)
         self._awaited: dict[int, _Awaited] = {}
         self._owed: PerPeer[list[tuple[int, int]]] = PerPeer(context.peers, list)
+        self._came_by: PerPeer[str] = PerPeer(context.peers, str)
+        """By which link the last frame of a node came."""
+        self._heard: PerPeer[bool] = PerPeer(context.peers, bool)
+        """The nodes of which a frame was read."""
         self._seen: OrderedDict[tuple[int, int, int], int] = OrderedDict()
         self._again = 0
         self._deliver: Deliver | None = None
         self._report: Report | None = None
         self._is_waiting: Callable[[], bool] = lambda: False
         context.reception.on_extension(ANSWER_CODE, self._answered)
+        context.reception.read.connect(self._read)
 
     def begin(self, deliver: Deliver, report: Report, is_waiting: Callable[[], bool]) -> None:
         """Take who takes frames and reports, and who tells whether anything waits."""
@@ -192,7 +203,7 @@ class Bonding:
     def in_use(self) -> str | None:
         """The best link that reaches all nodes, else the last one that is up; None: none is."""
         links = [link for link in self._rules if link in self._up]
-        used = [self._link_to(each) for each in self._hearers]
+        used = [self._link_to(each) for each in self._concerned]
         if not links:
             return None
         places = [links.index(each) for each in used if each is not None]
@@ -232,7 +243,7 @@ class Bonding:
             in_use=self.in_use,
             reach={
                 peer: {link: self._reach[link][peer].state for link in self._rules}
-                for peer in self._hearers
+                for peer in self._concerned
             },
             again=self._again,
         )
@@ -264,7 +275,7 @@ class Bonding:
             return
         if self._up.pop(link, None) is None:
             return
-        for peer in self._hearers:
+        for peer in list(self._reach[link]):
             self._change(link, peer, now, PeerReach.lost)
         for awaited in list(self._awaited.values()):
             if link in awaited.by_link:
@@ -295,7 +306,7 @@ class Bonding:
         if not by_link and (last := self._last_up()) is not None:
             by_link[last] = set()
         assert self._report is not None
-        sent = _Sent(frame.transmission_id, max(1, len(by_link)), self._report)
+        sent = _Sent(frame, max(1, len(by_link)), self._report)
         if not by_link:
             sent.ended(_aborted(now), now)
             return
@@ -305,14 +316,10 @@ class Bonding:
         if wanted:
             awaited = _Awaited(frame, is_urgent, wanted, {}, dict.fromkeys(by_link))
             self._awaited[seq] = awaited
-        is_counted = False
         for link in by_link:
-            ledger_bytes = 0 if is_counted else len(frame.frame_bytes)
-            is_counted = True
             self._give(
-                link, seq, frame, now, ledger_bytes, sent, awaited,
-                is_urgent=is_urgent, is_granted=is_granted,
-            )  # fmt: skip
+                link, seq, frame, now, sent, awaited, is_urgent=is_urgent, is_granted=is_granted
+            )
         for link in self._to_try(now):
             self._probe(link, now)
         self._rearm(now)
@@ -327,13 +334,15 @@ class Bonding:
         nodes = self._context.table.nodes
         if nodes and source not in nodes:
             return "relay_route"
-        self._change(link, source, now, PeerReach.heard)
+        if self._rules[link].answers:  # a hope, which an answer confirms
+            self._change(link, source, now, PeerReach.heard)
         if bonded.wants_answer and self._rules[link].answers:
             self._owe(link, source, bonded.seq, now)
         reason = None
         if bonded.content:
             reason = "relay_again" if self._is_known(source, bonded, now) else None
             if reason is None and self._deliver is not None:
+                self._came_by[source] = link
                 self._deliver(
                     msgspec.structs.replace(frame, frame_bytes=bonded.content, source=source), now
                 )
@@ -342,8 +351,20 @@ class Bonding:
 
     # Below the methods above
 
+    def _read(self, source: int, now: int) -> None:
+        """Take that a frame of a node was authentic, where that alone shows that a link works."""
+        self._heard[source] = True
+        link = self._came_by.get(source)
+        if link is not None and not self._rules[link].answers:
+            self._change(link, source, now, PeerReach.heard)
+
     def _hearers_of(self, frame: Transmission) -> tuple[int, ...]:
-        return self._hearers if frame.destination == BROADCAST else (frame.destination,)
+        return self._concerned if frame.destination == BROADCAST else (frame.destination,)
+
+    @property
+    def _concerned(self) -> tuple[int, ...]:
+        """The nodes that frames for all are for: those of the table, and whoever was heard."""
+        return tuple(sorted({*self._hearers, *self._heard}))
 
     def _links_to(self, peer: int, now: int, *, is_urgent: bool = False) -> list[str]:
         """Return the links for a frame to a node: those in doubt, and the first that is sure."""
@@ -385,7 +406,6 @@ class Bonding:
         seq: int,
         frame: Transmission,
         now: int,
-        ledger_bytes: int,
         sent: _Sent | None,
         awaited: _Awaited | None,
         *,
@@ -400,18 +420,21 @@ class Bonding:
 
         def ended(report: TransmitReport, now: int) -> None:
             if awaited is not None and wants_answer:
-                awaited.due_at[link] = now + self._answer_ns(link)
+                if _has_left(report):
+                    awaited.due_at[link] = now + self._answer_ns(link)
+                else:  # that says nothing about who hears the link
+                    self._pass_on(link, seq, awaited, now)
                 self._rearm(now)
             if sent is not None:
                 sent.ended(report, now)
 
         waiting = Waiting(
             frame.destination,
-            lambda room_bytes, now: content if len(content) <= room_bytes else None,
+            lambda room_bytes, now: content,
             now,
             is_urgent=is_urgent,
             ended=ended,
-            ledger_bytes=ledger_bytes,
+            claim=sent.claim if sent is not None else lambda: 0,
             is_granted=is_granted,
         )
         self.outboxes[link].put(waiting, now)
@@ -439,17 +462,27 @@ class Bonding:
         owed = self._owed[source]
         answered = [each for each in owed if each[0] == index]
         self._owed[source] = [each for each in owed if each[0] != index]
+        for _, seq in answered[MOST_ANSWERS:]:  # in a frame of their own
+            self._owe(self.bond.links[index], source, seq, now)
         context, introduction = self._context, b""
         said = encode_answers(answered[:MOST_ANSWERS])
         closing = context.seal.settle(source, None, None, now)
-        room_bytes -= HEADER_BYTES + closing.overhead_bytes + len(said)
+        whole_bytes = room_bytes - HEADER_BYTES
+        room_bytes = whole_bytes - closing.overhead_bytes - len(said)
         if room_bytes < 0 or not answered:
             return None
         if not context.is_sealed:
             introductions = context.handshake.introductions
             introductions.begin_frame(source)
             introduction = introductions.introduction(context.link, source, room_bytes, now)
-        closed = context.seal.close(introduction + said, source, closing, now, needs_no_table=True)
+        closed = context.seal.close(
+            introduction + said,
+            source,
+            closing,
+            now,
+            needs_no_table=True,
+            padded_to=whole_bytes,
+        )
         return Bonded(self.bond.number, self._take_number(), closed).encode()
 
     def _answered(self, heard: Heard, body: bytes) -> str | None:
@@ -497,21 +530,27 @@ class Bonding:
         self._rearm(now)
 
     def _overdue(self, link: str, seq: int, awaited: _Awaited, now: int) -> None:
-        """Let a frame go by the next link to those who have not answered."""
-        del awaited.due_at[link]
+        """Take that answers to a frame on a link did not come in time."""
+        for peer in awaited.by_link.get(link, ()):
+            self._change(link, peer, now, PeerReach.overdue)
+        self._pass_on(link, seq, awaited, now)
+
+    def _pass_on(self, link: str, seq: int, awaited: _Awaited, now: int) -> None:
+        """Let a frame go by the next link to those who have not answered on one."""
+        awaited.due_at.pop(link, None)
         silent = awaited.by_link.pop(link, set())
-        if not awaited.by_link:
-            self._awaited.pop(seq, None)
+        if not awaited.by_link and self._awaited.get(seq) is awaited:
+            del self._awaited[seq]
         further: dict[str, None] = {}
         for peer in silent:
-            self._change(link, peer, now, PeerReach.overdue)
-            further |= dict.fromkeys(self._links_to(peer, now))
-        frame = awaited.frame
+            further |= dict.fromkeys(each for each in self._links_to(peer, now) if each != link)
+        if not further and silent and (last := self._last_up()) is not None:
+            further[last] = None
         for other in further:
             if other not in awaited.given:
                 awaited.given[other] = None
                 self._again += 1
-                self._give(other, seq, frame, now, 0, None, None, is_urgent=awaited.is_urgent)
+                self._give(other, seq, awaited.frame, now, None, None, is_urgent=awaited.is_urgent)
 
     def _to_try(self, now: int) -> list[str]:
         """Return the links that answer, are out of use for a node, and may be tried now."""
@@ -531,7 +570,7 @@ class Bonding:
         place = links.index(link)
         return [
             peer
-            for peer in self._hearers
+            for peer in self._concerned
             if (used := self._link_to(peer)) is None or links.index(used) > place or used == link
         ]
 
@@ -599,6 +638,11 @@ class Bonding:
         if len(self._seen) > _MOST_SEEN:
             self._seen.popitem(last=False)
         return False
+
+
+def _has_left(report: TransmitReport) -> bool:
+    """Return whether a frame has begun to leave a link, as far as that is known."""
+    return report.outcome not in (TransmitOutcome.ABORTED, TransmitOutcome.REJECTED)
 
 
 def _aborted(now: int) -> TransmitReport:

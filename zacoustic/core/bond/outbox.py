@@ -35,8 +35,8 @@ class Waiting(msgspec.Struct, eq=False):
     """Whether it goes before all others."""
     ended: Ended | None = None
     """Told when its transmission has ended, or will not begin."""
-    ledger_bytes: int = 0
-    """Bytes of it that are in the ledger of the bond."""
+    claim: Callable[[], int] = int
+    """Returns how many of its bytes the ledger of the bond has; called when it goes."""
     is_granted: bool = False
     """Whether it may go although the node is silent."""
 
@@ -114,10 +114,10 @@ class Outbox:
     def _take(self, frame: Waiting, room_bytes: int, now: int) -> Forwarded | None:
         self._waiting.remove(frame)
         content = frame.make(room_bytes, now)
-        if content is None:
+        if content is None or len(content) > room_bytes:
             _drop(frame, now)
             return None
-        self._stats.attribute(NO_STREAM, Cause.RELAY, len(content) - frame.ledger_bytes)
+        self._stats.attribute(NO_STREAM, Cause.RELAY, len(content) - frame.claim())
         part = Part() if frame.ended is None else Part(reported=frame.ended)
         return Forwarded(content=content, part=part)
 

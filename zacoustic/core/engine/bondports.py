@@ -52,12 +52,8 @@ class BondPorts:
         self._address = address
         self._silence = silence
         self._table = table
-        self._streams = {
-            bond.name: [
-                stream_id for stream_id, name in rules.links_of_streams.items() if name == bond.name
-            ]
-            for bond in rules.bonds
-        }
+        self._link_of = rules.links_of_streams
+        self._default_link = rules.default_link
         self._bonds = rules.bonds
         ends = {each.name: each.other_end(address) for each in rules.routes}
         self._routes = {name: end for name, end in ends.items() if end is not None}
@@ -188,17 +184,16 @@ class BondPorts:
         """Return the nodes that frames of this node on a bond concern."""
         everybody = [each for each in self._table.nodes if each != self._address]
         found: set[int] = set()
-        for stream_id in self._streams[bond.name]:
-            stream = self._table.get(stream_id)
-            if stream is None:
+        for stream in self._table:
+            if self._link_of.get(stream.stream_id, self._default_link) != bond.name:
                 continue
             match stream.spec:
                 case TopicSpec(publishers=publishers, subscribers=subscribers):
-                    ends = [publishers, subscribers]
+                    ends = publishers, subscribers
                 case ServiceSpec(server=server) | ActionSpec(server=server):
-                    ends = [(server,) if isinstance(server, int) else (), ()]
-                case _:
-                    ends = [(), ()]
+                    if server != self._address:  # a client counts once it was heard
+                        found.add(server)
+                    continue
             for one, other in (ends, ends[::-1]):
                 if not one or self._address in one:
                     found |= set(other or everybody)

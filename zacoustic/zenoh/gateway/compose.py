@@ -99,7 +99,7 @@ class Composition:
         self._announcer = Announcer(self._recent_events, notify)
         self._input_errors = InputErrors(self._clock, tell=self._recent_events.input_error)
         self._traffic = Traffic(self._dates.unix_s)
-        self._frames = FrameLog(parts.table, parts.link, unix_s=self._dates.unix_s)
+        self._frames = FrameLog(parts.table, lambda: self._runner.engine, unix_s=self._dates.unix_s)
         # A gateway that must act when it hears nobody cannot do that while it is not running.
         self._runner = node.make_runner(self._trace, waits_for_link=bool(self._lost_contact))
         self._dialects = make_dialects(zenoh_session, self._input_errors, self._wake_up.ring)

@@ -15,8 +15,8 @@ import msgspec
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE
 from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.link.contract import Link
 
 KEPT: Final = 16
 """Number of past frames in the document."""
@@ -35,7 +35,7 @@ class Frame(msgspec.Struct, kw_only=True):
     begun_unix_s: float
     """When the modem got it, or, if received, when it began to arrive."""
     airtime_s: float
-    """By the modem's bit rate."""
+    """By the bit rate of its link; of a received frame of a list of links, of the one in use."""
     outcome: str = ""
     """Reported outcome of a sent frame: a word of `TransmitOutcome`."""
 
@@ -45,29 +45,39 @@ class FrameLog:
 
     Args:
         table: Its streams.
-        link: Its link.
+        engine: Returns the engine.
         unix_s: The wall clock, s.
     """
 
     def __init__(
-        self, table: StreamTable, link: Link, *, unix_s: Callable[[], float] = time.time
+        self,
+        table: StreamTable,
+        engine: Callable[[], Engine],
+        *,
+        unix_s: Callable[[], float] = time.time,
     ) -> None:
         self._table = table
-        self._link = link
+        self._engine = engine
+        self._inside: deque[tuple[str, tuple[int, ...]]] = deque(maxlen=KEPT)
+        """Frames that routes and bonds have given to links, and their streams."""
         self._unix_s = unix_s
-        self._transmitting: Frame | None = None
+        self._transmitting: dict[str, Frame] = {}
+        """By link."""
         self._last: deque[Frame] = deque(maxlen=KEPT)
 
     def note(self, record: TraceRecord) -> None:
         """Take a record of the engine's trace."""
+        is_on_link = record.link in self._engine().links
         match record.what:
+            case "transmit" if not is_on_link:  # it goes inside a frame of a link
+                self._inside.append((record.frame, record.streams))
             case "transmit":
                 peer = None if record.peer == BROADCAST else record.peer
-                self._transmitting = self._frame("out", peer, record)
-            case "report" if self._transmitting is not None:
-                self._transmitting.outcome = record.detail
-                self._last.append(self._transmitting)
-                self._transmitting = None
+                self._transmitting[record.link] = self._frame("out", peer, record)
+            case "report" if record.link in self._transmitting:
+                sent = self._transmitting.pop(record.link)
+                sent.outcome = record.detail
+                self._last.append(sent)
             case "receive":
                 peer = None if record.peer == UNKNOWN_SOURCE else record.peer
                 heard = self._frame("in", peer, record)
@@ -78,11 +88,14 @@ class FrameLog:
 
     def documents(self) -> dict[str, object]:
         """Return the document, by the end of its key; the past is oldest first."""
-        return {"channel": {"transmitting": self._transmitting, "last": list(self._last)}}
+        newest = next(reversed(self._transmitting.values()), None)
+        return {"channel": {"transmitting": newest, "last": list(self._last)}}
 
     def _frame(self, way: str, peer: int | None, record: TraceRecord) -> Frame:
-        found = (self._table.get(each) for each in dict.fromkeys(record.streams))
-        airtime_ns = self._link.capabilities.airtime_ns(record.size_bytes)
+        inside = next((ids for frame, ids in self._inside if frame in record.frame), ())
+        found = (self._table.get(each) for each in dict.fromkeys(record.streams or inside))
+        capabilities = self._engine().capabilities_of(record.link)
+        airtime_ns = 0 if capabilities is None else capabilities.airtime_ns(record.size_bytes)
         return Frame(
             way=way,
             peer=peer,
