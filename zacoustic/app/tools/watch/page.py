@@ -93,7 +93,7 @@ _ROUTE_COLUMNS: Final = (
     ("sent", "sent", False), ("heard", "heard", False), ("hop", "worst hop from here", True),
 )  # fmt: skip
 _BOND_COLUMNS: Final = (
-    ("bond", "list of links", True), ("in_use", "in use", True), ("by", "reached by", True),
+    ("bond", "list of links", True), ("in_use", "in use", True), ("by", "last reached by", True),
     ("nodes", "nodes", True),
 )  # fmt: skip
 FRAMES_SHOWN: Final = 8

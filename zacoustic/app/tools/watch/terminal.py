@@ -212,7 +212,7 @@ def _routes(
 
 def _reached(view: GatewayView) -> Table:
     """Draw by which link each node is reached, one line for those that are reached alike."""
-    table, names = _table("list of links", "in use", "reached by", "nodes"), names_of(view)
+    table, names = _table("list of links", "in use", "last reached by", "nodes"), names_of(view)
     in_use = {bond.name: bond.in_use for bond in view.bonds}
     known = ""
     for each in reached_of(view):
