@@ -65,7 +65,8 @@ def test_page_follows_the_gateway_says_what_is_dead_and_loads_nothing_from_elsew
                     await page.wait_for_timeout(200)
 
             async def see(text: str) -> None:
-                await page.get_by_text(re.compile(text)).first.wait_for(timeout=LIMIT_MS)
+                said = page.get_by_text(re.compile(text)).locator("visible=true")  # no SVG title
+                await said.first.wait_for(timeout=LIMIT_MS)
 
             await see("1 gateway on tcp/127.0.0.1")
             await see("1 shore")

@@ -14,7 +14,7 @@ WIDTH, HEIGHT = 600, 90
 STYLE: Final = """
 .za { font-variant-numeric: tabular-nums; }
 .za-kpi { min-width: 7.5rem; padding: .5rem .8rem; border-radius: .5rem; flex: 1 1 7.5rem;
-          background: rgba(128,128,128,.10); }
+          background: rgba(128,128,128,.10); overflow-wrap: anywhere; }
 .za-kpi .v { font-size: 1.35rem; font-weight: 600; line-height: 1.5rem; white-space: nowrap; }
 .za-kpi .k { font-size: .75rem; opacity: .65; }
 .za-bars { display: grid; grid-template-columns: max-content 1fr max-content max-content;
