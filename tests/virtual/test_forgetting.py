@@ -3,6 +3,7 @@
 import gc
 import random
 import types
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 
@@ -143,19 +144,25 @@ def _want(stream_id: int, engine: Engine, now: int) -> None:
 
 
 def reached(root: object) -> int:
-    """Count what an object refers to, code and modules excepted."""
+    """Count what an object refers to, and the entries of containers.
+
+    Code and modules are excepted. So are numbers, of which small ones are no objects of their own:
+    a count that has grown is nothing that was left behind, but one more entry is.
+    """
     skipped = (
         type, types.ModuleType, types.FunctionType, types.CodeType, types.MethodType,
-        types.BuiltinFunctionType,
+        types.BuiltinFunctionType, int, float,
     )  # fmt: skip
     seen: set[int] = set()
     waiting: list[object] = [root]
+    entries = 0
     while waiting:
         each = waiting.pop()
         if id(each) not in seen and not isinstance(each, skipped):
             seen.add(id(each))
             waiting += gc.get_referents(each)
-    return len(seen)
+            entries += len(each) if isinstance(each, dict | list | set | deque) else 0
+    return len(seen) + entries
 
 
 def _for_the_shore(table: StreamTable) -> StreamTable:
