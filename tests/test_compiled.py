@@ -62,8 +62,19 @@ class Stricter(Rule, frozen=True, kw_only=True):
     more: int = 1
 
 
+class Closer(Keeper):
+    pass
+
+
 def make() -> Keeper:
     return Stricter().keeper()
+"""
+NAMESAKE = """
+import msgspec
+
+
+class Keeper(msgspec.Struct):
+    count: int = 0
 """
 
 
@@ -82,6 +93,7 @@ def splitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[s
     package = tmp_path / "splitted"
     package.mkdir()
     sources = {"__init__": "", "rules": MODULE, "user": USER, "records": "X = 1\n"}
+    sources["other"] = NAMESAKE
     for name, source in sources.items():
         (package / f"{name}.py").write_text(source, encoding="utf-8")
     split = load(SPLIT)
@@ -114,6 +126,11 @@ def test_heirs_of_records_in_other_modules_stay_records(splitted: list[str]) -> 
     assert user.make().count == 4
     with pytest.raises(AttributeError, match="immutable"):
         user.Stricter().more = 2
+
+
+def test_class_of_the_same_name_in_another_module_is_another_one(splitted: list[str]) -> None:
+    user = importlib.import_module("splitted.user")
+    assert user.Closer.__module__ == "splitted.user"
 
 
 def test_rooms_and_plain_files_exist(monkeypatch: pytest.MonkeyPatch) -> None:

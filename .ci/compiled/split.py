@@ -45,6 +45,16 @@ class Module(msgspec.Struct, frozen=True, eq=False):
         """Its classes, without nested ones."""
         return [node for node in self.tree.body if isinstance(node, ast.ClassDef)]
 
+    @property
+    def imported(self) -> dict[str, set[str]]:
+        """By name of what it imports, the modules that have it: two classes may share a name."""
+        found: dict[str, set[str]] = {}
+        for node in self.tree.body:
+            if isinstance(node, ast.ImportFrom) and node.module is not None:
+                for each in node.names:
+                    found.setdefault(each.name, set()).add(node.module)
+        return found
+
 
 def read(root: Path, paths: Iterable[Path]) -> list[Module]:
     """Return the modules in files below `root`."""
@@ -148,7 +158,8 @@ def _kept(modules: list[Module]) -> set[tuple[str, str]]:
             return True
         last = name.rpartition(".")[2]
         homes = places.get(last, set())
-        return any((home, last) in kept for home in ({module.name} & homes or homes))
+        home = {module.name, *module.imported.get(last, ())} & homes
+        return any((each, last) in kept for each in home or homes)
 
     before = -1
     while len(kept) > before:
