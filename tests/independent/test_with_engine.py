@@ -6,6 +6,7 @@ and losses; a node that transmits hears nothing, if the channel is half-duplex.
 
 import heapq
 import random
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -46,6 +47,8 @@ SENSORS = ("ctd", "adcp", "sonar")
 RAW, AGED, KEYED, ORDERS, LOG = 11, 12, 13, 30, 31
 SERVED = {1: 20, 2: 21}
 """The service of each node; that of node 2 has types."""
+LATE = (calls.Failure(6, ""), CallFailure.TIMED_OUT)
+"""How a call ends by its time-out, at either kind of node."""
 
 
 def airtime_s(size: int) -> float:
@@ -504,12 +507,20 @@ def talk(world: World, rounds: int, quiet_s: tuple[float, float]) -> None:
         world.run(world.now + chance.uniform(*quiet_s))
     world.run(world.now + 1500)
     check_reliable(world, published)
+    late = Counter[str]()
     for address, end in world.ends.items():
         assert end.log.ended == [True] * len(published[address])
-        answers = [end.log.answers.get(index) for index in range(len(called[address]))]
-        assert answers == [answer_to(request) for request in called[address]]
-        if address in SERVED:
-            assert sorted(map(str, end.log.requests)) == sorted(map(str, called[3 - address]))
+        for index, request in enumerate(called[address]):
+            answer = end.log.answers.get(index)
+            # Of three nodes that talk over each other, one in thousands of calls times out.
+            is_late = world.loss > 0 and answer in LATE
+            assert is_late or answer == answer_to(request)
+            late.update([str(request)] * is_late)
+    for address in SERVED:
+        served = Counter(map(str, world.ends[address].log.requests))
+        wanted = Counter(map(str, called[3 - address]))
+        assert wanted - late <= served <= wanted
+    assert sum(late.values()) <= 1
 
 
 @pytest.mark.parametrize("real", [1, 2])

@@ -10,6 +10,7 @@ import msgspec
 
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
 from zacoustic.config.bonds import read_bonded, read_bonds
+from zacoustic.config.carry import check_carries_nothing, read_carry
 from zacoustic.config.contact import read_contact
 from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
@@ -229,6 +230,9 @@ def config_from_mapping(
     )
     losses = tuple(each.rule for each in lost_contact)
     rules = _read_rules(place, written, links, fleet, own, objects, topics, security, losses)
+    journal = _read_journal(place.at("journal"), written.journal)
+    if journal is None:
+        check_carries_nothing(place, table, own)
     return Config(
         source=source,
         address=own,
@@ -236,7 +240,7 @@ def config_from_mapping(
         links=links,
         types=types,
         python_types=python_types,
-        journal=_read_journal(place.at("journal"), written.journal),
+        journal=journal,
         table=table,
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
@@ -368,6 +372,7 @@ def _read_rules(
         contact=read_contact(place, written, own, lost_contact),
         agreement=_read_agreement(place.at("agreement"), written.agreement),
         objects=objects,
+        carry_bytes=read_carry(place.at("carry"), written.carry),
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
         links=own_links if any(each.name for each in links) else (),
         links_of_streams=read_links_of_streams(

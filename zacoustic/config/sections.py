@@ -14,6 +14,13 @@ from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S
 from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.schedule.access.spec import ScheduledSlot
 from zacoustic.core.schedule.replybudget import REPLY_SHARE
+from zacoustic.core.streams.carry import (
+    DEFAULT_AFTER_S,
+    DEFAULT_EXPIRES_S,
+    DEFAULT_MAX_BYTES,
+    LEAST_CARRY_S,
+    LONGEST_CARRY_S,
+)
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.encoding import TYPED_ENCODINGS
 from zacoustic.core.values.types import SCALAR_TYPES, FieldSpec
@@ -82,6 +89,9 @@ ALLOWED: Final = {
     "max_waiting": "a number, 1..64",
     "memory_bytes": "a number of bytes, not less than max_bytes",
     "exclusive": "true, false",
+    "carry": "{ max_bytes }; of a topic { by, after_s, expires_s }",
+    "after_s": "seconds, above 0",
+    "expires_s": f"seconds, {LEAST_CARRY_S:g}..{LONGEST_CARRY_S:g}",
     "max_airtime": "a share, above 0, at most 1",
     "port": "0..127, another one for each link, and the same at both ends",
     "commands_from": "a list of addresses; [] for nobody",
@@ -145,7 +155,7 @@ ALLOWED: Final = {
     "unsealed": "a list of names of topics",
     "ranging": "a list of { to, every_s }",
     "to": "the address of another node",
-    "by": "the address of a node",
+    "by": "the address of a node; of carry a list of addresses",
     "ros": "{ distro, domain, namespace, packages }; of a stream { stamp }",
     "distro": "the name of a ROS 2 distribution",
     "domain": "a number, 0..232",
@@ -285,6 +295,13 @@ class ObjectsEntry(Entry, frozen=True, kw_only=True):
     """Most bytes of all incoming objects together."""
 
 
+class CarryEntry(Entry, frozen=True, kw_only=True):
+    """How much this node carries for others."""
+
+    max_bytes: int = DEFAULT_MAX_BYTES
+    """Most bytes of samples of other nodes."""
+
+
 class RosEntry(Entry, frozen=True, kw_only=True):
     """ROS 2, for all ROS streams."""
 
@@ -328,6 +345,17 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """A ROS 2 stream on rmw_zenoh; default: a Zenoh stream."""
 
 
+class CarriedEntry(Entry, frozen=True, kw_only=True):
+    """Who carries a topic to subscribers that its publisher does not reach."""
+
+    by: tuple[int, ...]
+    """Nodes that take samples along, the nearest to the subscribers first."""
+    after_s: float = DEFAULT_AFTER_S
+    """A node is out of reach when not heard for this long, s."""
+    expires_s: float = DEFAULT_EXPIRES_S
+    """How long a sample is worth carrying, s."""
+
+
 class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """A topic."""
 
@@ -363,6 +391,8 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """Largest sample, bytes; default: that of `objects`."""
     exclusive: bool = False
     """Samples larger than a frame are sent without pauses."""
+    carry: CarriedEntry | None = None
+    """Who carries samples to subscribers out of reach; default: nobody."""
 
 
 class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
@@ -512,6 +542,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """Bounds, steps and constants for ROS types."""
     objects: ObjectsEntry | None = None
     """Bounds of the memory for samples larger than a frame."""
+    carry: CarryEntry | None = None
+    """How much this node carries for others."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air, on each link; default: no cap."""
     commands_from: tuple[int, ...] | None = None
@@ -544,6 +576,8 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "lost_contact": LostContactEntry,
     "quiet": QuietEntry,
     "objects": ObjectsEntry,
+    "streams.carry": CarriedEntry,
+    "carry": CarryEntry,
     "security": SecurityEntry,
     "emergency": EmergencyEntry,
     "ros": RosEntry,

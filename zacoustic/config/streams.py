@@ -11,6 +11,7 @@ from zacoustic.config.problems import Place, shown
 from zacoustic.config.ros import RosReader
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.base.qos import PRIORITY_NAMES, Durability, Forward, Qos, Reliability, Stamp
+from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.keys import NODE_PLACEHOLDER, Wildcard
 from zacoustic.core.streams.specs import CODECS, ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -136,7 +137,29 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         qos=qos,
         max_bytes=entry.max_bytes,
         journal=entry.journal,
+        carry=_read_carried(place.at("carry"), entry, fleet),
     )
+
+
+def _read_carried(place: Place, entry: TopicEntry, fleet: Fleet) -> Carry | None:
+    """Read who carries a topic; `TopicSpec` is checked as a whole when it is declared."""
+    written = entry.carry
+    if written is None:
+        return None
+    if fleet.wire is WireProfile.RMW_DESERT:
+        place.refuse('on wire: "rmw_desert"', allowed='on wire: "native"')
+    if not fleet.nodes:
+        place.refuse("without nodes", allowed="with the fleet listed under nodes")
+    _check_addresses(place.at("by"), written.by, fleet)
+    ends = {*(entry.publishers or ()), *(entry.subscribers or ())}
+    for index, address in enumerate(written.by):
+        if entry.subscribers is not None and set(entry.subscribers) == {address}:
+            place.at("by").at(index).refuse(
+                f"{address}, the only subscriber", allowed="nodes between the ends"
+            )
+    if ends and ends <= set(written.by):
+        place.at("by").refuse(allowed="nodes between publishers and subscribers")
+    return Carry(by=written.by, after_s=written.after_s, expires_s=written.expires_s)
 
 
 def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpec:

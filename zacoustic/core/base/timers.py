@@ -40,6 +40,8 @@ class Due(enum.IntEnum):
     """Reliable samples are sent again or expire."""
     RECEIVING = enum.auto()
     """A receiver asks for overdue samples."""
+    CARRY = enum.auto()
+    """Carried samples are offered to other nodes, or expire."""
     REPETITION = enum.auto()
     """Records are sent again or given up."""
     OBJECT = enum.auto()

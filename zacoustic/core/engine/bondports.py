@@ -24,6 +24,7 @@ from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.relay.relay import Relay
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.silence import Silence
+from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.relay import FIRST_PORT
@@ -188,6 +189,10 @@ class BondPorts:
             if self._link_of.get(stream.stream_id, self._default_link) != bond.name:
                 continue
             match stream.spec:
+                case TopicSpec(carry=Carry(by=by)) as spec:
+                    part = {*(spec.publishers or ()), *by, *(spec.subscribers or ())}
+                    found |= part if self._address in part else set()
+                    continue
                 case TopicSpec(publishers=publishers, subscribers=subscribers):
                     ends = publishers, subscribers
                 case ServiceSpec(server=server) | ActionSpec(server=server):

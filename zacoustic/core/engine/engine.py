@@ -68,12 +68,13 @@ from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.carry.status import CarryStatus, sum_of
 from zacoustic.core.transport.commands.commands import Commands
 from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.keydelivery import KeyDelivery
+from zacoustic.core.transport.publication import Publication
 from zacoustic.core.transport.status import Status
-from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.seal import Cipher
 from zacoustic.errors import LocalError
@@ -482,6 +483,12 @@ class Engine:
     def bonds(self) -> list[BondStatus]:
         """What the bonds of links do at present; each is a link for the streams."""
         return self._bond_ports.statuses
+
+    @property
+    def carry(self) -> CarryStatus | None:
+        """What this node keeps of carried topics; None: its table has none."""
+        kept = [each.protocols.carry for each in self._stacks.values()]
+        return sum_of([each for each in kept if each is not None])
 
     def link_of(self, stream_id: int) -> str:
         """Return the name of the link, route or bond that a stream uses."""

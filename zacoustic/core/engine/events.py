@@ -33,6 +33,7 @@ from zacoustic.core.transport.calls.calls import CallFailed, RequestReceived, Re
 from zacoustic.core.transport.commands.commands import CommandHandled, StreamOverridden
 from zacoustic.core.transport.contract import TransportEvent
 from zacoustic.core.transport.deliveries import (
+    CustodyChanged,
     DeliveryEnded,
     DeliveryOutcome,
     DeliveryStored,
@@ -59,6 +60,7 @@ __all__ = [
     "CommandHandled",
     "ContactLost",
     "ContactRestored",
+    "CustodyChanged",
     "DeadlineMissed",
     "DeadlineSide",
     "DeliveryEnded",

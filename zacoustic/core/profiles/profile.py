@@ -20,11 +20,12 @@ from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.calls.services import Services
+from zacoustic.core.transport.carry.status import CarryStatus
 from zacoustic.core.transport.contract import Transport
+from zacoustic.core.transport.publication import Publication
 from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.deadlines import Deadlines
-from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
 
@@ -132,6 +133,11 @@ class Profile(ABC):
     def is_delivering(self, delivery_id: int) -> bool:
         """Return whether a reliable sample has not ended."""
         return False
+
+    @property
+    def carry(self) -> CarryStatus | None:
+        """What this node keeps of carried topics; None: there are none."""
+        return None
 
     # Transmission and reception
 

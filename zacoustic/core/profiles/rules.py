@@ -13,6 +13,7 @@ from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.access.spec import AccessSpec, ClockedSpec, slots_of
 from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.schedule.silence import QuietWindow
+from zacoustic.core.streams.carry import DEFAULT_MAX_BYTES
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.errors import ConfigError
 
@@ -43,6 +44,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """Hours of each day without transmission."""
     objects: ObjectLimits = ObjectLimits()
     """How much memory samples may take that are larger than a frame."""
+    carry_bytes: int = DEFAULT_MAX_BYTES
+    """How much the node carries for others, bytes, ≥ 0."""
     max_airtime: float | None = None
     """Share of the time that the node may transmit, above 0, at most 1, not counting REAL_TIME;
     None: no cap."""

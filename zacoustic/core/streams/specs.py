@@ -5,7 +5,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import DURATIONS, is_duration
-from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
+from zacoustic.core.streams.carry import Carry, check_carry
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
 from zacoustic.core.values.payload import CborCodec, OpaqueCodec, PackedCodec, TypedCodec
@@ -67,6 +68,9 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     journal: bool = False
     """Whether accepted and received samples survive a restart of this node; not in the digest,
     since each end may journal what it likes."""
+    carry: Carry | None = None
+    """Who carries samples to subscribers that their publisher does not reach; None: nobody. Not in
+    the digest."""
 
 
 class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
@@ -153,6 +157,29 @@ def _check_dense(spec: StreamSpec) -> None:
         )
 
 
+def _check_carried(spec: TopicSpec, carry: Carry) -> None:
+    """Check a carried topic: each sample is for listed nodes, and survives on its way."""
+    check_carry(carry)
+    if spec.qos.reliability is not Reliability.RELIABLE or not spec.journal:
+        raise ConfigError(
+            "carry for a topic that is not both reliable and journalled; allowed: with "
+            'reliability: "reliable" and journal: true',
+            hint="a node that carries a sample must not lose it",
+        )
+    if spec.publishers is None or spec.subscribers is None:
+        raise ConfigError(
+            "carry without publishers and subscribers; allowed: with both listed",
+            hint="a node that carries a sample must know for whom",
+        )
+    if spec.qos.forward is not Forward.ALWAYS:
+        raise ConfigError('carry with forward: "on_demand"; allowed: with forward: "always"')
+    if spec.qos.stamp is not Stamp.NONE:
+        raise ConfigError(
+            'carry with stamp: "age"; allowed: with stamp: "none"',
+            hint="put the time into the sample: the way of a carried one takes hours",
+        )
+
+
 def check(spec: StreamSpec) -> None:
     """Check a stream for the native wire.
 
@@ -163,6 +190,8 @@ def check(spec: StreamSpec) -> None:
         raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
     if spec.codec == DENSE:
         _check_dense(spec)
+    if isinstance(spec, TopicSpec) and spec.carry is not None:
+        _check_carried(spec, spec.carry)
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
         raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")

@@ -8,8 +8,9 @@ digest: of each stream, and of the whole table with its nodes. The digest exclud
 a node journals; each end may set these alone. It includes the timeouts of services and actions:
 from them both ends derive how long a number must be remembered.
 
-One stream is in every table and in no table's digest, since nobody can define it differently: that
-of remote commands (`zacoustic.core.transport.commands`). A table that gives its id to another
+Some streams are in no table's digest, since nobody can define them differently: those of remote
+commands (`zacoustic.core.transport.commands`), of the status and of keys, which every table has,
+and that of carried samples, if a topic is carried. A table that gives the id of one to another
 stream lacks it, and so does one for another wire profile.
 """
 
@@ -21,6 +22,7 @@ import msgspec
 
 from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
 from zacoustic.core.streams import rmwdesert as rmw_desert
+from zacoustic.core.streams.carry import CARRY_NAME, CARRY_STREAM_ID, CARRY_WILDCARD
 from zacoustic.core.streams.commands import (
     COMMANDS_STREAM_ID,
     COMMANDS_TIMEOUT_S,
@@ -54,6 +56,9 @@ from zacoustic.core.values.encoding import CBOR, OPAQUE
 from zacoustic.core.values.payload import PayloadCodec, TypedCodec
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
+
+_CARRIED_DEPTH: Final = 4096
+"""No carried sample supersedes another one: fewer are offered at once."""
 
 EVERY_NODE: Final = 0
 """Stands for the address of a server where each node is one; the records name it."""
@@ -97,7 +102,9 @@ class Stream:
             check_times(spec)
         self.spec = spec
         self.is_built_in = is_built_in
-        """Whether every table has it."""
+        """Whether it is not the table's own: nobody defines it differently."""
+        self.is_addressed = is_built_in and spec.stream_id == CARRY_STREAM_ID
+        """Whether each key of it is for one node, whose address is its instance."""
         self.stream_id = spec.stream_id
         self.name = spec.name
         self.qos = spec.qos
@@ -148,6 +155,23 @@ class Stream:
         """Return whether that node subscribes to this topic; True for other streams."""
         subscribers = self.spec.subscribers if isinstance(self.spec, TopicSpec) else None
         return subscribers is None or address in subscribers
+
+    def receivers(self, instance: Instance, nodes: Iterable[int]) -> tuple[int, ...]:
+        """Return the nodes that should get the samples of a key of this topic, by address.
+
+        Args:
+            instance: The key within the topic.
+            nodes: The nodes of the fleet.
+        """
+        if self.is_addressed:
+            return instance[:1]
+        subscribers = self.spec.subscribers if isinstance(self.spec, TopicSpec) else None
+        return tuple(sorted(set(nodes if subscribers is None else subscribers)))
+
+    @property
+    def journals_sent(self) -> bool:
+        """Whether its transport journals what this node publishes."""
+        return self.spec.journal and not self.is_addressed
 
     def dense_value(self, value: object) -> tuple[dict[str, Any], bytes]:
         """Return an application's value for a dense block, and its payload.
@@ -260,10 +284,25 @@ class StreamTable:
                 f'name: "{stream.name}" is taken by stream {known.stream_id}',
                 hint="give each stream a name of its own",
             )
+        if isinstance(spec, TopicSpec) and spec.carry is not None:
+            self._built_in.setdefault(CARRY_STREAM_ID, _carried())
+        own = {stream.stream_id, *self._by_id}
+        if CARRY_STREAM_ID in self._built_in and CARRY_STREAM_ID in own:
+            raise ConfigError(
+                f"id: {CARRY_STREAM_ID} is that of carried samples",
+                hint="give the stream another id, or carry no topic",
+            )
         self._by_id[stream.stream_id] = stream
         self._by_name[stream.name] = stream
         self._digest = None
         return stream
+
+    @property
+    def carries(self) -> bool:
+        """Whether a topic is carried."""
+        return any(
+            isinstance(each.spec, TopicSpec) and each.spec.carry is not None for each in self
+        )
 
     def lists(self, address: int) -> bool:
         """Return whether a node belongs to the fleet; True if no nodes are listed."""
@@ -284,6 +323,10 @@ class StreamTable:
     def __iter__(self) -> Iterator[Stream]:
         """Iterate over the table's own streams, by id."""
         return iter(sorted(self._by_id.values(), key=lambda stream: stream.stream_id))
+
+    def every(self) -> list[Stream]:
+        """Return the table's own streams, and those that are in no digest."""
+        return [*self, *self._built_in.values()]
 
     def __len__(self) -> int:
         return len(self._by_id)
@@ -403,6 +446,18 @@ def _keys() -> Stream:
         timeout_s=KEYS_TIMEOUT_S,
         qos=Qos(priority=Priority.DATA_HIGH),
         journal=False,  # the same key may be stored twice
+    )
+    return Stream(spec, TypeTable(), {}, is_built_in=True)
+
+
+def _carried() -> Stream:
+    """Return the stream of carried samples."""
+    spec = TopicSpec(
+        stream_id=CARRY_STREAM_ID,
+        name=CARRY_NAME,
+        wildcards=(CARRY_WILDCARD,),
+        qos=Qos(reliability=Reliability.RELIABLE, depth=_CARRIED_DEPTH),
+        journal=True,
     )
     return Stream(spec, TypeTable(), {}, is_built_in=True)
 

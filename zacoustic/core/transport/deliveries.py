@@ -81,5 +81,26 @@ class DeliveryEnded(msgspec.Struct, frozen=True, kw_only=True):
     """The reason, where the outcome alone does not tell it."""
 
 
-DeliveryEvent = DeliveryStored | DeliveryEnded
+class CustodyChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """A custodian has taken a sample of a carried topic along, or has no room for it.
+
+    The sample has not ended: its subscriber may get it by the custodian, or straight from this node
+    if it is heard before. `DeliveryEnded` comes with the subscriber's receipt.
+    """
+
+    delivery_id: int
+    """What `Engine.publish` returned, perhaps before a restart."""
+    stream_id: int
+    """The topic's stream."""
+    subscriber: int
+    """Address of the subscriber that it is for."""
+    custodian: int | None
+    """Address of the node that has it; None: none has it any more."""
+    changed_at: int
+    """Instant of the change, ns."""
+    detail: str = ""
+    """The reason why none has it."""
+
+
+DeliveryEvent = DeliveryStored | CustodyChanged | DeliveryEnded
 """The events that report a reliable sample to its publisher."""

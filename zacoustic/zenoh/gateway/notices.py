@@ -406,6 +406,29 @@ class ReachChanged(Notice, frozen=True, kw_only=True, tag="reach"):
         return [f"reach     {node} by {self.link}: {self.reach}"]
 
 
+class CustodyNotice(Notice, frozen=True, kw_only=True, tag="custody"):
+    """A custodian has taken a sample of this node along, or has no room for it."""
+
+    stream: str
+    """The carried topic."""
+    subscriber: int
+    """The node that it is for."""
+    custodian: int | None
+    """The node that has it; None: none has it any more."""
+    detail: str
+    """Why none has it."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Whether nobody takes it along."""
+        return self.custodian is None
+
+    def lines(self) -> list[str]:
+        """One line."""
+        what = self.detail if self.custodian is None else f"in custody of {self.custodian}"
+        return [f"custody   {self.stream} for {self.subscriber}: {what}"]
+
+
 class LostContactNotice(Notice, frozen=True, kw_only=True, tag="lost_contact"):
     """An entry of `lost_contact`: contact is lost, the action fails or is done, contact is back."""
 

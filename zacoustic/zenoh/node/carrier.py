@@ -19,6 +19,7 @@ from zacoustic.core.engine.events import (
     ClockStateChanged,
     ContactLost,
     ContactRestored,
+    CustodyChanged,
     DeadlineMissed,
     DeliveryEnded,
     EngineRestarted,
@@ -77,6 +78,7 @@ NodeEvent = (
     | PeerMeasured
     | ModemRead
     | DeliveryEnded
+    | CustodyChanged
     | SilenceChanged
     | StreamOverridden
     | ObjectProgress

@@ -6,7 +6,12 @@ Any thread may create one, before the engine has seen the sample; the loop updat
 import asyncio
 from collections.abc import Callable, Generator
 
-from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, DeliveryStored
+from zacoustic.core.engine.events import (
+    CustodyChanged,
+    DeliveryEnded,
+    DeliveryOutcome,
+    DeliveryStored,
+)
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import DeliveryError, LocalError
 
@@ -41,6 +46,9 @@ class Delivery:
         self.progress: ObjectProgress | None = None
         """Last known progress of a sample larger than a frame; None: it is not larger, or no
         progress is known yet."""
+        self.custodians: dict[int, int] = {}
+        """Of a carried topic: address of a subscriber that lacks the sample → the node that has
+        taken it along."""
         self._is_journalled = is_journalled
         self._cancel = cancel
         self._is_stored = False
@@ -93,6 +101,12 @@ class Delivery:
     def note_progress(self, event: ObjectProgress) -> None:
         """Note progress."""
         self.progress = event
+
+    def note_custody(self, event: CustodyChanged) -> None:
+        """Note who takes the sample along."""
+        self.custodians.pop(event.subscriber, None)
+        if event.custodian is not None:
+            self.custodians[event.subscriber] = event.custodian
 
     def note_stored(self) -> None:
         """Note that the sample is in the journal."""
@@ -154,6 +168,12 @@ class Deliveries:
         delivery = self._deliveries.get(event.object_id or 0)
         if delivery is not None:
             delivery.note_progress(event)
+
+    def carried(self, event: CustodyChanged) -> None:
+        """Note who takes a sample along."""
+        delivery = self._deliveries.get(event.delivery_id)
+        if delivery is not None:
+            delivery.note_custody(event)
 
     def stored(self, event: DeliveryStored) -> None:
         """Note that the sample is in the journal."""

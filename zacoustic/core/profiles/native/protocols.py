@@ -32,13 +32,14 @@ from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
+from zacoustic.core.transport.carry.status import CarryStatus
 from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
+from zacoustic.core.transport.publication import Publication
 from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed
-from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.transport.topics.topics import Topics
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
@@ -93,7 +94,9 @@ class Protocols(Profile):
         )
         self.services: Services = Services(context, self.repeater)
         self.actions: Actions = Actions(context, self.repeater)
-        self.topics = Topics(context, rules.objects, self.subscriptions, self.deadlines)
+        self.topics = Topics(
+            context, rules.objects, self.subscriptions, self.deadlines, rules.carry_bytes
+        )
         self.objects = self.topics.large.objects
         """Samples larger than a frame, under way."""
         context.reception.read.connect(context.pacers.heard)
@@ -136,15 +139,20 @@ class Protocols(Profile):
 
     def delivering(self, stream_id: int) -> int:
         """Return how many reliable samples of a stream have not ended."""
-        return self.topics.sending.delivering(stream_id)
+        return self.topics.delivering(stream_id)
+
+    @property
+    def carry(self) -> CarryStatus | None:
+        """What this node keeps of carried topics; None: there are none."""
+        return None if self.topics.carrying is None else self.topics.carrying.status
 
     def is_delivering(self, delivery_id: int) -> bool:
         """Return whether a reliable sample has not ended."""
-        return self.topics.sending.is_delivering(delivery_id)
+        return self.topics.is_delivering(delivery_id)
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Cancel a reliable sample; see `Engine.cancel_delivery`."""
-        return self.topics.large.cancel(delivery_id, now)
+        return self.topics.cancel(delivery_id, now)
 
     def refuse_object(self, source: int, transfer: int, now: int) -> bool:
         """Refuse the rest of an object; see `Engine.refuse_object`."""

@@ -44,7 +44,7 @@ from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.contract import MakeTransport
 from zacoustic.core.transport.deliveries import SampleReceived
-from zacoustic.core.transport.topics.publication import Publication
+from zacoustic.core.transport.publication import Publication
 from zacoustic.core.transport.topics.topics import NO_DELIVERY
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.rmw_desert.messages import Kind, Message, decode_message, encode_head

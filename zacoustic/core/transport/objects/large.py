@@ -70,6 +70,7 @@ class LargeSamples:
         subscriptions: Knows the subscribers of on-demand topics.
         sending: Holds the counts of this node's keys.
         receiving: Holds the counts of other nodes' keys, and delivers large samples.
+        emit: Takes events.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class LargeSamples:
         subscriptions: Subscriptions,
         sending: ReliableSending,
         receiving: ReliableReceiving,
+        emit: Callable[[ObjectProgress | BulkChanged | DeliveryEvent], None],
     ) -> None:
         self._address = context.address
         self._table = context.table
@@ -88,7 +90,7 @@ class LargeSamples:
         self._slots: LargeSlots = sending.slots
         self._receiving = receiving
         self._stats = context.stats
-        self._emit: Callable[[ObjectProgress | BulkChanged | DeliveryEvent], None] = context.emit
+        self._emit = emit
         self._now = 0
         self._given_up: list[StoredObject] = []
         self.objects = Objects(
@@ -123,7 +125,7 @@ class LargeSamples:
         self._given_up.clear()
         self._now = now
         self.objects.link_up(now)
-        for stream in self._table:
+        for stream in self._table.every():
             if self.objects.pending(stream.stream_id):
                 self.subscribers_changed(stream, now)
 
@@ -261,7 +263,7 @@ class LargeSamples:
     def admit(self, source: int, stream_id: int) -> Admission:
         """Return what the table says about an object; stream 0: not yet known."""
         if not stream_id:
-            taken = [each for each in self._table if self._may_take(each, source)]
+            taken = [each for each in self._table.every() if self._may_take(each, source)]
             is_wanted = any(self._is_wanted(each, source) for each in taken)
             others = sorted(set(self._table.nodes) - {source})
             reason = None if taken else Reason.NOT_SUBSCRIBED
@@ -272,7 +274,9 @@ class LargeSamples:
             return Admission(Reason.NOT_SUBSCRIBED if is_open else None, is_open=is_open)
         if not self._may_take(stream, source):
             return Admission(Reason.NOT_SUBSCRIBED, is_open=is_open)
-        others = [each for each in self._receivers(stream) if each != source]
+        # Whose key it is, is not known before the manifest has come.
+        listed = stream.receivers((self._address,), self._table.nodes)
+        others = [each for each in listed if each != source]
         admission = Admission(
             is_wanted=self._is_wanted(stream, source),
             is_open=is_open,
@@ -354,11 +358,6 @@ class LargeSamples:
         rank = receivers.index(self._address)
         return msgspec.structs.replace(admission, rank=rank, others=len(receivers) - 1)
 
-    def _receivers(self, stream: Stream) -> list[int]:
-        assert isinstance(stream.spec, TopicSpec)
-        listed = stream.spec.subscribers
-        return sorted(self._table.nodes if listed is None else listed)
-
     def _send(
         self,
         delivery_id: int,
@@ -374,7 +373,7 @@ class LargeSamples:
         subscribers = self._subscriptions.subscribers(stream)
         receivers = tuple(
             each
-            for each in self._receivers(stream)
+            for each in stream.receivers(instance, self._table.nodes)
             if each != self._address and (subscribers is None or each in subscribers)
         )
         if not receivers:
@@ -393,7 +392,7 @@ class LargeSamples:
             number=slot.number,
             receivers=receivers,
             stream_digest=stream.digest,
-            keep=stream.spec.journal,
+            keep=stream.journals_sent,
             priority=stream.qos.priority,
             exclusive=stream.qos.exclusive,
             lifespan_s=stream.qos.lifespan_s,

@@ -4,7 +4,7 @@ A best-effort sample crosses once or not at all. `zacoustic.core.transport.relia
 reliable ones. `zacoustic.core.wire.content` has the parts of a record.
 """
 
-from collections.abc import Mapping, Set
+from collections.abc import Callable, Mapping, Set
 from typing import Any, Final
 
 from zacoustic.core.base.linktypes import BROADCAST
@@ -14,11 +14,16 @@ from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import SAMPLE_LANE, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, Stream
-from zacoustic.core.transport.deliveries import SampleReceived
+from zacoustic.core.transport.carry.carrying import Carrying
+from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.large import LargeSamples
 from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
+from zacoustic.core.transport.publication import EncodedSample, Publication, encode_sample
 from zacoustic.core.transport.reliable.receiving.receiving import Arrival, ReliableReceiving
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.reliable.sending.slots import LEAST_ACK_BYTES
@@ -26,7 +31,6 @@ from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
-from zacoustic.core.transport.topics.publication import EncodedSample, Publication, encode_sample
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.payload import PayloadError, ReferenceUnknownError
 from zacoustic.core.wire.frame import SYNC_BYTES, DenseBlock, Record
@@ -47,6 +51,7 @@ class Topics:
         limits: How much memory samples may take that fit no frame.
         subscriptions: Knows the subscribers of on-demand topics.
         deadlines: Delivers samples to the application.
+        carry_bytes: How much this node carries for others, bytes.
     """
 
     def __init__(
@@ -55,23 +60,38 @@ class Topics:
         limits: ObjectLimits,
         subscriptions: Subscriptions,
         deadlines: Deadlines,
+        carry_bytes: int,
     ) -> None:
         self._address = context.address
         self._table = context.table
         self._queue = context.queue
         self._stats = context.stats
         self._subscriptions = subscriptions
-        self._hand_on = deadlines.hand_on
+        self._emit: Callable[[Any], None] = context.emit
+        self._deliver = deadlines.hand_on
         self.dense = DenseStreams(context, subscriptions)
         """Dense blocks."""
-        self.sending = ReliableSending(context, subscriptions)
+        self.sending = ReliableSending(context, subscriptions, self._told)
         """Reliable samples that this node sends."""
-        self.receiving = ReliableReceiving(context, deadlines.hand_on)
+        self.receiving = ReliableReceiving(context, self._hand_on)
         """Reliable samples that this node receives."""
-        self.large = LargeSamples(context, limits, subscriptions, self.sending, self.receiving)
+        self.large = LargeSamples(
+            context, limits, subscriptions, self.sending, self.receiving, self._told
+        )
         """Samples that fit no frame."""
         self.copied = CopiedSamples(context)
         """Best-effort samples, some of which are sent several times."""
+        self.carrying: Carrying | None = None
+        """Carried topics; None: the table has none."""
+        if context.table.get(CARRY_STREAM_ID) is not None and context.table.carries:
+            self.carrying = Carrying(
+                context,
+                carry_bytes,
+                deadlines.hand_on,
+                self.sending.next_delivery_id,
+                self._offer,
+                self.large.cancel,
+            )
         context.reception.on_records(TopicSpec, self.receive, self.receive_ack)
         context.reception.on(DenseBlock, self.receive_block)
         subscriptions.changed.connect(self.subscribers_changed)
@@ -83,6 +103,8 @@ class Topics:
         self.sending.recover(stored)
         self.receiving.recover(stored)
         self.large.recover(stored)
+        if self.carrying is not None:
+            self.carrying.recover(stored)
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Set the link's airtimes and the time in which every repetition of a frame arrives, ns."""
@@ -94,6 +116,8 @@ class Topics:
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
+        if self.carrying is not None:
+            self.carrying.link_up(now)
 
     def awake(self, now: int) -> None:
         """Do, while the node is awake, the work that has no timer of its own."""
@@ -107,6 +131,11 @@ class Topics:
         stream, spec = self._table.topic_of(self._address, publication.stream_id)
         stream.keys.key(self._address, publication.instance)
         sample = encode_sample(stream, publication, now)
+        if self.carrying is not None and stream.stream_id in self.carrying:
+            self.large.check(stream, len(sample.payload))
+            delivery_id = self.carrying.publish(stream, sample, now)
+            count(self._stats.published, stream.stream_id)
+            return delivery_id
         is_reliable = stream.qos.reliability is Reliability.RELIABLE
         if is_reliable:
             self.sending.check(stream)
@@ -136,6 +165,43 @@ class Topics:
         lane = (stream.stream_id, SAMPLE_LANE, *sample.instance)
         self.copied.publish(lane, item, stream.qos, now)
         return NO_DELIVERY
+
+    def cancel(self, delivery_id: int, now: int) -> bool:
+        """Cancel a reliable sample; return False when it is not under way."""
+        if self.carrying is not None and self.carrying.cancel(delivery_id, now):
+            return True
+        return self.large.cancel(delivery_id, now)
+
+    def delivering(self, stream_id: int) -> int:
+        """Return how many reliable samples of a topic have not ended."""
+        carried = 0 if self.carrying is None else self.carrying.delivering(stream_id)
+        return carried + self.sending.delivering(stream_id)
+
+    def is_delivering(self, delivery_id: int) -> bool:
+        """Return whether a reliable sample has not ended."""
+        is_carried = self.carrying is not None and self.carrying.is_delivering(delivery_id)
+        return is_carried or self.sending.is_delivering(delivery_id)
+
+    def _hand_on(self, sample: SampleReceived, now: int) -> None:
+        if self.carrying is not None and sample.stream_id == CARRY_STREAM_ID:
+            self.carrying.take(sample, now)
+        else:
+            self._deliver(sample, now)
+
+    def _told(self, event: ObjectProgress | BulkChanged | DeliveryEvent) -> None:
+        """Pass an event on, to the carried topics if it is of one of their hops."""
+        is_hop = not isinstance(event, BulkChanged) and event.stream_id == CARRY_STREAM_ID
+        if self.carrying is None or not is_hop:
+            self._emit(event)
+        elif isinstance(event, DeliveryEnded):
+            self.carrying.told(event)
+
+    def _offer(self, receiver: int, message: bytes, now: int) -> int:
+        """Publish a message of the carried topics to a node; return its delivery id."""
+        stream = self._table.by_id(CARRY_STREAM_ID)
+        publication = Publication(CARRY_STREAM_ID, message, instance=(receiver,))
+        sample = encode_sample(stream, publication, now)
+        return self._publish_reliably(stream, sample, now, is_delete=False)
 
     def _publish_reliably(
         self, stream: Stream, sample: EncodedSample, now: int, *, is_delete: bool
@@ -182,6 +248,8 @@ class Topics:
         prefixes = record.prefixes
         wild = len(stream.keys.wildcards)
         instance, content = tuple(record.content[:wild]), record.content[wild:]
+        if stream.is_addressed and instance != (self._address,):
+            return "not_subscriber"
         low_number: int | None = None
         if stream.qos.reliability is Reliability.RELIABLE:
             if not content:

@@ -7,6 +7,7 @@ from zacoustic.core.engine.events import (
     AccessStateChanged,
     BulkChanged,
     ClockStateChanged,
+    CustodyChanged,
     DeadlineMissed,
     EngineRestarted,
     Event,
@@ -33,6 +34,7 @@ from zacoustic.zenoh.gateway.notices import (
     AccessChanged,
     BulkRerouted,
     ClockChanged,
+    CustodyNotice,
     EngineLost,
     EntityHeard,
     JournalChanged,
@@ -158,6 +160,14 @@ class EventNotices:
             reach=event.reach.value,
         )
 
+    def _custody(self, event: CustodyChanged) -> Notice:
+        return CustodyNotice(
+            stream=self._table.by_id(event.stream_id).name,
+            subscriber=event.subscriber,
+            custodian=event.custodian,
+            detail=event.detail,
+        )
+
     def _subscribers(self, event: SubscribersChanged) -> Notice:
         name = self._table.by_id(event.stream_id).name
         return Subscribed(stream=name, subscribers=event.subscribers)
@@ -209,6 +219,7 @@ _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = 
     PeerLost: EventNotices._lost,
     PeerFound: EventNotices._found,
     PeerReachable: EventNotices._reach,
+    CustodyChanged: EventNotices._custody,
     SubscribersChanged: EventNotices._subscribers,
     DeadlineMissed: EventNotices._late,
     StreamsDiffer: EventNotices._differ,

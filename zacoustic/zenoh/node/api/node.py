@@ -235,6 +235,7 @@ class Node(EndpointMaker):
         - `DeadlineMissed`: no sample of a topic with `deadline_s` was published, or came, in time.
         - `StreamsDiffer`: a peer defines streams differently.
         - `PeerMeasured`, `ModemRead`: the modem has measured a peer, or reports its own values.
+        - `CustodyChanged`: a node takes a sample of a carried topic along, or has no room for it.
         - `DeliveryEnded`: a sample from before this node's restart has its outcome.
         - `ObjectProgress`: a large sample, outgoing or incoming, has progressed or ended.
         - `AccessStateChanged`: a schedule does not hold, is not in use, or is as it should be.

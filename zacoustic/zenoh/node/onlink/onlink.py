@@ -11,6 +11,7 @@ from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.stats import NO_STREAM, EngineStats, LedgerEntry
 from zacoustic.core.engine.events import (
     CallFailed,
+    CustodyChanged,
     DeliveryEnded,
     DeliveryStored,
     Event,
@@ -176,6 +177,7 @@ class LinkCarrier:
             StreamsDiffer: self._see_difference,
             DeliveryStored: self._publishing.deliveries.stored,
             DeliveryEnded: self._end_delivery,
+            CustodyChanged: self._see_custody,
             ObjectProgress: self._progress,
             RangeMeasured: self._ranges.measured,
             RangeFailed: self._ranges.failed,
@@ -198,6 +200,10 @@ class LinkCarrier:
     def _end_delivery(self, event: DeliveryEnded) -> None:
         if not self._publishing.deliveries.ended(event):  # of a former boot epoch
             self._report(event)
+
+    def _see_custody(self, event: CustodyChanged) -> None:
+        self._publishing.deliveries.carried(event)
+        self._report(event)
 
     def _progress(self, event: ObjectProgress) -> None:
         self._publishing.deliveries.progressed(event)

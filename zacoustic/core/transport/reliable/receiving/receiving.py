@@ -13,7 +13,6 @@ from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.timing import ack_slots
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.reliable.receiving.positions import LaneKey, Positions
@@ -429,15 +428,14 @@ class ReliableReceiving:
         the topic's deadline.
         """
         times = self._pacers.link_times
-        assert isinstance(stream.spec, TopicSpec)
         linger_ns = times.ack_linger_ns
         # A publisher continues when its frame is full, and with further copies of urgent samples.
         is_full = arrival.spare_bytes + times.mtu_bytes < 0
         if is_full or stream.qos.priority is Priority.REAL_TIME:
             linger_ns += times.next_frame_ns
-        listed = stream.spec.subscribers
         source = arrival.sample.source
-        others = sorted(set(self._table.nodes if listed is None else listed) - {source})
+        listed = stream.receivers(arrival.sample.instance, self._table.nodes)
+        others = [each for each in listed if each != source]
         if not is_first:
             spread_ns = times.ack_spread_ns(len(others))
             if len(others) > 1:

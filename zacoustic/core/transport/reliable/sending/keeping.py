@@ -84,7 +84,7 @@ class Keeping:
         Raises:
             JournalUnavailableError: The journal cannot be written.
         """
-        if stream.spec.journal and self._journal.failure:
+        if stream.journals_sent and self._journal.failure:
             raise JournalUnavailableError(
                 f"{stream.name}: not accepted: the journal cannot be written: "
                 f"{self._journal.failure}",

@@ -48,9 +48,15 @@ class ReliableSending:
     Args:
         context: What the components of its engine share.
         subscriptions: Knows the subscribers of on-demand topics.
+        emit: Takes the events of samples.
     """
 
-    def __init__(self, context: Context, subscriptions: Subscriptions) -> None:
+    def __init__(
+        self,
+        context: Context,
+        subscriptions: Subscriptions,
+        emit: Callable[[DeliveryEvent], None],
+    ) -> None:
         self._table = context.table
         self._queue = context.queue
         self._timers = context.timers
@@ -71,7 +77,7 @@ class ReliableSending:
             context.generators.of("contradictions"),
             self._out_of_sync,
         )
-        self._emit: Callable[[DeliveryEvent], None] = context.emit
+        self._emit = emit
         self._lanes = SendLanes(
             context.address,
             context.table,

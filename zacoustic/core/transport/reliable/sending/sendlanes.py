@@ -81,12 +81,12 @@ class SendLanes:
         is_pressing = qos.priority is Priority.REAL_TIME or qos.deadline_ns is not None
         lane = SendLane(
             (stream.stream_id, RELIABLE_LANE, *instance),
-            self._receivers(stream),
+            self._receivers(stream, instance),
             spans,
             number,
-            is_journalled=stream.spec.journal if is_journalled is None else is_journalled,
+            is_journalled=stream.journals_sent if is_journalled is None else is_journalled,
             subscribers=self._subscriptions.subscribers(stream),
-            rhythm=self._rhythm(stream),
+            rhythm=self._rhythm(stream, instance),
             may_aim=not is_pressing,
         )
         self._lanes[lane.key] = lane
@@ -127,10 +127,11 @@ class SendLanes:
             if sample.tries and sample.stage in (Stage.QUEUED, Stage.ON_AIR)
         )
 
-    def _rhythm(self, stream: Stream) -> SendRhythm | None:
+    def _rhythm(self, stream: Stream, instance: Instance) -> SendRhythm | None:
         # Several receivers would all ask at once, and urgent samples are sent in copies anyway.
         is_urgent = stream.qos.priority is Priority.REAL_TIME
-        alone = len(self._receivers(stream)) == 1
+        # Who is given a carried sample says so at once: its silence would mean that it is away.
+        alone = len(self._receivers(stream, instance)) == 1 and not stream.is_addressed
         return SendRhythm(stream.qos) if alone and not is_urgent else None
 
     def _lineage(self, stream: Stream) -> int:
@@ -139,8 +140,6 @@ class SendLanes:
             return self._handshake.epoch
         return self._rng.randrange(LINEAGES)
 
-    def _receivers(self, stream: Stream) -> tuple[int, ...]:
-        assert isinstance(stream.spec, TopicSpec)
-        listed = stream.spec.subscribers
-        addresses = self._table.nodes if listed is None else listed
-        return tuple(sorted(set(addresses) - {self._address}))
+    def _receivers(self, stream: Stream, instance: Instance) -> tuple[int, ...]:
+        listed = stream.receivers(instance, self._table.nodes)
+        return tuple(each for each in listed if each != self._address)

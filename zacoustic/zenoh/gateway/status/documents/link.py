@@ -78,6 +78,8 @@ class LinkStatus:
             }
         if self._engine.hops:
             found["relay"] = {"hops": msgspec.to_builtins(self._engine.hops)}
+        if self._engine.carry is not None:
+            found["carry"] = msgspec.to_builtins(self._engine.carry)
         found |= {f"route/{each.name}": self._route(each) for each in self._engine.routes}
         return found | {f"bond/{each.name}": self._bond(each) for each in self._engine.bonds}
 

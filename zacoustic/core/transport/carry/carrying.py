@@ -1,0 +1,580 @@
+"""A node's part in carried topics: what it publishes, takes, offers and hands on."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds, seconds_to_ns
+from zacoustic.core.base.timers import Due
+from zacoustic.core.schedule.context import Context
+from zacoustic.core.streams.carry import Carry
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.carry.arrivals import Arrivals
+from zacoustic.core.transport.carry.counts import Counts, Place
+from zacoustic.core.transport.carry.custody import Answer, Custody, Held, Offered
+from zacoustic.core.transport.carry.reach import Reach
+from zacoustic.core.transport.carry.status import CarryStatus
+from zacoustic.core.transport.deliveries import (
+    CustodyChanged,
+    DeliveryEnded,
+    DeliveryOutcome,
+    DeliveryStored,
+    SampleReceived,
+)
+from zacoustic.core.transport.publication import EncodedSample
+from zacoustic.core.wire.carry import (
+    DIGEST_BYTES,
+    Bundle,
+    Envelope,
+    Receipt,
+    Refusal,
+    decode,
+    encode_answer,
+    encode_envelope,
+)
+from zacoustic.core.wire.frame import Control
+from zacoustic.errors import JournalUnavailableError, LocalError
+
+MOST_OFFERED: Final = 16
+"""How much is offered at once to a node that is heard. To another one it is one sample or answer:
+whether that arrives tells the same, and each new one would be sent soon."""
+LEAST_FULL_S: Final = 600.0
+"""How long a custodian that has no room is not asked again, s, or longer: `Carry.after_s`."""
+_RETRY_NS: Final = 60 * NS_PER_S
+_AT_ONCE: Final = 0
+"""An instant that has always passed."""
+
+Send = Callable[[int, bytes, int], int]
+"""Offers a message to a node, at an instant; returns the delivery id of the hop."""
+Withdraw = Callable[[int, int], bool]
+"""Ends a hop by its delivery id, at an instant."""
+
+
+class _Room:
+    """How much more may be offered to each node.
+
+    Args:
+        is_heard: Returns whether a node was heard lately.
+    """
+
+    def __init__(self, is_heard: Callable[[int], bool]) -> None:
+        self._is_heard = is_heard
+        self._taken = Counter[int]()
+
+    def take(self, receiver: int) -> bool:
+        """Take the place of one sample or answer; return False where there is none."""
+        self._taken[receiver] += 1
+        return self._taken[receiver] <= (MOST_OFFERED if self._is_heard(receiver) else 1)
+
+
+class _Own:
+    """A sample of this node, until all its subscribers have it."""
+
+    def __init__(self, stream_id: int) -> None:
+        self.stream_id = stream_id
+        self.held: list[Held] = []
+        self.is_stored = False
+
+
+class Carrying:
+    """The carried topics of one node on one link.
+
+    Args:
+        context: What the components of its engine share.
+        max_bytes: How much it keeps for other nodes, bytes.
+        hand_on: Takes each sample for this node, and the instant.
+        next_delivery_id: Returns a delivery id that was never used before.
+        send: Offers a message to a node.
+        withdraw: Ends such an offer.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        max_bytes: int,
+        hand_on: Callable[[SampleReceived, int], None],
+        next_delivery_id: Callable[[], int],
+        send: Send,
+        withdraw: Withdraw,
+    ) -> None:
+        self._address = context.address
+        self._table = context.table
+        self._timers = context.timers
+        self._journal = context.journal
+        self._doubt = context.doubt
+        self._stats = context.stats
+        self._emit: Callable[[Any], None] = context.emit
+        self._max_bytes = max_bytes
+        self._next_delivery_id = next_delivery_id
+        self._send = send
+        self._withdraw = withdraw
+        self._carries: dict[int, Carry] = {}
+        self._wildcards: dict[int, int] = {}
+        for stream in context.table:
+            self.declared(stream)
+        self._custody = Custody(context.journal, context.stored)
+        self._counts = Counts(context.journal, context.generators.of("carry"))
+        self._arrivals = Arrivals(
+            context.table, context.journal, hand_on,
+            lambda: bool(context.doubt.reason), context.stats.drop,
+        )  # fmt: skip
+        self._reach = Reach(context.address, self._carries)
+        self._own: dict[int, _Own] = {}
+        self._offered: dict[int, tuple[Offered, int]] = {}
+        """Delivery id of a hop → what is offered, to whom."""
+        self._ended: list[DeliveryEnded] = []
+        """Hops that have ended since the last look at the offers."""
+        self._is_due = False
+        self._instants: list[int] = []
+        """When to look at the offers again, ns."""
+        self._refused = 0
+        context.reception.read.connect(self._heard)
+        context.peers.forgotten.connect(self._forgotten)
+
+    def __contains__(self, stream_id: int) -> bool:
+        """Return whether a topic is carried."""
+        return stream_id in self._carries
+
+    def declared(self, stream: Stream) -> None:
+        """Note a stream that the table has from now on."""
+        if isinstance(stream.spec, TopicSpec) and stream.spec.carry is not None:
+            self._carries[stream.stream_id] = stream.spec.carry
+            self._wildcards[stream.stream_id] = len(stream.keys.wildcards)
+
+    # Life cycle of the engine
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Restore everything from before the restart."""
+        self._counts.recover(stored, is_doubtful=bool(self._doubt.reason))
+        self._arrivals.recover(stored)
+        for held in self._custody.recover(stored):
+            if held.envelope.bundle.stream_id not in self._carries:
+                self._custody.drop(held)
+            elif held.delivery_id is not None:
+                own = self._own.setdefault(held.delivery_id, _Own(held.envelope.bundle.stream_id))
+                own.held.append(held)
+                own.is_stored = True
+
+    def link_up(self, now: int) -> None:
+        """Offer what is kept: the link is up."""
+        self._reach.begin(now)
+        self._custody.begin(now)
+        self._changed()
+
+    # For the application
+
+    def publish(self, stream: Stream, sample: EncodedSample, now: int) -> int:
+        """Publish a sample; return its delivery id.
+
+        Raises:
+            JournalUnavailableError: The journal cannot be written.
+        """
+        if self._journal.failure:
+            raise JournalUnavailableError(
+                f"{stream.name}: not accepted: the journal cannot be written: "
+                f"{self._journal.failure}",
+                hint="what is accepted has to survive a restart",
+            )
+        delivery_id = self._next_delivery_id()
+        carry = self._carries[stream.stream_id]
+        place = self._counts.take(stream.stream_id, sample.instance)
+        ends_at = now + seconds_to_ns(carry.expires_s)
+        if sample.expires_at is not None:
+            ends_at = min(ends_at, sample.expires_at)
+        own = self._own[delivery_id] = _Own(stream.stream_id)
+        receivers = [
+            each for each in stream.receivers(sample.instance, self._table.nodes)
+            if each != self._address
+        ]  # fmt: skip
+        for receiver in receivers:
+            bundle = Bundle(
+                self._address, receiver, stream.stream_id, sample.instance, place.lineage
+            )
+            envelope = _envelope(stream, sample, bundle, place.number)
+            is_last = receiver == receivers[-1]
+            then = partial(self._stored, delivery_id) if is_last else _nothing
+            own.held.append(
+                self._custody.keep(envelope, ends_at, now, delivery_id=delivery_id, then=then)
+            )
+        self._supersede(stream, sample, now)
+        self._changed()
+        return delivery_id
+
+    def cancel(self, delivery_id: int, now: int) -> bool:
+        """Cancel a sample; return False when it is not under way."""
+        if delivery_id not in self._own:
+            return False
+        self._end(delivery_id, DeliveryOutcome.CANCELLED, now)
+        return True
+
+    def delivering(self, stream_id: int) -> int:
+        """Return how many samples of a topic have not ended."""
+        return sum(own.stream_id == stream_id for own in self._own.values())
+
+    def is_delivering(self, delivery_id: int) -> bool:
+        """Return whether a sample has not ended."""
+        return delivery_id in self._own
+
+    @property
+    def status(self) -> CarryStatus:
+        """What is kept for the next hop."""
+        own = [held for each in self._own.values() for held in each.held]
+        return CarryStatus(
+            own=len(self._own),
+            in_custody=sum(held.custodian is not None for held in own),
+            carried=self._custody.carried,
+            carried_bytes=self._custody.carried_bytes,
+            max_bytes=self._max_bytes,
+            refused=self._refused,
+        )
+
+    # For the hops
+
+    def take(self, hop: SampleReceived, now: int) -> None:
+        """Take what another node offers, which its transport has journalled."""
+        if hop.instance != (self._address,) or not isinstance(hop.value, bytes):
+            return
+        message = decode(hop.value, hop.source, self._address, self._wildcards)
+        reason = "payload" if message is None else self._refusal(message, hop.source)
+        if message is None or reason is not None:
+            self._stats.drop(reason or "payload")
+        elif isinstance(message, Envelope):
+            self._take_sample(message, hop, now)
+        elif message.bundle.origin != self._address:
+            self._pass_on(message, now)
+        elif isinstance(message, Receipt):
+            self._receipt(message, now)
+        else:
+            self._full(message, hop.source, now)
+
+    def told(self, ended: DeliveryEnded) -> None:
+        """Take the end of a hop."""
+        self._ended.append(ended)
+        self._changed()
+
+    # Below the methods above
+
+    def _stored(self, delivery_id: int, now: int) -> None:
+        own = self._own.get(delivery_id)
+        if own is not None:
+            own.is_stored = True
+            self._emit(DeliveryStored(delivery_id=delivery_id, stream_id=own.stream_id))
+            self._changed()
+
+    def _supersede(self, stream: Stream, sample: EncodedSample, now: int) -> None:
+        """End the oldest samples of a key, beyond its depth."""
+        of_key = [
+            delivery_id
+            for delivery_id, own in self._own.items()
+            if own.stream_id == stream.stream_id
+            and own.held[0].envelope.bundle.instance == sample.instance
+        ]
+        for delivery_id in of_key[: -stream.qos.depth]:
+            self._end(delivery_id, DeliveryOutcome.SUPERSEDED, now)
+
+    def _refusal(self, message: Envelope | Receipt | Refusal, sender: int) -> str | None:
+        """Return why the table does not allow a message, one word, or None."""
+        bundle = message.bundle
+        stream = self._table.by_id(bundle.stream_id)
+        carry = self._carries[bundle.stream_id]
+        ends = (bundle.origin, bundle.destination)
+        if not stream.may_publish(bundle.origin) or not stream.may_subscribe(bundle.destination):
+            return "not_publisher"
+        if bundle.origin == bundle.destination:
+            return "not_publisher"
+        if sender not in (*ends, *carry.by) or self._address not in (*ends, *carry.by):
+            return "not_custodian"
+        is_mine = isinstance(message, Envelope) and bundle.destination == self._address
+        if is_mine and message.digest != stream.digest[:DIGEST_BYTES]:  # type: ignore[union-attr]
+            return "differs"
+        return None
+
+    def _take_sample(self, envelope: Envelope, hop: SampleReceived, now: int) -> None:
+        bundle = envelope.bundle
+        if bundle.destination == self._address:
+            before = envelope.number
+            expected = self._arrivals.take(envelope, hop, now)
+            # Who has published it learns of it by the hop, unless it came before.
+            is_repeated = hop.again or expected > before + 1
+            if hop.source != bundle.origin or is_repeated:
+                self._answer(Receipt(bundle, expected), now)
+            return
+        if bundle.origin == self._address or self._custody.find(bundle, envelope.number):
+            return
+        size_bytes = envelope.size_bytes
+        if self._custody.carried_bytes + size_bytes > self._max_bytes or envelope.life_s <= 0:
+            self._refused += 1
+            self._answer(Refusal(bundle, envelope.number), now)
+            return
+        ends_at = now + seconds_to_ns(envelope.life_s)
+        kept = msgspec.structs.replace(envelope, hops=max(0, envelope.hops - 1))
+        self._custody.keep(kept, ends_at, now, then=lambda at: self._changed())
+
+    def _receipt(self, receipt: Receipt, now: int) -> None:
+        """Take a receipt of an own count."""
+        bundle, number = receipt.bundle, receipt.number
+        claim = Place(bundle.lineage, number)
+        if self._counts.claims_too_much(bundle.stream_id, bundle.instance, claim):
+            self._begin_anew(bundle, now)
+            return
+        for held in self._custody:
+            is_own = held.delivery_id is not None and held.envelope.bundle == bundle
+            if is_own and held.envelope.number < number:
+                self._done(held, now)
+        self._changed()
+
+    def _begin_anew(self, bundle: Bundle, now: int) -> None:
+        """Give all samples of a key places in another count: the present one cannot be right."""
+        stream_id, instance = bundle.stream_id, bundle.instance
+        self._counts.begin_anew(stream_id, instance)
+        for own in list(self._own.values()):
+            if own.stream_id != stream_id or own.held[0].envelope.bundle.instance != instance:
+                continue
+            place = self._counts.take(stream_id, instance)
+            for held in own.held:
+                self._withdraw_all(held, now)
+                other = msgspec.structs.replace(held.envelope.bundle, lineage=place.lineage)
+                self._custody.renumber(held, other, place.number, now)
+        self._changed()
+
+    def _full(self, refusal: Refusal, source: int, now: int) -> None:
+        """Take the word of a custodian that it does not keep a sample."""
+        held = self._custody.find(refusal.bundle, refusal.number)
+        if held is None or held.delivery_id is None:
+            return
+        carry = self._carries[refusal.bundle.stream_id]
+        custodian = held.custodian if held.custodian is not None else source
+        self._reach.is_full(custodian, now + seconds_to_ns(max(carry.after_s, LEAST_FULL_S)))
+        held.custodian = None
+        self._withdraw_all(held, now)
+        self._custody.write(held, now)
+        self._tell(held, None, f"node {custodian} has no room for it", now)
+        self._changed()
+
+    def _pass_on(self, answer: Receipt | Refusal, now: int) -> None:
+        """Take an answer for another node along, and drop what it makes needless."""
+        if isinstance(answer, Receipt):
+            for held in self._custody:
+                if held.envelope.bundle == answer.bundle and held.envelope.number < answer.number:
+                    self._drop(held, now)
+        self._answer(answer, now)
+
+    def _answer(self, content: Receipt | Refusal, now: int) -> None:
+        kept = self._custody.answer(content)
+        if kept is not None:
+            self._withdraw_all(kept, now)
+            self._changed()
+
+    def _hop_ended(self, ended: DeliveryEnded, now: int) -> None:
+        found = self._offered.pop(ended.delivery_id, None)
+        if found is None:
+            return
+        offered, receiver = found
+        del offered.offers[receiver]
+        if ended.outcome is not DeliveryOutcome.DELIVERED:
+            offered.refused.add(receiver)
+        elif isinstance(offered, Answer):
+            self._drop_answer(offered, now)
+        elif isinstance(offered, Held):
+            self._given(offered, receiver, now)
+
+    def _given(self, held: Held, receiver: int, now: int) -> None:
+        """Note that another node has taken a sample and journalled it."""
+        if receiver == held.envelope.bundle.destination:
+            self._done(held, now)
+        elif held.delivery_id is None:
+            self._drop(held, now)
+        else:
+            held.custodian = receiver
+            self._withdraw_all(held, now)
+            self._custody.write(held, now)
+            self._tell(held, receiver, "", now)
+
+    def _tell(self, held: Held, custodian: int | None, detail: str, now: int) -> None:
+        assert held.delivery_id is not None
+        self._emit(
+            CustodyChanged(
+                delivery_id=held.delivery_id,
+                stream_id=held.envelope.bundle.stream_id,
+                subscriber=held.envelope.bundle.destination,
+                custodian=custodian,
+                changed_at=now,
+                detail=detail,
+            )
+        )
+
+    def _done(self, held: Held, now: int) -> None:
+        """Note that the subscriber of a sample has it."""
+        self._drop(held, now)
+        own = None if held.delivery_id is None else self._own.get(held.delivery_id)
+        if own is None or held.delivery_id is None:
+            return
+        own.held = [each for each in own.held if each is not held]
+        if not own.held:
+            self._end(held.delivery_id, DeliveryOutcome.DELIVERED, now)
+
+    def _end(self, delivery_id: int, outcome: DeliveryOutcome, now: int) -> None:
+        """End an own sample."""
+        own = self._own.pop(delivery_id)
+        custodians = sorted({each.custodian for each in own.held if each.custodian is not None})
+        for held in own.held:
+            self._drop(held, now)
+        missing = tuple(sorted(each.envelope.bundle.destination for each in own.held))
+        detail = ", ".join(map(str, custodians))
+        self._emit(
+            DeliveryEnded(
+                delivery_id=delivery_id,
+                stream_id=own.stream_id,
+                outcome=outcome,
+                missing=missing,
+                ended_at=now,
+                detail=f"in custody of {detail}" if detail else "",
+            )
+        )
+        self._changed()
+
+    def _expire(self, held: Held, now: int) -> None:
+        if held.delivery_id is None:
+            self._drop(held, now)
+        elif held.delivery_id in self._own:
+            self._end(held.delivery_id, DeliveryOutcome.EXPIRED, now)
+
+    def _drop(self, held: Held, now: int) -> None:
+        self._withdraw_all(held, now)
+        self._custody.drop(held)
+        self._changed()
+
+    def _drop_answer(self, answer: Answer, now: int) -> None:
+        self._withdraw_all(answer, now)
+        self._custody.drop_answer(answer)
+
+    # Offers
+
+    def _heard(self, source: int, now: int) -> None:
+        """Look at the offers if a node is in reach that was not."""
+        before = self._reach.heard(source, now)
+        after_s = min(each.after_s for each in self._carries.values())
+        if before is None or now - before >= seconds_to_ns(after_s):
+            self._changed()
+
+    def _forgotten(self, address: int, now: int) -> None:
+        self._reach.forget(address)
+        self._arrivals.forget(address)
+
+    def _changed(self) -> None:
+        """Look at the offers again, at once."""
+        self._is_due = True
+        self._timers.changed((Due.CARRY,), self._due_at, self._review)
+
+    def _due_at(self) -> int | None:
+        if self._is_due:
+            return _AT_ONCE
+        return min(self._instants, default=None)
+
+    def _review(self, now: int) -> None:
+        """End what has expired, and offer everything to whom it should be offered."""
+        for ended in self._ended:
+            self._hop_ended(ended, now)
+        self._ended.clear()
+        for held in self._custody:
+            if held.ends_at <= now:
+                self._expire(held, now)
+        self._instants = [held.ends_at for held in self._custody]
+        room = _Room(partial(self._reach.is_present, now=now))
+        ends: set[tuple[int, int]] = set()
+        for answer in self._custody.answers:
+            bundle = answer.content.bundle
+            carry = self._carries.get(bundle.stream_id)
+            if carry is None:
+                self._drop_answer(answer, now)
+                continue
+            ends.add((bundle.stream_id, bundle.origin))
+            targets = self._reach.for_answer(answer, carry, now)
+            self._offer(answer, targets, partial(_answer_for, answer), room, now)
+        for held in sorted(self._custody, key=self._rank):
+            bundle = held.envelope.bundle
+            if held.is_stored:
+                ends.add((bundle.stream_id, bundle.destination))
+                targets = self._reach.for_sample(held, self._carries[bundle.stream_id], now)
+                self._offer(held, targets, partial(self._sample_for, held, now), room, now)
+        for stream_id, end in ends:
+            carry = self._carries[stream_id]
+            self._instants += self._reach.changes_at((end, *carry.by), carry, now)
+        self._is_due = False
+        self._timers.changed((Due.CARRY,), self._due_at, self._review)
+
+    def _rank(self, held: Held) -> int:
+        return self._table.by_id(held.envelope.bundle.stream_id).qos.priority.value
+
+    def _offer(
+        self,
+        offered: Offered,
+        targets: Sequence[int],
+        message: Callable[[int], bytes],
+        room: "_Room",
+        now: int,
+    ) -> None:
+        """Offer something to some nodes, and to no others."""
+        wanted = [each for each in targets if each not in offered.refused and room.take(each)]
+        for receiver in [each for each in offered.offers if each not in wanted]:
+            self._withdraw_one(offered, receiver, now)
+        for receiver in wanted:
+            if receiver in offered.offers:
+                continue
+            try:
+                hop = self._send(receiver, message(receiver), now)
+            except LocalError:  # too many large samples are under way
+                self._instants.append(now + _RETRY_NS)
+                continue
+            offered.offers[receiver] = hop
+            self._offered[hop] = offered, receiver
+
+    def _sample_for(self, held: Held, now: int, receiver: int) -> bytes:
+        """Return a sample as a node gets it."""
+        envelope = held.envelope
+        if held.delivery_id is not None:
+            floor = min(
+                each.envelope.number
+                for each in self._custody
+                if each.envelope.bundle == envelope.bundle
+            )
+            envelope = msgspec.structs.replace(envelope, floor=floor)
+        life_s = ns_to_seconds(held.ends_at - now)
+        envelope = msgspec.structs.replace(envelope, life_s=life_s)
+        return encode_envelope(envelope, self._address, receiver)
+
+    def _withdraw_one(self, offered: Offered, receiver: int, now: int) -> None:
+        hop = offered.offers.pop(receiver)
+        self._offered.pop(hop, None)
+        self._withdraw(hop, now)
+
+    def _withdraw_all(self, offered: Offered, now: int) -> None:
+        for receiver in list(offered.offers):
+            self._withdraw_one(offered, receiver, now)
+
+
+def _answer_for(answer: Answer, receiver: int) -> bytes:
+    """Return an answer as any node gets it."""
+    return encode_answer(answer.content)
+
+
+def _envelope(stream: Stream, sample: EncodedSample, bundle: Bundle, number: int) -> Envelope:
+    """Return a sample as it is kept."""
+    return Envelope(
+        bundle=bundle,
+        number=number,
+        floor=None,
+        digest=stream.digest[:DIGEST_BYTES],
+        life_s=0.0,
+        deleted=sample.prefix[:1] == bytes((Control.DELETE,)),
+        encoding=sample.encoding,
+        payload=sample.payload,
+    )
+
+
+def _nothing(now: int) -> None:
+    """Take the end of a journal write that nobody waits for."""

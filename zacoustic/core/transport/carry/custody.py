@@ -1,0 +1,263 @@
+"""What a node keeps for the next hop: samples in its custody, and answers on their way back."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.journal import BOOT_KEY, JournalPort
+from zacoustic.core.wire.carry import Bundle, Envelope, Receipt, Refusal
+
+_SAMPLE: Final = "carry"
+_ANSWER: Final = "carryback"
+
+
+class Offered:
+    """Something that waits for the next hop."""
+
+    __slots__ = ("offers", "refused")
+
+    def __init__(self) -> None:
+        self.offers: dict[int, int] = {}
+        """Address of each node that it is offered to → delivery id of that hop."""
+        self.refused: set[int] = set()
+        """Nodes that do not take it."""
+
+
+class Held(Offered):
+    """A sample in custody of this node.
+
+    Args:
+        number: Its place in the journal.
+        envelope: The sample.
+        ends_at: Instant after which it is worthless, ns.
+        delivery_id: What `Engine.publish` returned; None: another node has published it.
+    """
+
+    __slots__ = ("custodian", "delivery_id", "ends_at", "envelope", "is_stored", "number")
+
+    def __init__(
+        self, number: int, envelope: Envelope, ends_at: int, delivery_id: int | None = None
+    ) -> None:
+        super().__init__()
+        self.number = number
+        self.envelope = envelope
+        self.ends_at = ends_at
+        self.delivery_id = delivery_id
+        self.is_stored = False
+        """Whether the journal has it; before that it is not offered."""
+        self.custodian: int | None = None
+        """Of an own sample: the custodian that has it as well."""
+
+    @property
+    def identity(self) -> tuple[Bundle, int]:
+        """What makes it this sample, whatever way it comes."""
+        return self.envelope.bundle, self.envelope.number
+
+
+class Answer(Offered):
+    """A receipt or refusal on its way to a publisher.
+
+    Args:
+        content: The receipt or refusal.
+    """
+
+    __slots__ = ("content",)
+
+    def __init__(self, content: Receipt | Refusal) -> None:
+        super().__init__()
+        self.content = content
+
+
+class _StoredSample(msgspec.Struct, frozen=True, array_like=True):
+    envelope: Envelope
+    delivery_id: int | None
+    custodian: int | None
+    boot: bytes
+    """The run of the monotonic clock that `ends_at` belongs to; empty: unknown."""
+    ends_at: int
+    life_ns: int
+    """How long it had to live when it was written, ns."""
+
+
+class _StoredAnswer(msgspec.Struct, frozen=True, array_like=True):
+    receipt: Receipt | None
+    refusal: Refusal | None
+
+
+class Custody:
+    """The samples and answers of one node, in its journal.
+
+    Args:
+        journal: Holds them.
+        stored: What the journal had at the start.
+    """
+
+    def __init__(self, journal: JournalPort, stored: Mapping[str, bytes]) -> None:
+        self._journal = journal
+        self._boot = stored.get(BOOT_KEY, b"")
+        self._samples: dict[int, Held] = {}
+        self._by_identity: dict[tuple[Bundle, int], Held] = {}
+        self._answers: dict[tuple[Bundle, int | None], Answer] = {}
+        self._next_number = 1
+        self._left: dict[int, int] = {}
+        self.carried_bytes = 0
+        """Bytes of the samples that other nodes have published."""
+        self.carried = 0
+        """How many these are."""
+
+    def recover(self, stored: Mapping[str, bytes]) -> Iterator[Held]:
+        """Restore everything from before the restart; yield the samples."""
+        for key in sorted(stored, key=_place):
+            kind, _, rest = key.partition("/")
+            if kind == _ANSWER:
+                answer = msgspec.msgpack.decode(stored[key], type=_StoredAnswer)
+                content = answer.receipt or answer.refusal
+                if content is not None:
+                    self._answers[_key_of(content)] = Answer(content)
+            if kind != _SAMPLE:
+                continue
+            sample = msgspec.msgpack.decode(stored[key], type=_StoredSample)
+            held = Held(int(rest), sample.envelope, sample.ends_at, sample.delivery_id)
+            held.is_stored, held.custodian = True, sample.custodian
+            if not self._boot or sample.boot != self._boot:
+                # Another run of the clock: how long the node was down is not known.
+                self._left[held.number] = sample.life_ns
+            self._next_number = max(self._next_number, held.number + 1)
+            self._add(held)
+            yield held
+
+    def begin(self, now: int) -> None:
+        """Begin the lives of the samples from another run of the clock."""
+        for number, life_ns in self._left.items():
+            if number in self._samples:
+                self._samples[number].ends_at = now + life_ns
+        self._left.clear()
+
+    # Samples
+
+    def __iter__(self) -> Iterator[Held]:
+        return iter(list(self._samples.values()))
+
+    def __len__(self) -> int:
+        return len(self._samples)
+
+    def find(self, bundle: Bundle, number: int) -> Held | None:
+        """Return a sample, or None."""
+        return self._by_identity.get((bundle, number))
+
+    def keep(
+        self,
+        envelope: Envelope,
+        ends_at: int,
+        now: int,
+        *,
+        delivery_id: int | None = None,
+        then: Callable[[int], None],
+    ) -> Held:
+        """Keep a sample; `then` is called once the journal has it."""
+        held = Held(self._next_number, envelope, ends_at, delivery_id)
+        self._next_number += 1
+        self._add(held)
+
+        def stored(at: int) -> None:
+            held.is_stored = True
+            then(at)
+
+        self._write(held, now, stored)
+        return held
+
+    def write(self, held: Held, now: int) -> None:
+        """Journal a sample again: something about it has changed."""
+        self._write(held, now, None)
+
+    def renumber(self, held: Held, bundle: Bundle, number: int, now: int) -> None:
+        """Give a sample another place in another count."""
+        del self._by_identity[held.identity]
+        held.envelope = msgspec.structs.replace(held.envelope, bundle=bundle, number=number)
+        held.custodian = None
+        self._by_identity[held.identity] = held
+        self._write(held, now, None)
+
+    def drop(self, held: Held) -> None:
+        """Forget a sample."""
+        if self._samples.pop(held.number, None) is None:
+            return
+        del self._by_identity[held.identity]
+        if held.delivery_id is None:
+            self.carried -= 1
+            self.carried_bytes -= held.envelope.size_bytes
+        self._journal.write(f"{_SAMPLE}/{held.number}", None)
+
+    # Answers
+
+    @property
+    def answers(self) -> list[Answer]:
+        """The answers on their way."""
+        return list(self._answers.values())
+
+    def answer(self, content: Receipt | Refusal) -> Answer | None:
+        """Keep an answer in place of an older one; None: that one says as much.
+
+        An older one may be offered at this moment: then the caller withdraws it.
+        """
+        key = _key_of(content)
+        kept = self._answers.get(key)
+        if kept is None:
+            kept = self._answers[key] = Answer(content)
+        elif kept.content.number >= content.number:
+            return None
+        else:
+            kept.content = content
+        entry = _StoredAnswer(
+            content if isinstance(content, Receipt) else None,
+            content if isinstance(content, Refusal) else None,
+        )
+        self._journal.write(_name(key), msgspec.msgpack.encode(entry))
+        return kept
+
+    def drop_answer(self, answer: Answer) -> None:
+        """Forget an answer."""
+        key = _key_of(answer.content)
+        if self._answers.pop(key, None) is not None:
+            self._journal.write(_name(key), None)
+
+    # Below the methods above
+
+    def _add(self, held: Held) -> None:
+        self._samples[held.number] = held
+        self._by_identity[held.identity] = held
+        if held.delivery_id is None:
+            self.carried += 1
+            self.carried_bytes += held.envelope.size_bytes
+
+    def _write(self, held: Held, now: int, then: Callable[[int], None] | None) -> None:
+        entry = _StoredSample(
+            held.envelope,
+            held.delivery_id,
+            held.custodian,
+            self._boot,
+            held.ends_at,
+            max(0, held.ends_at - now),
+        )
+        self._journal.write(f"{_SAMPLE}/{held.number}", msgspec.msgpack.encode(entry), then)
+
+
+def _key_of(content: Receipt | Refusal) -> tuple[Bundle, int | None]:
+    """Return what an answer replaces: of a count only the newest receipt matters."""
+    return content.bundle, None if isinstance(content, Receipt) else content.number
+
+
+def _place(key: str) -> tuple[str, int]:
+    """Return the order in which to restore: that of publication."""
+    kind, _, rest = key.partition("/")
+    return kind, int(rest) if kind == _SAMPLE else 0
+
+
+def _name(key: tuple[Bundle, int | None]) -> str:
+    bundle, number = key
+    parts = (
+        bundle.origin, bundle.destination, bundle.stream_id, bytes(bundle.instance).hex(),
+        bundle.lineage, "" if number is None else number,
+    )  # fmt: skip
+    return "/".join((_ANSWER, *map(str, parts)))
