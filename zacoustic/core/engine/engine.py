@@ -72,6 +72,7 @@ from zacoustic.core.transport.commands.commands import Commands
 from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.keydelivery import KeyDelivery
+from zacoustic.core.transport.routing import Routing
 from zacoustic.core.transport.status import Status
 from zacoustic.core.transport.topics.publication import Publication
 from zacoustic.core.wire.calls import CallFailure, CallKey
@@ -179,6 +180,13 @@ class Engine:
         """Questions about the status of other nodes, and that of this one: `ask`, `own`."""
         self.keys = KeyDelivery(node, self._default.protocols.services, rules.commands_from)
         """Delivery of the keys for broadcasts to other nodes: `send`."""
+        self.routing = Routing(
+            node,
+            self._default.protocols.services,
+            rules.commands_from,
+            self._route_ports.prober,
+        )
+        """Commands about routes, and probes: `send`, `execute`."""
         for stack in self._stacks.values():
             stack.protocols.recover()
 
@@ -594,7 +602,11 @@ class Engine:
 
         for own, context in links:
             relay = self._route_ports.relay(context)
-            make(own, context, self._bond_ports.forwarding(own.name, relay))
+            make(
+                own,
+                context,
+                self._bond_ports.forwarding(own.name, relay, self._route_ports.prober_on(context)),
+            )
         for route, own, context in ends:
             stack = make(own, context, self._bond_ports.forwarding(own.name))
             hop_relay = self._stacks[route.link].relay

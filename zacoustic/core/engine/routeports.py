@@ -20,9 +20,11 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.relay.prober import Prober
 from zacoustic.core.relay.relay import Relay
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.context import Context
+from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.wire.relay import FIRST_PORT
 
 
@@ -39,6 +41,9 @@ class RoutePorts:
         self._rules = rules
         self._routes = [each for each in rules.routes if address in each.path]
         self._ends: dict[str, tuple[Route, LinkStack, Relay]] = {}
+        self.prober: Prober | None = None
+        """The probes of the node; None: its wire has none."""
+        self._probed = rules.routes[0].link if rules.routes else rules.of_links[0].name
 
     def relay(self, context: Context) -> Relay | None:
         """Make the relay on a link; None: no route goes over it."""
@@ -57,6 +62,16 @@ class RoutePorts:
             stats=context.stats,
             deliver=self._deliver,
         )
+
+    def prober_on(self, context: Context) -> Prober | None:
+        """Make the prober on a link; None: no probes go by it.
+
+        Probes go by the link of the first route, which is the first link if there is no route.
+        """
+        if context.link != self._probed or context.table.wire is not WireProfile.NATIVE:
+            return None
+        self.prober = Prober(context.generators.of("prober"), context.stats)
+        return self.prober
 
     @property
     def ends(self) -> Iterator[tuple[Route, int, LinkRules]]:
@@ -86,10 +101,12 @@ class RoutePorts:
     def handle_state(
         self, hop: LinkStack, state: LinkState, capabilities: LinkCapabilities | None, now: int
     ) -> None:
-        """Take the state of a link for the routes over it."""
+        """Take the state of a link for the routes over it, and for probes."""
+        port = hop.transmitter.port
+        if port is not None and self.prober is not None and hop.name == self._probed:
+            self.prober.use_link(port.capabilities)
         if hop.relay is None:
             return
-        port = hop.transmitter.port
         if port is not None:
             hop.relay.use_link(port.capabilities)
         if state is not LinkState.UP:

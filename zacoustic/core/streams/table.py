@@ -8,8 +8,9 @@ digest: of each stream, and of the whole table with its nodes. The digest exclud
 a node journals; each end may set these alone. It includes the timeouts of services and actions:
 from them both ends derive how long a number must be remembered.
 
-One stream is in every table and in no table's digest, since nobody can define it differently: that
-of remote commands (`zacoustic.core.transport.commands`). A table that gives its id to another
+Some streams are in every table and in no table's digest, since nobody can define them differently:
+those of remote commands (`zacoustic.core.transport.commands`), of the status, of keys and of
+commands about routes. A table that gives its id to another
 stream lacks it, and so does one for another wire profile.
 """
 
@@ -30,6 +31,7 @@ from zacoustic.core.streams.commands import (
 )
 from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID, KEYS_TIMEOUT_S
 from zacoustic.core.streams.keys import Instance, KeyPattern
+from zacoustic.core.streams.routing import ROUTING_STREAM_ID, ROUTING_TIMEOUT_S
 from zacoustic.core.streams.specs import (
     CODECS,
     DENSE,
@@ -235,7 +237,7 @@ class StreamTable:
         self._by_name: dict[str, Stream] = {}
         self._built_in: dict[int, Stream] = {}
         if wire is WireProfile.NATIVE:
-            built_in = (_commands(), _status(), _keys())
+            built_in = (_commands(), _status(), _keys(), _routing())
             self._built_in = {each.stream_id: each for each in built_in}
         self._digest: bytes | None = None
         for spec in specs:
@@ -403,6 +405,19 @@ def _keys() -> Stream:
         timeout_s=KEYS_TIMEOUT_S,
         qos=Qos(priority=Priority.DATA_HIGH),
         journal=False,  # the same key may be stored twice
+    )
+    return Stream(spec, TypeTable(), {}, is_built_in=True)
+
+
+def _routing() -> Stream:
+    """Return the stream of commands about routes."""
+    spec = ServiceSpec(
+        stream_id=ROUTING_STREAM_ID,
+        name="routing",
+        server=EVERY_NODE,
+        timeout_s=ROUTING_TIMEOUT_S,
+        qos=Qos(priority=Priority.DATA_HIGH),
+        journal=False,  # the revision tells what was executed
     )
     return Stream(spec, TypeTable(), {}, is_built_in=True)
 
