@@ -43,7 +43,7 @@ class Prober:
     def __init__(self, rng: random.Random, stats: EngineStats) -> None:
         self._rng = rng
         self._stats = stats
-        self._frame_ns = self._turn_ns = 0
+        self._frame_ns = self._turn_ns = NS_PER_S  # until the link is up
         self._run = self._next = self._count = 0
         self._next_at = self._until = 0
         self._heard: dict[int, tuple[int, int]] = {}
@@ -66,12 +66,10 @@ class Prober:
             now: The instant, ns.
 
         Raises:
-            LocalError: Too many probes, the link is down, or another run is under way.
+            LocalError: Too many probes, or another run is under way.
         """
         if not 1 <= count <= MOST_PROBES:
             raise LocalError(f"{count} probes; allowed: 1..{MOST_PROBES}")
-        if not self._frame_ns:
-            raise LocalError("the link is down")
         ends_at = now + self._turn_ns + count * (self._frame_ns + 2 * _PAUSE_NS)
         if self._is_under_way(now):
             if run == self._run:  # the same command again
