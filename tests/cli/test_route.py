@@ -79,12 +79,52 @@ def test_show_without_a_router_prints_the_file(
 @pytest.mark.parametrize(
     ("words", "text"),
     [
+        (["set", "4", "--path", "1,2"], "ID 4; allowed: 3"),
+        (["set", "3", "--path", "2,1"], "--path 2,1; allowed: from 1 to 2, as in the file"),
+        (["set", "3", "--path", "1,99,2"], "--path 1,99,2: no node 99 in the file"),
+    ],
+)
+def test_a_path_that_does_not_fit_the_file_is_exit_code_2(
+    words: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["route", *words, "--config", file_of(tmp_path, ROUTED)]) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_set_show_and_reset_through_a_gateway(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = file_of(tmp_path, ROUTED)
+
+    async def scene() -> None:
+        async with pair(section=ROUTED) as found:
+            where = [*found.where, "--config", file]
+            assert await verb("route", "set", "3", "--path", "1,2", *where, "--json") == 0
+            (changed,) = lines_of(capsys)
+            assert (changed["revision"], changed["done"]) == (1, [2, 1])
+            assert await verb("route", "show", file, *found.where) == 0
+            assert "changed at node 1: 1 - 2" in capsys.readouterr().out
+            assert await verb("route", "reset", "3", *where) == 0
+            assert "revision 2, at all nodes asked" in capsys.readouterr().out
+            assert await verb("route", "show", file, *found.where) == 0
+            assert "changed" not in capsys.readouterr().out
+
+    run(scene())
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
         (["probe", "--count", "0", "--node", "1"], "--count 0; allowed: 1..32"),
         (["probe", "--count", "33", "--node", "1"], "--count 33; allowed: 1..32"),
         (["probe"], "--node is missing; allowed: addresses, or --config with nodes"),
         (["probe", "--node", "1,x"], "--node 1,x; allowed: addresses 1..254"),
         (["probe", "--node", "1", "--timeout", "601"], "--timeout 601; allowed: at most 600"),
         (["show", "nowhere.json5"], "nowhere.json5"),
+        (["set", "3", "--path", "1,2"], "--config is missing"),
+        (["set", "3", "--path", "1,1"], "--path is [1, 1]; allowed: 2..16 addresses, each once"),
+        (["set", "3", "--path", "1,300"], "--path 1,300; allowed: addresses 1..254"),
+        (["reset", "3", "--timeout", "601"], "--timeout 601; allowed: at most 600"),
     ],
 )
 def test_wrong_arguments_are_exit_code_2(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.virtual.lineoffive import NODES, LineOfFive, route
+from zacoustic.app.tools.field.changing import PathChanged, change_path
 from zacoustic.app.tools.field.probing import (
     Asker,
     Survey,
@@ -61,6 +62,9 @@ class VirtualAsker(Asker):
             over_s=answer.over_s,
             airtime_ms=answer.airtime_ms,
             heard=dict(answer.heard),
+            revision=answer.revision,
+            number=answer.number,
+            path=answer.path,
         )
 
     async def wait(self, seconds: float) -> None:
@@ -160,3 +164,36 @@ def test_a_proposal_keeps_number_and_name_of_the_route_of_the_file() -> None:
     assert (other.id, other.name, other.transmissions) == (2, "to_auv1", 3.0)
     assert routes_text([other]) == ('routes: [\n  { id: 2, name: "to_auv1", path: [1, 2, 3] },\n],')
     assert routes_text([]) == "routes: [],"
+
+
+def change_of(asker: VirtualAsker, path: tuple[int, ...], *, undo: bool = False) -> PathChanged:
+    """Run a change of route 1 to its end."""
+    run = change_path(asker, 1, path, undo=undo, taken=[1], timeout_s=60.0)
+    with pytest.raises(StopIteration) as ended:
+        run.send(None)
+    changed: PathChanged = ended.value.value
+    return changed
+
+
+def test_a_path_is_changed_and_reset_over_lossy_hops(count: Callable[[int], int]) -> None:
+    whole, other = (1, 2, 3, 4, 5), (1, 3, 4, 5)
+    for seed in range(count(50)):
+        asker = VirtualAsker(None, seed=seed)
+        changed = change_of(asker, other)
+        assert changed.failed == 0, f"seed {seed}: {changed.why}"
+        assert (changed.revision, changed.number) == (1, 31)
+        assert changed.done[-2:] == (5, 1)
+        again = change_of(asker, (1, 2, 4, 5))
+        assert (again.revision, again.number) == (2, 30)
+        reset = change_of(asker, whole, undo=True)
+        assert reset.failed == 0, f"seed {seed}: {reset.why}"
+        assert not asker.line.network.engine(1).changed_paths
+
+
+def test_where_a_node_does_not_answer_nothing_changes() -> None:
+    asker = VirtualAsker(None)
+    asker.line.network.crash(3)
+    run = change_path(asker, 1, (1, 3, 5), taken=[1], timeout_s=60.0)
+    with pytest.raises(CallTimeoutError, match="node 3 has not answered"):
+        run.send(None)
+    assert not any(asker.line.network.engine(each).changed_paths for each in (1, 5))

@@ -59,6 +59,7 @@ from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.engine.routeports import RoutePorts
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.relay.paths import PathState
 from zacoustic.core.relay.relay import Hop
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.access import AccessState
@@ -180,11 +181,13 @@ class Engine:
         """Questions about the status of other nodes, and that of this one: `ask`, `own`."""
         self.keys = KeyDelivery(node, self._default.protocols.services, rules.commands_from)
         """Delivery of the keys for broadcasts to other nodes: `send`."""
+        self._paths = self._route_ports.paths(node)
         self.routing = Routing(
             node,
             self._default.protocols.services,
             rules.commands_from,
             self._route_ports.prober,
+            self._paths,
         )
         """Commands about routes, and probes: `send`, `execute`."""
         for stack in self._stacks.values():
@@ -485,6 +488,11 @@ class Engine:
     def routes(self) -> tuple[Route, ...]:
         """The routes over relays that end here; each is a link for the streams."""
         return tuple(route for route, _, _ in self._route_ports.ends)
+
+    @property
+    def changed_paths(self) -> Mapping[str, PathState]:
+        """The routes whose path commands have changed, by name."""
+        return self._paths.changed
 
     @property
     def bonds(self) -> list[BondStatus]:

@@ -20,10 +20,11 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.relay.paths import Paths
 from zacoustic.core.relay.prober import Prober
 from zacoustic.core.relay.relay import Relay
 from zacoustic.core.relay.route import Route
-from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.wire.relay import FIRST_PORT
 
@@ -41,6 +42,7 @@ class RoutePorts:
         self._rules = rules
         self._routes = [each for each in rules.routes if address in each.path]
         self._ends: dict[str, tuple[Route, LinkStack, Relay]] = {}
+        self._relays: dict[str, Relay] = {}
         self.prober: Prober | None = None
         """The probes of the node; None: its wire has none."""
         self._probed = rules.routes[0].link if rules.routes else rules.of_links[0].name
@@ -51,7 +53,7 @@ class RoutePorts:
         if not over_it:
             return None
         routes = {each.route_id: each for each in over_it if self._address in each.path}
-        return Relay(
+        relay = self._relays[context.link] = Relay(
             self._address,
             routes,
             {each.route_id for each in over_it} - set(routes),
@@ -61,6 +63,18 @@ class RoutePorts:
             measurements=context.node.measurements,
             stats=context.stats,
             deliver=self._deliver,
+        )
+        return relay
+
+    def paths(self, node: NodeContext) -> Paths:
+        """Return the paths of the routes, once all relays are made."""
+        return Paths(
+            self._address,
+            self._rules.routes,
+            [each.number for each in self._rules.bonds],
+            self._relays,
+            node.stored,
+            node.journal,
         )
 
     def prober_on(self, context: Context) -> Prober | None:

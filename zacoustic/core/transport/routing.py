@@ -13,6 +13,7 @@ from typing import Final, assert_never
 import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds
+from zacoustic.core.relay.paths import Paths
 from zacoustic.core.relay.prober import Prober
 from zacoustic.core.schedule.context import NodeContext
 from zacoustic.core.streams.routing import ROUTING_STREAM_ID, ROUTING_TIMEOUT_S
@@ -41,6 +42,7 @@ class Routing:
         services: Carry the calls; None: the wire carries none.
         executes: Addresses of the nodes whose commands it executes; None: all nodes of the table.
         prober: The probes of this node; None: it transmits none.
+        paths: The paths of its routes.
     """
 
     def __init__(
@@ -49,12 +51,14 @@ class Routing:
         services: Services | None,
         executes: frozenset[int] | None,
         prober: Prober | None,
+        paths: Paths,
     ) -> None:
         self._address = node.address
         self._table = node.table
         self._services = services
         self._executes = executes
         self._prober = prober
+        self._paths = paths
         self._alarms = node.alarms if node.seal is not None else None
         self._passed_on: dict[int, CallKey] = {}
         """The requests that are passed on, by the id of the call to the next node."""
@@ -120,8 +124,16 @@ class Routing:
                 heard = {} if self._prober is None else self._prober.heard(request.run)
                 later = [pair for pair in heard.items() if pair[0] > request.after]
                 then(RoutingAnswer(heard=dict(later[:MOST_SOURCES])), now)
-            case RoutingKind.ASK | RoutingKind.SET | RoutingKind.RESET:
-                raise LocalError(f"{request.kind.name}: not here")
+            case RoutingKind.ASK:
+                then(self._path_of(request), now)
+            case RoutingKind.SET:
+                changed = partial(self._changed, request, then)
+                self._paths.set(
+                    request.route_id, request.revision, request.number, request.path, now, changed
+                )
+            case RoutingKind.RESET:
+                changed = partial(self._changed, request, then)
+                self._paths.reset(request.route_id, request.revision, now, changed)
             case _:
                 assert_never(request.kind)
 
@@ -189,6 +201,15 @@ class Routing:
         return self._services.call(
             ROUTING_STREAM_ID, request.encode(), now, timeout_s=timeout_s, server=way[0]
         )
+
+    def _changed(
+        self, request: RoutingRequest, then: Callable[[RoutingAnswer, int], None], now: int
+    ) -> None:
+        then(self._path_of(request), now)
+
+    def _path_of(self, request: RoutingRequest) -> RoutingAnswer:
+        state = self._paths.state(request.route_id)
+        return RoutingAnswer(revision=state.revision, number=state.number, path=state.path)
 
     def _probe(self, request: RoutingRequest, now: int) -> RoutingAnswer:
         if self._prober is None:

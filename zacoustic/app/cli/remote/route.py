@@ -14,12 +14,19 @@ from zacoustic.app.cli.support.arguments import (
 from zacoustic.app.cli.support.participant import add_node_arguments, make_node
 from zacoustic.app.cli.support.printing import print_json, print_note, print_text
 from zacoustic.errors import ConfigError
-from zacoustic.link.command import EXIT_OK, EXIT_TIMED_OUT, Command, CommandGroup
+from zacoustic.link.command import (
+    EXIT_FAILED,
+    EXIT_OK,
+    EXIT_TIMED_OUT,
+    Command,
+    CommandGroup,
+)
 from zacoustic.text.digits import whole_number
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Sequence
 
+    from zacoustic.app.tools.field.changing import PathChanged
     from zacoustic.app.tools.field.probing import Asker, Proposal, Survey
     from zacoustic.app.tools.field.routes import RouteShown
     from zacoustic.config import Config
@@ -43,9 +50,11 @@ class RouteCommand(CommandGroup):
     name = "route"
 
     def __init__(self) -> None:
-        members: dict[str, Command] = {each.name: each for each in (ShowRoutes(), ProbeRoutes())}
+        members: dict[str, Command] = {
+            each.name: each for each in (ShowRoutes(), ProbeRoutes(), SetRoute(), ResetRoute())
+        }
         super().__init__(self.name, members, tuple(members))
-        self.summary = "show the routes over relays, measure which are best"  # type: ignore[misc]
+        self.summary = "show and change the routes over relays, measure which are best"  # type: ignore[misc]
 
 
 class ShowRoutes(Command):
@@ -139,6 +148,147 @@ class ProbeRoutes(Command):
         return EXIT_OK if len(found.over) > 1 else EXIT_TIMED_OUT
 
 
+class SetRoute(Command):
+    """Gives a route another path."""
+
+    name = "set"
+    summary = "give a route another path, without a restart"
+    prints_late = True
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare route, path, nodes, and where to ask."""
+        _add_change(parser)
+        parser.add_argument(
+            "--path", required=True, metavar="A,B,…",
+            help="addresses from one end to the other; the ends are those of the file",
+        )  # fmt: skip
+        parser.epilog = (
+            "all nodes are asked first: if one does not answer, nothing changes. Then the relays\n"
+            "are told, then the ends, so that no frame is lost on the way. It survives a restart\n"
+            "of nodes with a journal; each executes it for the node before it on the path\n\n"
+            "example:\n  zacoustic route set 1 --path 1,4,3 --config router.json5"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Change it; exit code 3 if a node has not answered in time, 1 if one refuses.
+
+        Raises:
+            ConfigError: An argument is wrong.
+            DeliveryError, ServiceError, CallTimeoutError: Nothing has changed.
+        """
+        from zacoustic.core.wire.routing import check_path
+
+        path = tuple(_addresses("path", arguments.path))
+        try:
+            check_path(path)
+        except ValueError as error:
+            raise ConfigError(f"--{error}") from None
+        return _change(arguments, path)
+
+
+class ResetRoute(Command):
+    """Gives a route the path of the file again."""
+
+    name = "reset"
+    summary = "give a route the path of the file again"
+    prints_late = True
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare route, nodes, and where to ask."""
+        _add_change(parser)
+        parser.epilog = "example:\n  zacoustic route reset 1 --config router.json5"
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Reset it; exit codes as of `set`.
+
+        Raises:
+            ConfigError: An argument is wrong.
+            DeliveryError, ServiceError, CallTimeoutError: Nothing has changed.
+        """
+        return _change(arguments, None)
+
+
+def _add_change(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("id", type=int, metavar="ID", help="number of the route in the file")
+    add_node_arguments(parser)
+    parser.add_argument(
+        "--node", metavar="A,B,…", help="only these addresses (default: all of the path)"
+    )
+    parser.add_argument(
+        "--timeout", type=float, default=60.0, metavar="S",
+        help="how long to try each hop of a question, s (default: %(default)g)",
+    )  # fmt: skip
+
+
+def _change(arguments: argparse.Namespace, path: tuple[int, ...] | None) -> int:
+    from zacoustic.app.tools.fleetfile import read_fleet
+
+    check_positive(arguments, "timeout")
+    if arguments.timeout > _LONGEST_S:
+        raise ConfigError(f"--timeout {arguments.timeout:g}; allowed: at most {_LONGEST_S:g}")
+    if arguments.config is None:
+        raise ConfigError("--config is missing; allowed: the file with the route")
+    config = read_fleet(arguments.config)
+    routes = {each.route_id: each for each in config.rules.routes}
+    if arguments.id not in routes:
+        known = ", ".join(map(str, routes)) or "none, the file has no routes"
+        raise ConfigError(f"ID {arguments.id}; allowed: {known}")
+    route = routes[arguments.id]
+    if path is not None and (path[0], path[-1]) != (route.path[0], route.path[-1]):
+        raise ConfigError(
+            f"--path {arguments.path}; allowed: from {route.path[0]} to {route.path[-1]}, as in "
+            "the file"
+        )
+    listed = config.table.nodes
+    for each in path or ():
+        if listed and each not in listed:
+            raise ConfigError(f"--path {arguments.path}: no node {each} in the file")
+    nodes = [] if arguments.node is None else _addresses("node", arguments.node)
+    taken = [*routes, *(each.number for each in config.rules.bonds)]
+    changed = asyncio.run(_changed(arguments, config, path, route.path, nodes, taken))
+    if arguments.json:
+        print_json(changed)
+    else:
+        print_text(_changed_text(changed))
+    if not changed.failed:
+        return EXIT_OK
+    return EXIT_TIMED_OUT if changed.timed_out else EXIT_FAILED
+
+
+async def _changed(
+    arguments: argparse.Namespace,
+    config: "Config",
+    path: tuple[int, ...] | None,
+    of_file: tuple[int, ...],
+    nodes: "Sequence[int]",
+    taken: "Sequence[int]",
+) -> "PathChanged":
+    from zacoustic.app.tools.field.changing import change_path
+
+    async with _asker(arguments, config) as asker:
+        return await change_path(
+            asker,
+            arguments.id,
+            of_file if path is None else path,
+            undo=path is None,
+            nodes=nodes,
+            taken=taken,
+            timeout_s=arguments.timeout,
+            tell=print_note,
+        )
+
+
+def _changed_text(changed: "PathChanged") -> str:
+    path = " - ".join(map(str, changed.path))
+    if not changed.failed:
+        return f"route {changed.route}: {path}, revision {changed.revision}, at all nodes asked"
+    done = ", ".join(map(str, changed.done)) or "no node"
+    return (
+        f"route {changed.route}: {path}: {changed.why}; told: {done}. Both paths still work; give "
+        "the command again"
+    )
+
+
 async def _survey(
     arguments: argparse.Namespace, config: "Config | None", nodes: "Sequence[int]"
 ) -> "Survey":
@@ -178,13 +328,23 @@ def _nodes(written: str | None, config: "Config | None") -> list[int]:
         if not nodes:
             raise ConfigError("--node is missing; allowed: addresses, or --config with nodes")
         return nodes
+    return sorted(set(_addresses("node", written)))
+
+
+def _addresses(name: str, written: str) -> list[int]:
+    """Read addresses with commas between them.
+
+    Raises:
+        ConfigError: One is not valid.
+    """
     found = []
     for text in written.split(","):
         address = whole_number(text.strip())
         if address is None or not 1 <= address <= _MOST_NODES:
-            raise ConfigError(f"--node {written}; allowed: addresses 1..{_MOST_NODES}, with commas")
+            allowed = f"addresses 1..{_MOST_NODES}, with commas"
+            raise ConfigError(f"--{name} {written}; allowed: {allowed}")
         found.append(address)
-    return sorted(set(found))
+    return found
 
 
 def _proposed(found: "Survey", config: "Config | None") -> "list[Proposal]":
@@ -217,6 +377,10 @@ def _route_text(route: "RouteShown") -> str:
     line = f"{route.id} {route.name}: {' - '.join(map(str, route.path))}"
     by = f" by {route.link}" if route.link else ""
     lines = [f"{line}{by}, {route.lifetime_s:g} s"]
+    lines += [
+        f"  changed at node {node}: {' - '.join(map(str, path))}"
+        for node, path in route.changed.items()
+    ]
     for hop in route.hops:
         each = hop.transmissions / hop.passed_on if hop.passed_on else None
         share = "" if each is None else f", {each:.1f} for each that arrived"

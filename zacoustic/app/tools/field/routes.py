@@ -130,6 +130,8 @@ class RouteShown(msgspec.Struct, frozen=True, kw_only=True):
     """How long a frame may be on its way, s."""
     hops: tuple[HopShown, ...] = ()
     """Its hops in both directions, of the nodes whose gateways answer."""
+    changed: dict[int, tuple[int, ...]] = {}
+    """The path that a command has given it, at the nodes whose gateways say so."""
 
 
 async def shown_routes(config: Config, connect: Sequence[str] | None) -> list[RouteShown]:
@@ -186,4 +188,9 @@ def _shown(route: Route, documents: dict[int, Any]) -> RouteShown:
         link="" if route.link == ONE_LINK else route.link,
         lifetime_s=route.longest_s,
         hops=tuple(hops),
+        changed={
+            address: tuple(document["changed"][route.name]["path"])
+            for address, document in sorted(documents.items())
+            if route.name in document.get("changed", ())
+        },
     )
