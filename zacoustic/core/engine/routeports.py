@@ -22,11 +22,12 @@ from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.relay.paths import Paths
 from zacoustic.core.relay.prober import Prober
-from zacoustic.core.relay.relay import Relay
+from zacoustic.core.relay.relay import Check, Relay
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.streams.wireprofile import WireProfile
-from zacoustic.core.wire.relay import FIRST_PORT
+from zacoustic.core.wire.relay import FIRST_PORT, Number
+from zacoustic.core.wire.seal import Way
 
 
 class RoutePorts:
@@ -63,8 +64,22 @@ class RoutePorts:
             measurements=context.node.measurements,
             stats=context.stats,
             deliver=self._deliver,
+            check=None if context.node.seal is None else self._checks(context.node),
         )
         return relay
+
+    def _checks(self, node: NodeContext) -> Check:
+        """Return what checks the seals of frames that this node passes on."""
+        ports = {each.name: FIRST_PORT - 1 + each.route_id for each in self._rules.routes}
+
+        def check(route: Route, number: Number, content: bytes) -> bool | None:
+            assert node.seal is not None
+            first, last = route.path[0], route.path[-1]
+            source, destination = (last, first) if number.is_back else (first, last)
+            way = Way(source, destination, ports[route.name])
+            return node.seal.examine(content, way, node.handshake.digest)
+
+        return check
 
     def paths(self, node: NodeContext) -> Paths:
         """Return the paths of the routes, once all relays are made."""

@@ -16,6 +16,7 @@ Drop                    reason
 ======================  ===================================================================
 ``relay_format``        the frame cannot be decoded
 ``relay_route``         this node has no such route, or its sender is not in the path
+``relay_forged``        no node of the fleet has made it, or it is a replay
 ``relay_again``         a frame of a route that has been here
 ``relay_full``          a frame in custody gave way to a newer one
 ``relay_given_up``      eight tries, or too old
@@ -76,6 +77,8 @@ _PATIENCE_NS: Final = PATIENCE_NS[Priority.INTERACTIVE_HIGH]
 
 Deliver = Callable[[Route, int, bytes, int], None]
 """``(route, source, frame, now)``: takes a frame at the end of a route."""
+Check = Callable[[Route, Number, bytes], bool | None]
+"""``(route, number, frame)``: whether a frame of a route is authentic; None: nobody can tell."""
 _Seen = tuple[Number, int]
 
 
@@ -118,6 +121,7 @@ class Relay:
         measurements: Has the distances of the neighbours.
         stats: Counters of this link.
         deliver: Takes frames for this node.
+        check: Checks the seals of the frames of others; None: this node has no key.
     """
 
     def __init__(
@@ -132,6 +136,7 @@ class Relay:
         measurements: Measurements,
         stats: EngineStats,
         deliver: Deliver,
+        check: Check | None = None,
     ) -> None:
         self._address = address
         self._routes = dict(routes)
@@ -143,6 +148,7 @@ class Relay:
         self._measurements = measurements
         self._stats = stats
         self._deliver = deliver
+        self._check = check
         self._hop: LinkCapabilities | None = None
         self._frame_ns = 0
         self._flows: dict[tuple[int, bool], Flow] = {}
@@ -410,8 +416,10 @@ class Relay:
             if is_end or custody is None or custody.tries:
                 self._acks[number] = None
             return "relay_again"
-        self._remember(relayed, now)
         route = self._routes[number.route]
+        if not is_end and self._check and self._check(route, number, relayed.content) is False:
+            return "relay_forged"
+        self._remember(relayed, now)
         if is_end:
             self._acks[number] = None
             origin = route.path[-1 if number.is_back else 0]
