@@ -6,7 +6,16 @@ from hypothesis import strategies as st
 
 from tests.pages.blocks import ROOT
 from zacoustic.app.tools.inspect.decode.decoder import decode_frame
-from zacoustic.core.wire.relay import HopAcks, Number, RelayContent, Relayed, decode, is_relayed
+from zacoustic.core.wire.relay import (
+    HopAcks,
+    Number,
+    Probe,
+    RelayContent,
+    Relayed,
+    decode,
+    decode_probe,
+    is_relayed,
+)
 
 VECTORS: dict[str, RelayContent] = {
     "bf 01 3f 01 17": Relayed(Number(1, False, 63), b"\x01\x17"),
@@ -49,6 +58,20 @@ def test_any_bytes_are_decoded_to_themselves_or_refused(tail: bytes) -> None:
     decoded = decode(content)
     assert decoded is None or decoded.encode() == content
     assert decode_frame(content)
+
+
+def test_a_probe_is_no_frame_of_a_route() -> None:
+    encoded = bytes.fromhex("bf 20 07 02")
+    assert "| `bf 20 07 02` |" in (ROOT / "docs/wire.md").read_text(encoding="utf-8")
+    assert Probe(7, 2).encode() == encoded
+    assert decode_probe(encoded) == Probe(7, 2)
+    assert decode(encoded) is None
+    assert [each.text for each in decode_frame(encoded)] == ["RELAY probe 2 of run 7"]
+
+
+@pytest.mark.parametrize("other", ["bf 20 07", "bf 20 07 20", "bf 20 07 02 00", "bf 00 01 3f"])
+def test_what_is_no_probe_is_not_read_as_one(other: str) -> None:
+    assert decode_probe(bytes.fromhex(other)) is None
 
 
 @pytest.mark.parametrize("cut", ["bf", "bf 01", "bf 01 3f", "bf 00", "bf 00 01", "bf 00 00 07"])

@@ -14,13 +14,14 @@ from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
 from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID
 from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.routing import ROUTING_STREAM_ID
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.streams.table import EVERY_NODE, Stream, StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 TABLES_FILE: Final = Path(__file__).parent / "tables.json"
-BUILT_IN: Final = (KEYS_STREAM_ID, STATUS_STREAM_ID, COMMANDS_STREAM_ID)
+BUILT_IN: Final = (ROUTING_STREAM_ID, KEYS_STREAM_ID, STATUS_STREAM_ID, COMMANDS_STREAM_ID)
 
 NAV = TypeSpec(
     name="Nav",

@@ -29,6 +29,7 @@ from zacoustic.core.engine.events import (
 )
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
+from zacoustic.core.streams.routing import ROUTING_STREAM_ID
 from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.transport.objects.code.code import Fragments
 from zacoustic.core.transport.objects.manifest import encode_object
@@ -68,6 +69,7 @@ from zacoustic.core.wire.objects import (
     Reason,
     Refused,
 )
+from zacoustic.core.wire.routing import RoutingKind, RoutingRequest
 from zacoustic.testing.virtual import VirtualNetwork
 
 VECTORS = Path(__file__).parent / "wire_native.json"
@@ -122,6 +124,7 @@ def vectors() -> Iterator[Vector]:
     yield from _dense()
     yield from _packed_bytes()
     yield from _together()
+    yield from _routing()
 
 
 def _vector(name: str, frame: Sent, meaning: str, *, reader: Reader | None = None) -> Vector:
@@ -555,6 +558,18 @@ def _status() -> Iterator[Vector]:
     yield _vector("status_answer", said, f"HELLO; named answer of node 2: {meaning}")
     meaning = "digest of the stream of the status"
     yield _digest("digest_of_stream_174", "base", STATUS_STREAM_ID, meaning)
+
+
+def _routing() -> Iterator[Vector]:
+    pair = _Pair()
+    request = RoutingRequest(kind=RoutingKind.HEARD, run=7)
+    pair.frames[2].clear()
+    frame = pair.frame(1, lambda engine, now: engine.routing.send(2, request, now, timeout_s=30))
+    yield _vector("routing_heard", frame, "HELLO; call for node 2: what was heard of run 7")
+    said = pair.frames[2][0]
+    yield _vector("routing_heard_answer", said, "HELLO; named answer of node 2: nothing")
+    meaning = "digest of the stream of commands about routes"
+    yield _digest("digest_of_stream_172", "base", ROUTING_STREAM_ID, meaning)
 
 
 def _subscriptions() -> Iterator[Vector]:

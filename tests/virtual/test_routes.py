@@ -8,6 +8,7 @@ import random
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import pytest
 
@@ -210,6 +211,68 @@ def test_a_sealed_fleet_uses_routes_and_no_relay_reads_them() -> None:
     assert set(line.ended.values()) == {1}
     for relay in RELAYS:
         assert not line.network.engine(relay).peers()
+
+
+def test_a_relay_with_the_key_forwards_no_forged_and_no_replayed_frame(
+    count: Callable[[int], int],
+) -> None:
+    for seed in range(count(50)):
+        rng = random.Random(seed)
+        heard: list[bytes] = []
+
+        def note(record: TraceRecord) -> None:
+            if record.what == "transmit" and record.node == 1 and record.link == "link":
+                heard.append(bytes.fromhex(record.frame or ""))  # noqa: B023
+
+        line = LineOfFive(0.1, seed=seed, build=SealedFleet(), trace=note)
+        for number in range(10):
+            line.network.at(60.0 * number, partial(line.publish, KEPT, b"%d" % number))
+        line.network.run(until_s=HOUR_S)
+        before = line.network.engine(2).stats.frames_transmitted
+        recorded = [each for each in heard if each[:1] == b"\xbf" and each[1] & 31 == 1]
+        assert len(recorded) >= 10
+        strange = [
+            *recorded,  # as they were, under their numbers and others
+            *(bytes((0xBF, 1, rng.randrange(256))) + each[3:] for each in recorded),
+            *(bytes((0xBF, 1, n)) + rng.randbytes(rng.choice((1, 9, 40))) for n in range(100)),
+            *(each[:-1] + bytes((each[-1] ^ 1,)) for each in recorded),
+        ]
+        for at, frame_bytes in enumerate(strange):
+            line.network.at(HOUR_S + 3.0 * at, partial(_hear, line, 2, 1, frame_bytes))
+        line.network.run(until_s=2 * HOUR_S)
+        assert line.network.engine(2).stats.frames_transmitted == before, f"seed {seed}"
+        assert line.network.engine(2).stats.dropped["relay_forged"] > 100
+        line.publish(KEPT, b"last")
+        line.network.run(until_s=3 * HOUR_S)
+        assert line.values(KEPT) == [*(b"%d" % number for number in range(10)), b"last"]
+
+
+@pytest.mark.parametrize("table_of_relays", ["same", "another"])
+def test_a_sealed_route_survives_restarts_of_its_ends_and_relays(
+    table_of_relays: str, count: Callable[[int], int]
+) -> None:
+    """A relay that knows nothing of lives and tables of the ends lets them pass."""
+    for seed in range(count(50)):
+        rng = random.Random(seed)
+        line = LineOfFive(0.1, seed=seed, build=_with_table(table_of_relays))
+        times = line.every(90.0, HOUR_S, rng, lambda n: line.publish(KEPT, b"%d" % n))  # noqa: B023
+        for _ in range(8):
+            node = rng.choice((*RELAYS, NODES))
+            line.network.at(rng.uniform(60.0, HOUR_S), partial(line.network.restart, node))
+        line.network.run(until_s=3 * HOUR_S)
+        assert line.values(KEPT) == [b"%d" % number for number in range(times)], f"seed {seed}"
+
+
+def _with_table(of_relays: str) -> Callable[..., Engine]:
+    """Return what makes sealed engines whose relays have the same or another table."""
+    fleet = SealedFleet()
+
+    def make(**arguments: Any) -> Engine:
+        if of_relays == "another" and arguments["address"] in RELAYS:
+            arguments["table"] = StreamTable(nodes=arguments["table"].nodes)
+        return fleet(**arguments)
+
+    return make
 
 
 @pytest.mark.parametrize("sealed", [False, True])

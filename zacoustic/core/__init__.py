@@ -16,12 +16,13 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 each a `profile`; `rules` has the rules of the config, `entities` those of discovery
 `transport`     the mechanisms between two nodes, end to end: `topics`, `reliable`, `objects`,
                 `subscriptions`, `calls`, `actions`, `commands`; `status` answers what a node is
-                asked before a dive, `keydelivery` sends keys for broadcasts; `repeating` repeats
+                asked before a dive, `keydelivery` sends keys for broadcasts, `routing` has the
+                commands about routes; `repeating` repeats
                 records until an answer, `deliveries` has the events of samples; `contract` is for
                 third-party transports
 `relay`         frames of routes over other nodes: a `route`, a `flow` for each direction of it with
                 the frames in `custody`, the `gate` that gives its turns; `relay` is a source of the
-                composer
+                composer; `prober` measures who hears whom, `paths` has changed paths
 `bond`          several links used as one: `spec` lists them, `bonding` chooses for each frame,
                 `reach` tells whether a link reaches a node, `outbox` is a source of the composer
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
@@ -40,11 +41,11 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 what a frame says about its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
                 `access`, `agreement`, `bond`, `calls`, `goals`, `numbers`, `objects`, `relay`,
-                `subscriptions`
+                `routing`, `subscriptions`
                 (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
-                `commands`, `status` and `keydelivery` are in every table, `rmwdesert` says which
-                streams it allows
+                `commands`, `status`, `keydelivery` and `routing` are in every table, `rmwdesert`
+                says which streams it allows
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
 `base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `linkids`,

@@ -40,6 +40,7 @@ from zacoustic.core.engine.tap import EngineCall, Tap
 from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.goals import GoalKey
+from zacoustic.core.wire.routing import RoutingRequest
 from zacoustic.run.linefile import LineFile
 from zacoustic.run.permitlog import utc_text
 from zacoustic.run.privatefile import keep_private
@@ -50,6 +51,7 @@ HERE: Final = 0
 """In place of an address: this node's own network or program."""
 _CALLS: Final = (
     "poll_event", "call", "reply", "reply_error", "commands.send", "commands.execute", "keys.send",
+    "routing.send", "routing.execute",
     "actions.send_goal", "actions.accept", "actions.reject", "actions.finish",
     "actions.answer_cancel",
 )  # fmt: skip
@@ -155,6 +157,13 @@ class AuditLog:
         elif call.name == "keys.send":
             about = f"broadcasts of node {arguments['source']}"
             yield self._begin(call.result, "key", about, arguments["node"])
+        elif call.name == "routing.send":
+            what, about = _routing_words(arguments["request"])
+            yield self._begin(call.result, what, about, arguments["node"])
+        elif call.name == "routing.execute":
+            if arguments["request"].changes:
+                what, about = _routing_words(arguments["request"])
+                yield self._entry(HERE, what, "executed", about=about)
         elif call.name == "call":
             spec = self._table.by_id(arguments["stream_id"]).spec
             server: int = (
@@ -276,6 +285,14 @@ class AuditLog:
             text=text,
             sealed=self._sealed,
         )
+
+
+def _routing_words(request: RoutingRequest) -> tuple[str, str]:
+    """Return what a command about routes does, and about what."""
+    about = f"route {request.route_id}" if request.route_id else f"run {request.run}"
+    if request.path:
+        about += f": {', '.join(map(str, request.path))}"
+    return f"route_{request.kind.name.lower()}", about
 
 
 def audit_path(journal: Path) -> Path:

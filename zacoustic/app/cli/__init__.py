@@ -46,7 +46,7 @@ from zacoustic.text.safetext import one_line, some_lines, without_secrets
 _ROOMS: Final = {
     "use": ("gateway", "pub", "sub", "call", "action", "ping", "mavlink"),
     "watch": ("topics", "monitor", "dashboard"),
-    "remote": ("silence", "resume", "stream"),
+    "remote": ("silence", "resume", "stream", "route"),
     "recordings": ("journal", "decode", "record", "replay", "report"),
     "design": ("demo", "check", "plan", "sim", "campaign", "init", "schema", "fit", "bench"),
     "host": ("doctor", "predive", "links", "completion"),
@@ -57,8 +57,8 @@ _ROOM_OF: Final = {verb: room for room, verbs in _ROOMS.items() for verb in verb
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "predive", "links", "pub", "sub", "call",
     "action", "ping", "mavlink", "topics", "monitor", "dashboard", "silence", "resume", "stream",
-    "journal", "audit", "key", "acl", "decode", "sim", "record", "replay", "report", "init",
-    "schema", "fit", "bench", "completion",
+    "route", "journal", "audit", "key", "acl", "decode", "sim", "record", "replay", "report",
+    "init", "schema", "fit", "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order of the help."""
 _SUB_VERBS: Final = {"sim": ("campaign",)}

@@ -21,6 +21,7 @@ from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.relay.prober import Prober
 from zacoustic.core.relay.relay import Relay
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.silence import Silence
@@ -102,12 +103,15 @@ class BondPorts:
                 port = FIRST_PORT - 1 + bond.number
                 yield bond, LinkRules(name=bond.name, port=port)
 
-    def forwarding(self, link: str, relay: Relay | None = None) -> Forwarding | None:
+    def forwarding(
+        self, link: str, relay: Relay | None = None, prober: Prober | None = None
+    ) -> Forwarding | None:
         """Return what goes over a link, or a route, beside its own frames; None: nothing.
 
         Args:
             link: Its name.
             relay: Its routes; None: there are none.
+            prober: Its probes; None: there are none.
         """
         over = {
             bonding.bond.number: bonding
@@ -115,9 +119,9 @@ class BondPorts:
             if link in bonding.outboxes
         }
         others = [each.number for each in self._bonds if each.number not in over]
-        if relay is None and not self._bonds:
+        if relay is None and prober is None and not self._bonds:
             return None
-        return Forwarding(link, relay, over, others)
+        return Forwarding(link, relay, over, others, prober)
 
     def add(self, stack: LinkStack) -> None:
         """Take the stack of a bond."""

@@ -59,6 +59,7 @@ from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.engine.routeports import RoutePorts
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.relay.paths import PathState
 from zacoustic.core.relay.relay import Hop
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.access import AccessState
@@ -74,6 +75,7 @@ from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import MakeTransport, Transport
 from zacoustic.core.transport.keydelivery import KeyDelivery
 from zacoustic.core.transport.publication import Publication
+from zacoustic.core.transport.routing import Routing
 from zacoustic.core.transport.status import Status
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.seal import Cipher
@@ -180,6 +182,15 @@ class Engine:
         """Questions about the status of other nodes, and that of this one: `ask`, `own`."""
         self.keys = KeyDelivery(node, self._default.protocols.services, rules.commands_from)
         """Delivery of the keys for broadcasts to other nodes: `send`."""
+        self._paths = self._route_ports.paths(node)
+        self.routing = Routing(
+            node,
+            self._default.protocols.services,
+            rules.commands_from,
+            self._route_ports.prober,
+            self._paths,
+        )
+        """Commands about routes, and probes: `send`, `execute`."""
         for stack in self._stacks.values():
             stack.protocols.recover()
 
@@ -480,6 +491,11 @@ class Engine:
         return tuple(route for route, _, _ in self._route_ports.ends)
 
     @property
+    def changed_paths(self) -> Mapping[str, PathState]:
+        """The routes whose path commands have changed, by name."""
+        return self._paths.changed
+
+    @property
     def bonds(self) -> list[BondStatus]:
         """What the bonds of links do at present; each is a link for the streams."""
         return self._bond_ports.statuses
@@ -601,7 +617,11 @@ class Engine:
 
         for own, context in links:
             relay = self._route_ports.relay(context)
-            make(own, context, self._bond_ports.forwarding(own.name, relay))
+            make(
+                own,
+                context,
+                self._bond_ports.forwarding(own.name, relay, self._route_ports.prober_on(context)),
+            )
         for route, own, context in ends:
             stack = make(own, context, self._bond_ports.forwarding(own.name))
             hop_relay = self._stacks[route.link].relay

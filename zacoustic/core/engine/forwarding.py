@@ -1,4 +1,4 @@
-"""What goes over one link inside its frames: the frames of routes and of bonds.
+"""What goes over one link inside its frames: the frames of routes and of bonds; and probes.
 
 To the link's composer they are one source, and a received frame goes to the route or bond whose
 number it has.
@@ -11,10 +11,12 @@ import msgspec
 from zacoustic.core.base.linktypes import ReceivedFrame
 from zacoustic.core.base.parts import Offer
 from zacoustic.core.bond.bonding import Bonding
+from zacoustic.core.relay.prober import Prober
 from zacoustic.core.relay.relay import Relay
 from zacoustic.core.schedule.sources import Forwarded, ForwardingSource
 from zacoustic.core.wire.bond import bond_of
 from zacoustic.core.wire.envelope import Opened
+from zacoustic.core.wire.relay import decode_probe, is_relayed
 
 
 class Forwarding:
@@ -25,6 +27,7 @@ class Forwarding:
         relay: Its routes; None: there are none.
         bonds: Its bonds, by number.
         others: Numbers of bonds that this node lacks on this link.
+        prober: Its probes; None: there are none.
     """
 
     def __init__(
@@ -33,19 +36,33 @@ class Forwarding:
         relay: Relay | None,
         bonds: Mapping[int, Bonding],
         others: Sequence[int] = (),
+        prober: Prober | None = None,
     ) -> None:
         self.relay = relay
         """The routes over the link; None: there are none."""
+        self._prober = prober
+        self._has_others = relay is not None or bool(bonds) or bool(others)
         self._link = link
         self._bonds = dict(bonds)
         self._others = frozenset(others)
         self._sources: list[ForwardingSource] = [
-            *filter(None, [relay]),
+            *([] if relay is None else [relay]),
+            *([] if prober is None else [prober]),
             *(each.outboxes[link] for each in bonds.values()),
         ]
 
+    def takes(self, records: bytes) -> bool:
+        """Return whether the content of a frame is for routes, bonds or the prober."""
+        if not is_relayed(records):
+            return False
+        return self._has_others or (self._prober is not None and decode_probe(records) is not None)
+
     def handle(self, opened: Opened, frame: ReceivedFrame, now: int) -> str | None:
-        """Take a frame of a route or bond; return why it is dropped, or None."""
+        """Take a frame of a route or bond, or a probe; return why it is dropped, or None."""
+        probe = decode_probe(opened.records)
+        if probe is not None and self._prober is not None:
+            self._prober.handle(opened.source, probe)
+            return None
         number = bond_of(opened.records)
         bond = self._bonds.get(number)
         if bond is not None:

@@ -38,7 +38,6 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.contract import MakeTransport
 from zacoustic.core.wire.envelope import Envelope, Opened
-from zacoustic.core.wire.relay import is_relayed
 from zacoustic.core.wire.seal import NO_TABLE, Way
 
 _MAYBE_UNSEALED: Final = (Refusal.UNSEALED, Refusal.FORGED, Refusal.OUT_OF_STEP)
@@ -209,7 +208,7 @@ class LinkStack:
     # Below the methods above
 
     def _is_relayed(self, opened: Opened) -> bool:
-        return self._forwarding is not None and is_relayed(opened.records)
+        return self._forwarding is not None and self._forwarding.takes(opened.records)
 
     def _take_relayed(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int

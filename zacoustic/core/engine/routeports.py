@@ -20,10 +20,14 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
-from zacoustic.core.relay.relay import Relay
+from zacoustic.core.relay.paths import Paths
+from zacoustic.core.relay.prober import Prober
+from zacoustic.core.relay.relay import Check, Relay
 from zacoustic.core.relay.route import Route
-from zacoustic.core.schedule.context import Context
-from zacoustic.core.wire.relay import FIRST_PORT
+from zacoustic.core.schedule.context import Context, NodeContext
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.wire.relay import FIRST_PORT, Number
+from zacoustic.core.wire.seal import Way
 
 
 class RoutePorts:
@@ -39,6 +43,10 @@ class RoutePorts:
         self._rules = rules
         self._routes = [each for each in rules.routes if address in each.path]
         self._ends: dict[str, tuple[Route, LinkStack, Relay]] = {}
+        self._relays: dict[str, Relay] = {}
+        self.prober: Prober | None = None
+        """The probes of the node; None: its wire has none."""
+        self._probed = rules.routes[0].link if rules.routes else rules.of_links[0].name
 
     def relay(self, context: Context) -> Relay | None:
         """Make the relay on a link; None: no route goes over it."""
@@ -46,7 +54,7 @@ class RoutePorts:
         if not over_it:
             return None
         routes = {each.route_id: each for each in over_it if self._address in each.path}
-        return Relay(
+        relay = self._relays[context.link] = Relay(
             self._address,
             routes,
             {each.route_id for each in over_it} - set(routes),
@@ -56,7 +64,43 @@ class RoutePorts:
             measurements=context.node.measurements,
             stats=context.stats,
             deliver=self._deliver,
+            check=None if context.node.seal is None else self._checks(context.node),
         )
+        return relay
+
+    def _checks(self, node: NodeContext) -> Check:
+        """Return what checks the seals of frames that this node passes on."""
+        ports = {each.name: FIRST_PORT - 1 + each.route_id for each in self._rules.routes}
+
+        def check(route: Route, number: Number, content: bytes) -> bool | None:
+            assert node.seal is not None
+            first, last = route.path[0], route.path[-1]
+            source, destination = (last, first) if number.is_back else (first, last)
+            way = Way(source, destination, ports[route.name])
+            return node.seal.examine(content, way, node.handshake.digest)
+
+        return check
+
+    def paths(self, node: NodeContext) -> Paths:
+        """Return the paths of the routes, once all relays are made."""
+        return Paths(
+            self._address,
+            self._rules.routes,
+            [each.number for each in self._rules.bonds],
+            self._relays,
+            node.stored,
+            node.journal,
+        )
+
+    def prober_on(self, context: Context) -> Prober | None:
+        """Make the prober on a link; None: no probes go by it.
+
+        Probes go by the link of the first route, which is the first link if there is no route.
+        """
+        if context.link != self._probed or context.table.wire is not WireProfile.NATIVE:
+            return None
+        self.prober = Prober(context.generators.of("prober"), context.stats)
+        return self.prober
 
     @property
     def ends(self) -> Iterator[tuple[Route, int, LinkRules]]:
@@ -86,10 +130,12 @@ class RoutePorts:
     def handle_state(
         self, hop: LinkStack, state: LinkState, capabilities: LinkCapabilities | None, now: int
     ) -> None:
-        """Take the state of a link for the routes over it."""
+        """Take the state of a link for the routes over it, and for probes."""
+        port = hop.transmitter.port
+        if port is not None and self.prober is not None and hop.name == self._probed:
+            self.prober.use_link(port.capabilities)
         if hop.relay is None:
             return
-        port = hop.transmitter.port
         if port is not None:
             hop.relay.use_link(port.capabilities)
         if state is not LinkState.UP:

@@ -21,6 +21,7 @@ from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.commands.commands import Commands
+from zacoustic.core.transport.routing import Routing
 from zacoustic.core.transport.status import Status
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 
@@ -35,7 +36,7 @@ CALLS: Final = (
     "actions.publish_feedback", "actions.finish", "actions.answer_cancel",
     "ranging.request", "ranging.cancel", "ranging.repeat",
     "subscriptions.want", "silence.begin", "silence.resume", "commands.send", "commands.execute",
-    "status.ask", "lost_contact.acted",
+    "status.ask", "lost_contact.acted", "routing.send", "routing.execute",
 )  # fmt: skip
 """Inputs, outputs and commands of an engine; getters are not among them."""
 
@@ -65,6 +66,7 @@ _PARTS: Final[dict[str, type]] = {
     "silence": Silence,
     "status": Status,
     "lost_contact": LostContact,
+    "routing": Routing,
 }
 
 TapSink = Callable[[EngineCall], None]

@@ -16,6 +16,7 @@ Drop                    reason
 ======================  ===================================================================
 ``relay_format``        the frame cannot be decoded
 ``relay_route``         this node has no such route, or its sender is not in the path
+``relay_forged``        no node of the fleet has made it, or it is a replay
 ``relay_again``         a frame of a route that has been here
 ``relay_full``          a frame in custody gave way to a newer one
 ``relay_given_up``      eight tries, or too old
@@ -76,6 +77,8 @@ _PATIENCE_NS: Final = PATIENCE_NS[Priority.INTERACTIVE_HIGH]
 
 Deliver = Callable[[Route, int, bytes, int], None]
 """``(route, source, frame, now)``: takes a frame at the end of a route."""
+Check = Callable[[Route, Number, bytes], bool | None]
+"""``(route, number, frame)``: whether a frame of a route is authentic; None: nobody can tell."""
 _Seen = tuple[Number, int]
 
 
@@ -118,6 +121,7 @@ class Relay:
         measurements: Has the distances of the neighbours.
         stats: Counters of this link.
         deliver: Takes frames for this node.
+        check: Checks the seals of the frames of others; None: this node has no key.
     """
 
     def __init__(
@@ -132,6 +136,7 @@ class Relay:
         measurements: Measurements,
         stats: EngineStats,
         deliver: Deliver,
+        check: Check | None = None,
     ) -> None:
         self._address = address
         self._routes = dict(routes)
@@ -143,17 +148,72 @@ class Relay:
         self._measurements = measurements
         self._stats = stats
         self._deliver = deliver
+        self._check = check
         self._hop: LinkCapabilities | None = None
         self._frame_ns = 0
-        self._flows = {
-            (route_id, is_back): _flow_at(address, route, is_back=is_back)
-            for route_id, route in self._routes.items()
-            for is_back in (False, True)
-        }
-        self._gates = {each: Gate() for each in self._routes}
+        self._flows: dict[tuple[int, bool], Flow] = {}
+        self._gates: dict[int, Gate] = {}
+        self._next_seq: dict[int, int] = {}
+        self._used: dict[int, int] = {}
+        """The number of the path on which this node transmits, by route, if that was changed."""
+        for route in routes.values():
+            self.add(route)
         self._acks: dict[Number, None] = {}
         self._seen: OrderedDict[_Seen, int] = OrderedDict()
-        self._next_seq = {each: rng.randrange(NUMBERS) for each in self._routes}
+
+    # Paths
+
+    def add(self, route: Route) -> None:
+        """Take part in a route, or in another path of one, which has a number of its own."""
+        number = route.route_id
+        self._routes[number] = route
+        for is_back in (False, True):
+            flow = _flow_at(self._address, route, is_back=is_back)
+            self._flows.setdefault((number, is_back), flow)
+        if number not in self._gates:
+            self._gates[number] = Gate()
+            self._next_seq[number] = self._rng.randrange(NUMBERS)
+
+    def use(self, route_id: int, number: int, now: int) -> None:
+        """Transmit on another path of a route from now on.
+
+        What has been transmitted stays on its path: on the other one it would arrive twice.
+
+        Args:
+            route_id: The route.
+            number: The number of the path.
+            now: The instant, ns.
+        """
+        before = self._used.get(route_id, route_id)
+        self._used[route_id] = number
+        if before == number or before not in self._routes:
+            return
+        for is_back in (False, True):
+            old, new = self._flows[before, is_back], self._flows[number, is_back]
+            for seq, custody in list(old.frames.items()):
+                if custody.is_own and not custody.tries:
+                    del old.frames[seq]
+                    moved = Number(number, is_back, self._take_seq(number))
+                    custody.relayed = msgspec.structs.replace(custody.relayed, number=moved)
+                    new.frames[moved.seq] = custody
+            self._settle(old, now)
+
+    def drop(self, number: int, now: int) -> None:
+        """Take no longer part in a path; what is in custody is given up."""
+        if self._routes.pop(number, None) is None:
+            return
+        for is_back in (False, True):
+            flow = self._flows[number, is_back]
+            for custody in list(flow.frames.values()):
+                self._end(flow, custody, now)
+            self._timers.cancel(_key(flow))
+            del self._flows[number, is_back]
+        del self._gates[number], self._next_seq[number]
+        self._acks = {each: None for each in self._acks if each.route != number}
+
+    def is_in_time(self, path: Route, route: Route) -> bool:
+        """Return whether another path of a route is no slower than the ends take it for."""
+        return self._hop is None or path.unit_s(self._hop) <= route.unit_s(self._hop)
 
     def use_link(self, capabilities: LinkCapabilities) -> None:
         """Take what the link of the hops can do."""
@@ -188,9 +248,9 @@ class Relay:
             ended: Called with the instant when the next node has it, or it is given up.
             is_urgent: Whether it goes before all others.
         """
-        seq = self._next_seq[route.route_id]
-        self._next_seq[route.route_id] = (seq + 1) % NUMBERS
-        number = Number(route.route_id, self._address == route.path[-1], seq)
+        used = self._used.get(route.route_id, route.route_id)
+        seq = self._take_seq(used)
+        number = Number(used, self._address == route.path[-1], seq)
         expires_at = now + seconds_to_ns(route.longest_s)
         relayed = Relayed(number, content, is_urgent=is_urgent)
         self._flow(number).frames[seq] = Custody(relayed, now, expires_at, ended)
@@ -356,8 +416,10 @@ class Relay:
             if is_end or custody is None or custody.tries:
                 self._acks[number] = None
             return "relay_again"
-        self._remember(relayed, now)
         route = self._routes[number.route]
+        if not is_end and self._check and self._check(route, number, relayed.content) is False:
+            return "relay_forged"
+        self._remember(relayed, now)
         if is_end:
             self._acks[number] = None
             origin = route.path[-1 if number.is_back else 0]
@@ -369,6 +431,11 @@ class Relay:
         expires_at = now + seconds_to_ns(route.longest_s) // route.hops
         flow.frames[number.seq] = Custody(relayed, now, expires_at)
         return None
+
+    def _take_seq(self, number: int) -> int:
+        seq = self._next_seq[number]
+        self._next_seq[number] = (seq + 1) % NUMBERS
+        return seq
 
     def _flow(self, number: Number) -> Flow:
         return self._flows[number.route, number.is_back]

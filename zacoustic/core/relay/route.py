@@ -65,6 +65,18 @@ class Route(msgspec.Struct, frozen=True, kw_only=True):
         """How long a frame may be on its way, s."""
         return self.lifetime_s or HOP_LIFETIME_S * self.hops
 
+    def unit_s(self, hop: LinkCapabilities) -> float:
+        """Return the propagation delay of the route as a link, s.
+
+        Whoever waits for an answer waits for repetitions on all hops.
+
+        Args:
+            hop: What the link of its hops can do.
+        """
+        airtime_s = hop.preamble_s + hop.mtu_bytes * 8 / hop.bit_rate_bps
+        way_s = self.hops * (airtime_s + hop.gap_s + hop.propagation_s)
+        return max(way_s, self.longest_s / _PARTS_OF_LIFETIME)
+
     def other_end(self, address: int) -> int | None:
         """Return the other end of the route for one of its ends; None: the node is no end."""
         first, last = self.path[0], self.path[-1]
@@ -86,14 +98,11 @@ class Route(msgspec.Struct, frozen=True, kw_only=True):
                 f"route {self.route_id}: frames of {self.link} have room for {room_bytes} bytes; "
                 f"allowed: at least {LEAST_ROOM_BYTES}"
             )
-        airtime_s = hop.preamble_s + hop.mtu_bytes * 8 / hop.bit_rate_bps
-        way_s = self.hops * (airtime_s + hop.gap_s + hop.propagation_s)
         return LinkCapabilities(
             mtu_bytes=room_bytes,
             bit_rate_bps=hop.bit_rate_bps,
             preamble_s=hop.preamble_s,
-            # Whoever waits for an answer waits for repetitions on all hops.
-            propagation_s=max(way_s, self.longest_s / _PARTS_OF_LIFETIME),
+            propagation_s=self.unit_s(hop),
             half_duplex=False,
             controls_access=True,
         )

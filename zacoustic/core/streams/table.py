@@ -9,9 +9,9 @@ a node journals; each end may set these alone. It includes the timeouts of servi
 from them both ends derive how long a number must be remembered.
 
 Some streams are in no table's digest, since nobody can define them differently: those of remote
-commands (`zacoustic.core.transport.commands`), of the status and of keys, which every table has,
-and that of carried samples, if a topic is carried. A table that gives the id of one to another
-stream lacks it, and so does one for another wire profile.
+commands (`zacoustic.core.transport.commands`), of the status, of keys and of commands about routes,
+which every table has, and that of carried samples, if a topic is carried. A table that gives the id
+of one to another stream lacks it, and so does one for another wire profile.
 """
 
 import hashlib
@@ -32,6 +32,7 @@ from zacoustic.core.streams.commands import (
 )
 from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID, KEYS_TIMEOUT_S
 from zacoustic.core.streams.keys import Instance, KeyPattern
+from zacoustic.core.streams.routing import ROUTING_STREAM_ID, ROUTING_TIMEOUT_S
 from zacoustic.core.streams.specs import (
     CODECS,
     DENSE,
@@ -259,7 +260,7 @@ class StreamTable:
         self._by_name: dict[str, Stream] = {}
         self._built_in: dict[int, Stream] = {}
         if wire is WireProfile.NATIVE:
-            built_in = (_commands(), _status(), _keys())
+            built_in = (_commands(), _status(), _keys(), _routing())
             self._built_in = {each.stream_id: each for each in built_in}
         self._digest: bytes | None = None
         for spec in specs:
@@ -458,6 +459,19 @@ def _carried() -> Stream:
         wildcards=(CARRY_WILDCARD,),
         qos=Qos(reliability=Reliability.RELIABLE, depth=_CARRIED_DEPTH),
         journal=True,
+    )
+    return Stream(spec, TypeTable(), {}, is_built_in=True)
+
+
+def _routing() -> Stream:
+    """Return the stream of commands about routes."""
+    spec = ServiceSpec(
+        stream_id=ROUTING_STREAM_ID,
+        name="routing",
+        server=EVERY_NODE,
+        timeout_s=ROUTING_TIMEOUT_S,
+        qos=Qos(priority=Priority.DATA_HIGH),
+        journal=False,  # the revision tells what was executed
     )
     return Stream(spec, TypeTable(), {}, is_built_in=True)
 

@@ -6,6 +6,7 @@ A frame that begins with `RELAY_CODE` has no records::
                                     first node of the path; m: another one follows at once; u: it is
                                     urgent
     BF  0m000000  (d00rrrrr seq 1)+ these frames have arrived where nobody will transmit them again
+    BF  00100000  run 1  number 1   a probe: whoever hears it counts it
 
 The direction must be in the frame. Its sender does not tell it: who hears the next node of a path
 transmit hears either its own frame one hop further, or a frame that comes the other way.
@@ -28,7 +29,12 @@ HEADER_BYTES: Final = 3
 """Bytes before the frame of the route."""
 NUMBERS: Final = 256
 """The number of a frame is modulo this."""
+MOST_PROBES: Final = 32
+"""The most probes of a run; their numbers are below."""
+PROBE_BYTES: Final = 4
+"""A probe without envelope."""
 _HOP_ACKS: Final = 0
+_PROBE: Final = 0x20
 _ENTRY_BYTES: Final = 2
 _BACK: Final = 0x80
 _MORE: Final = 0x40
@@ -85,6 +91,19 @@ class HopAcks(msgspec.Struct, frozen=True):
         )
 
 
+class Probe(msgspec.Struct, frozen=True):
+    """A small frame that is counted by whoever hears it."""
+
+    run: int
+    """Of which run it is, 0…255; a run is of one node."""
+    number: int
+    """Its number in the run, 0…31."""
+
+    def encode(self) -> bytes:
+        """Return the content of the frame."""
+        return bytes((RELAY_CODE, _PROBE, self.run, self.number))
+
+
 RelayContent: TypeAlias = Relayed | HopAcks
 """What a frame that begins with `RELAY_CODE` holds."""
 
@@ -97,6 +116,13 @@ def hop_acks_in(room_bytes: int) -> int:
 def is_relayed(content: bytes) -> bool:
     """Return whether the content of a frame is for relays and the ends of routes."""
     return content[:1] == bytes((RELAY_CODE,))
+
+
+def decode_probe(content: bytes) -> Probe | None:
+    """Decode a probe; None: the content of the frame is something else."""
+    if len(content) != PROBE_BYTES or content[:2] != bytes((RELAY_CODE, _PROBE)):
+        return None
+    return Probe(content[2], content[3]) if content[3] < MOST_PROBES else None
 
 
 def decode(content: bytes) -> RelayContent | None:

@@ -164,7 +164,7 @@ class CallReader:
                 found[each] = msgspec.convert(written, _kind(expected, written))
             if name == "declare" and each == "spec":
                 found[each] = exact_spec(found[each], written)
-        if _LATER in parameters and name == "commands.execute":
+        if _LATER in parameters and name in ("commands.execute", "routing.execute"):
             found[_LATER] = _heed
         return found
 
@@ -194,5 +194,5 @@ def _kind(expected: Any, written: object) -> Any:  # noqa: ANN401 (types of any 
     return expected if is_tagged else next(named, kinds[0])
 
 
-def _heed(state: object) -> None:
+def _heed(*state: object) -> None:
     """Ignore the state of a journalled command: the application has it."""

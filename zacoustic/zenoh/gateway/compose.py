@@ -18,6 +18,7 @@ from zacoustic.zenoh.gateway.commands.keydelivery import KeyHandler
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
 from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
+from zacoustic.zenoh.gateway.commands.routing import RoutingHandler
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
@@ -190,7 +191,8 @@ class Composition:
         )
         pings = PingHandler(self._runner, self._redundant, clock=self._clock)
         keys = KeyHandler(self._runner, self._redundant)
-        return Handlers(objects, commands, pings, keys, health)
+        routing = RoutingHandler(self._runner, self._redundant)
+        return Handlers(objects, commands, pings, keys, routing, health)
 
     def _status(
         self,

@@ -44,6 +44,7 @@ from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.core.wire.routing import RoutingRequest
 from zacoustic.errors import (
     CallTimeoutError,
     DeliveryError,
@@ -55,6 +56,7 @@ from zacoustic.errors import (
 from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.goals import GoalCarrier
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
+from zacoustic.zenoh.session.asking.routing import RoutingReport
 
 NodeEvent = (
     LinkStateChanged
@@ -217,6 +219,17 @@ class Carrier(Protocol):
 
     async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Send a command to a node; cancelling gives up.
+
+        Raises:
+            LocalError: There is no such node, or the command makes no sense here.
+            ServiceError: The node refuses the command.
+            CallTimeoutError: No answer came in time.
+            DeliveryError: The command cannot be sent from here.
+        """
+        ...
+
+    async def routing(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
+        """Send a command about routes to a node; cancelling gives up.
 
         Raises:
             LocalError: There is no such node, or the command makes no sense here.

@@ -1,4 +1,4 @@
-"""Declares the keys for requests to the gateway: commands, pings, keys, objects, its health."""
+"""Declares the keys for requests to the gateway: commands, pings, keys, routes, objects, health."""
 
 from functools import partial
 
@@ -9,6 +9,7 @@ from zacoustic.zenoh.gateway.commands.keydelivery import KeyHandler
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
 from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
+from zacoustic.zenoh.gateway.commands.routing import RoutingHandler
 from zacoustic.zenoh.gateway.status.health import Health
 from zacoustic.zenoh.session.asking.queries import QueryHandler, Serve
 from zacoustic.zenoh.session.session import ZenohSession
@@ -22,6 +23,7 @@ class Handlers:
         commands: Takes commands.
         pings: Takes pings.
         keys: Takes deliveries of keys.
+        routing: Takes commands about routes.
         health: Answers with the current state.
     """
 
@@ -31,18 +33,21 @@ class Handlers:
         commands: CommandHandler,
         pings: PingHandler,
         keys: KeyHandler,
+        routing: RoutingHandler,
         health: Health,
     ) -> None:
         self.objects = objects
         self.commands = commands
         self.pings = pings
         self._keys = keys
+        self._routing = routing
         self._health = health
         self._declared: list[zenoh.Queryable[None]] = []
 
     def take_answer(self, event: ResponseReceived | CallFailed) -> bool:
         """Take the answer to a command, a ping or a delivery; False: it answers a service call."""
-        return any(each.answered(event) for each in (self.commands, self.pings, self._keys))
+        takers = (self.commands, self.pings, self._keys, self._routing)
+        return any(each.answered(event) for each in takers)
 
     def declare(self, zenoh_session: ZenohSession, queries: QueryHandler) -> None:
         """Declare the queryables; in the worker."""
@@ -69,4 +74,5 @@ class Handlers:
             *((key, self.commands.serve_beyond, False) for key in self.commands.keys_beyond),
             (self.pings.key, self.pings.serve, False),
             (self._keys.key, self._keys.serve, False),
+            (self._routing.key, self._routing.serve, False),
         )

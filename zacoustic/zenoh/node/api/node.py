@@ -16,6 +16,7 @@ from zacoustic.core.peers.measurements import Range
 from zacoustic.core.streams.commands import CommandState, RemoteCommand, check_timeout
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.core.wire.routing import RoutingRequest
 from zacoustic.errors import ConfigError, LocalError, SessionError
 from zacoustic.link.contract import Link
 from zacoustic.run.journal import Journal, journal_in
@@ -24,6 +25,7 @@ from zacoustic.zenoh.node.api.endpoints import EndpointMaker
 from zacoustic.zenoh.node.api.eventlog import EventLog
 from zacoustic.zenoh.node.api.identity import identify
 from zacoustic.zenoh.node.carrier import Carrier, NodeEvent
+from zacoustic.zenoh.session.asking.routing import RoutingReport
 
 COMMAND_TIMEOUT_S: Final = 60.0
 """Default time limit of a command, s."""
@@ -194,6 +196,28 @@ class Node(EndpointMaker):
         if isinstance(peer, str):
             peer = self._known().address_of(peer)
         return await carrier.command(peer, command, timeout_s)
+
+    async def routing(
+        self, peer: int, request: RoutingRequest, *, timeout_s: float = COMMAND_TIMEOUT_S
+    ) -> RoutingReport:
+        """Send a command about routes to another node, or to this one; for nodes on a link.
+
+        Args:
+            peer: Acoustic address of the node that executes it.
+            request: The command; `via` has the nodes between.
+            timeout_s: Time limit, s, at most 600.
+
+        Raises:
+            LocalError: There is no such node, the time limit is too long, or the command makes no
+                sense here.
+            ServiceError: A node refuses the command, with a reason.
+            CallTimeoutError: No answer came in time; the node may have executed the command.
+            DeliveryError: The command cannot be sent from here.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        carrier = self._opened()
+        check_timeout(timeout_s)
+        return await carrier.routing(peer, request, timeout_s)
 
     def refuse(self, progress: ObjectProgress) -> bool:
         """Refuse the rest of an incoming large sample.

@@ -34,6 +34,7 @@ from zacoustic.zenoh.node.onlink.goals import LinkGoals
 from zacoustic.zenoh.node.onlink.listeners import Listeners
 from zacoustic.zenoh.node.onlink.publishing import LinkOutlet, LinkPublishing
 from zacoustic.zenoh.node.onlink.ranges import LinkRanges
+from zacoustic.zenoh.node.onlink.routing import LinkRouting
 from zacoustic.zenoh.node.routes import TopicRoute
 
 CLOSE_LINGER_S: Final = 5.0
@@ -74,10 +75,12 @@ class LinkCarrier:
         self._calls = LinkCalls(self._runner, table)
         self._ranges = LinkRanges(self._runner)
         self._commands = LinkCommands(self._runner)
+        self._routing = LinkRouting(self._runner)
         self.goals = LinkGoals(self._runner, table)
         self.subscribe = self._listeners.add
         self.call, self.serve = self._calls.call, self._calls.serve
         self.range, self.command = self._ranges.measure, self._commands.give
+        self.routing = self._routing.give
         self._takers = self._event_takers()
 
     @property
@@ -184,7 +187,7 @@ class LinkCarrier:
         }
 
     def _answer(self, event: ResponseReceived | CallFailed) -> None:
-        if not self._commands.deliver(event):
+        if not (self._commands.deliver(event) or self._routing.deliver(event)):
             self._calls.answered(event)
 
     def _see_difference(self, event: StreamsDiffer) -> None:
@@ -249,6 +252,6 @@ class LinkCarrier:
             self._fail(error)
 
     def _end_all(self, error: Exception) -> None:
-        for each in (self._calls, self._ranges, self.goals, self._commands):
+        for each in (self._calls, self._ranges, self.goals, self._commands, self._routing):
             each.end_all(error)
         self._publishing.deliveries.fail(error)

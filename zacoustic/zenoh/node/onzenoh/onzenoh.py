@@ -23,8 +23,10 @@ from zacoustic.core.peers.measurements import Range
 from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream
+from zacoustic.core.wire.routing import RoutingRequest
 from zacoustic.errors import (
     CallTimeoutError,
+    DeliveryError,
     LinkClosedError,
     LocalError,
     PayloadInvalidError,
@@ -43,6 +45,7 @@ from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
 from zacoustic.zenoh.session.asking.commandquery import CommandQuery
 from zacoustic.zenoh.session.asking.commands import read_state
 from zacoustic.zenoh.session.asking.question import Question
+from zacoustic.zenoh.session.asking.routing import RoutingReport
 from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, ZenohSession, zenoh_priority
@@ -158,6 +161,13 @@ class ZenohCarrier:
         if failure is CallFailure.HANDLER:
             raise ServiceError(f"the command is refused: {text}")
         raise call_error("the command", failure, text)
+
+    async def routing(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
+        """Refuse: programs on Zenoh query the key of `zacoustic.zenoh.session.asking.routing`."""
+        raise DeliveryError(
+            f"commands about routes to node {node}: the gateway gives them",
+            hint=f"get @acoustic/{node}/routing?do=heard;run=7, or use zacoustic route",
+        )
 
     def refuse(self, source: int, transfer: int) -> bool:
         """Refuse nothing: samples arrive whole."""

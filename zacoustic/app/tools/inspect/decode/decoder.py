@@ -64,7 +64,7 @@ from zacoustic.core.wire.objects import (
     ListenHint,
     Refused,
 )
-from zacoustic.core.wire.relay import HopAcks, Number, Relayed, is_relayed
+from zacoustic.core.wire.relay import HopAcks, Number, Relayed, decode_probe, is_relayed
 from zacoustic.core.wire.relay import decode as decode_relayed
 from zacoustic.core.wire.subscriptions import PAGE_STREAMS, Subscribe, streams_of
 from zacoustic.errors import UnknownStreamError
@@ -148,6 +148,9 @@ class FrameDecoder:
         """Explain a frame of a route or bond, with the one inside."""
         if bond_of(records) in self._bonds:
             return self._bonded(records)
+        if (probe := decode_probe(records)) is not None:
+            text = f"RELAY probe {probe.number} of run {probe.run}"
+            return [DecodedItem(kind="relay", text=text)]
         match decode_relayed(records):
             case Relayed(number, content, more, is_urgent):
                 text = f"RELAY {'urgent, ' if is_urgent else ''}{_number_text(number)}"

@@ -77,11 +77,19 @@ class LinkStatus:
                 for name in names
             }
         if self._engine.hops:
-            found["relay"] = {"hops": msgspec.to_builtins(self._engine.hops)}
+            found["relay"] = {"hops": msgspec.to_builtins(self._engine.hops), **self._changed()}
         if self._engine.carry is not None:
             found["carry"] = msgspec.to_builtins(self._engine.carry)
         found |= {f"route/{each.name}": self._route(each) for each in self._engine.routes}
         return found | {f"bond/{each.name}": self._bond(each) for each in self._engine.bonds}
+
+    def _changed(self) -> dict[str, object]:
+        """Return the routes whose path a command has changed, if there are any."""
+        changed = {
+            name: {"revision": each.revision, "number": each.number, "path": each.path}
+            for name, each in self._engine.changed_paths.items()
+        }
+        return {"changed": changed} if changed else {}
 
     def _bond(self, bond: BondStatus) -> dict[str, object]:
         """Return the document of a list of links that is used as one."""
@@ -105,9 +113,10 @@ class LinkStatus:
     def _route(self, route: Route) -> dict[str, object]:
         """Return the document of a route that ends here; nobody knows whether its relays live."""
         stats = self._engine.stats.links[route.name]
+        changed = self._engine.changed_paths.get(route.name)
         return {
             "name": route.name,
-            "path": route.path,
+            "path": route.path if changed is None else changed.path,
             "link": route.link,
             "link_state": self._engine.state_of(route.name).value,
             "capabilities": self._engine.capabilities_of(route.name),

@@ -1,0 +1,196 @@
+"""Commands about routes of the command line, and what gateways say of routes."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Sequence
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.app.tools.field.asking import ask_gateway
+from zacoustic.app.tools.field.probing import Asker
+from zacoustic.config import Config
+from zacoustic.core.base.linktypes import ONE_LINK
+from zacoustic.core.relay.route import Route
+from zacoustic.core.wire.routing import RoutingRequest
+from zacoustic.errors import DeliveryError, SessionError
+from zacoustic.zenoh.node import Node
+from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.session.asking.allreplies import ask_all
+from zacoustic.zenoh.session.asking.commands import ANY_NODE, PREFIX
+from zacoustic.zenoh.session.asking.routing import ROUTING, RoutingReport, routing_selector
+from zacoustic.zenoh.session.session import ZenohSession
+
+_HERE_S: Final = 3.0
+"""How long gateways of the local network may take, s."""
+
+
+class GatewayAsker(Asker):
+    """Asks through the local gateways.
+
+    Args:
+        zenoh_session: A session on their network.
+    """
+
+    def __init__(self, zenoh_session: ZenohSession) -> None:
+        self._zenoh_session = zenoh_session
+
+    async def own(self) -> int:
+        """Return the lowest address of the local gateways: that one asks."""
+        found = await ask_all(self._zenoh_session, ROUTING, "do=heard;run=0", timeout_s=_HERE_S)
+        if not found:
+            raise DeliveryError(
+                "no gateway is on this local network",
+                hint="is it running, and is --connect its router?",
+            )
+        return min(msgspec.json.decode(each, type=RoutingReport).address for each in found.values())
+
+    async def ask(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
+        """Query the gateways; the responsible one asks."""
+        key, parameters = routing_selector(node, request, timeout_s)
+        answer = await ask_gateway(
+            self._zenoh_session, key, parameters, node=node, timeout_s=timeout_s
+        )
+        return msgspec.json.decode(answer, type=RoutingReport)
+
+    async def wait(self, seconds: float) -> None:
+        """Sleep."""
+        await asyncio.sleep(seconds)
+
+
+class LinkAsker(Asker):
+    """Asks on its own link.
+
+    Args:
+        node: A node in direct mode, open.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+
+    async def own(self) -> int:
+        """Return the address of the node."""
+        assert self._node.address is not None
+        return self._node.address
+
+    async def ask(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
+        """Ask the node."""
+        return await self._node.routing(node, request, timeout_s=timeout_s)
+
+    async def wait(self, seconds: float) -> None:
+        """Sleep."""
+        await asyncio.sleep(seconds)
+
+
+@contextlib.asynccontextmanager
+async def gateway_asker(
+    config: Config | None, connect: Sequence[str] | None
+) -> AsyncIterator[GatewayAsker]:
+    """Open a session to ask through a local gateway.
+
+    Raises:
+        SessionError: No router can be reached.
+    """
+    zenoh_session = await ZenohSession.open(session_config(config, connect))
+    try:
+        yield GatewayAsker(zenoh_session)
+    finally:
+        await zenoh_session.close()
+
+
+class HopShown(msgspec.Struct, frozen=True, kw_only=True):
+    """One hop of a route, as the gateway at its begin counts."""
+
+    node: int
+    """The node that transmits."""
+    next_node: int
+    """The next one."""
+    waiting: int = 0
+    """Frames that are held."""
+    transmissions: int = 0
+    """How often a frame was transmitted."""
+    passed_on: int = 0
+    """Frames that have arrived there."""
+    given_up: int = 0
+    """Frames that were given up."""
+
+
+class RouteShown(msgspec.Struct, frozen=True, kw_only=True):
+    """One route of the file, and what gateways say of it."""
+
+    id: int
+    """Its number."""
+    name: str
+    """Its name."""
+    path: tuple[int, ...]
+    """Its path in the file."""
+    link: str
+    """The link of its hops; empty: the only one."""
+    lifetime_s: float
+    """How long a frame may be on its way, s."""
+    hops: tuple[HopShown, ...] = ()
+    """Its hops in both directions, of the nodes whose gateways answer."""
+    changed: dict[int, tuple[int, ...]] = {}
+    """The path that a command has given it, at the nodes whose gateways say so."""
+
+
+async def shown_routes(config: Config, connect: Sequence[str] | None) -> list[RouteShown]:
+    """Return the routes of a file, with what the gateways of the local network say of them.
+
+    Args:
+        config: The file.
+        connect: Endpoints of the router; override those of the file.
+
+    Raises:
+        SessionError: `connect` was given, and no router can be reached there.
+    """
+    documents: dict[int, Any] = {}
+    try:
+        zenoh_session = await ZenohSession.open(session_config(config, connect))
+    except SessionError:
+        if connect:
+            raise
+    else:
+        try:
+            documents = await _documents(zenoh_session)
+        finally:
+            await zenoh_session.close()
+    return [_shown(route, documents) for route in config.rules.routes]
+
+
+async def _documents(zenoh_session: ZenohSession) -> dict[int, Any]:
+    found = await ask_all(zenoh_session, f"{PREFIX}/{ANY_NODE}/relay", timeout_s=_HERE_S)
+    return {
+        int(address): msgspec.json.decode(payload)
+        for key, payload in found.items()
+        if (address := key.split("/")[1]).isdecimal()
+    }
+
+
+def _shown(route: Route, documents: dict[int, Any]) -> RouteShown:
+    hops = [
+        HopShown(
+            node=address,
+            **{
+                name: hop[name]
+                for name in HopShown.__struct_fields__
+                if name != "node" and name in hop
+            },
+        )
+        for address, document in sorted(documents.items())
+        for hop in document.get("hops", ())
+        if hop.get("route") == route.name
+    ]
+    return RouteShown(
+        id=route.route_id,
+        name=route.name,
+        path=route.path,
+        link="" if route.link == ONE_LINK else route.link,
+        lifetime_s=route.longest_s,
+        hops=tuple(hops),
+        changed={
+            address: tuple(document["changed"][route.name]["path"])
+            for address, document in sorted(documents.items())
+            if route.name in document.get("changed", ())
+        },
+    )

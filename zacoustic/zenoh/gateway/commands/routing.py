@@ -1,0 +1,112 @@
+"""Commands about routes that the local network gives; the gateway executes or sends them."""
+
+from collections.abc import Iterable
+from functools import partial
+from typing import cast
+
+import msgspec
+
+from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
+from zacoustic.core.values.encoding import JSON
+from zacoustic.core.wire.routing import RoutingAnswer
+from zacoustic.errors import LocalError
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
+from zacoustic.zenoh.session.asking.routing import (
+    ROUTING,
+    RoutingAsked,
+    RoutingReport,
+    read_routing,
+    routed_node,
+)
+
+
+class RoutingHandler:
+    """Takes commands about routes of the local network; for the loop.
+
+    Args:
+        runner: Runs the engine that executes or sends them.
+        redundant: The local gateways.
+    """
+
+    def __init__(self, runner: LinkRunner, redundant: RedundantGateways) -> None:
+        self._runner = runner
+        self._redundant = redundant
+        self._sent: dict[int, tuple[HeldQuery, RoutingAsked]] = {}
+
+    @property
+    def key(self) -> str:
+        """Key expression of these commands."""
+        return ROUTING
+
+    def serve(self, held: HeldQuery) -> None:
+        """Take a query."""
+        # Zenoh's stubs do not declare that parameters can be iterated over.
+        parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
+        key = str(held.query.key_expr)
+        if key == ROUTING and "do" in dict(parameters):  # each gateway answers for its own node
+            key = f"{PREFIX}/{self._redundant.address}/routing"
+        node = routed_node(key)
+        if node is None or not self._is_ours(node):
+            held.answer([])
+            return
+        try:
+            asked = read_routing(key, dict(parameters))
+            assert asked is not None
+            self._runner.apply(partial(self._begin, held, asked))
+        except (ValueError, LocalError) as error:
+            held.refuse(CallFailure.BAD_REQUEST, str(error))
+
+    def answered(self, event: ResponseReceived | CallFailed) -> bool:
+        """Take the answer of a node, or its absence; False: it belongs to no such command."""
+        sent = self._sent.pop(event.call_id, None)
+        if sent is None:
+            return False
+        held, asked = sent
+        if isinstance(event, CallFailed):
+            text = event.text
+            if event.failure is CallFailure.TIMED_OUT:
+                text = f"node {asked.node} has not answered in time"
+                text += ", and may have executed it" if asked.request.changes else ""
+            held.refuse(event.failure, text)
+            return True
+        try:
+            answer = RoutingAnswer.decode(asked.request.kind, event.value)
+        except ValueError as error:
+            held.refuse(CallFailure.BAD_RESPONSE, str(error))
+        else:
+            self._answer(held, asked, answer)
+        return True
+
+    # Below the methods above
+
+    def _is_ours(self, node: int) -> bool:
+        """Return whether this one of the local gateways executes or sends it."""
+        if node in self._redundant.alive:
+            return node == self._redundant.address
+        nodes = self._runner.engine.table.nodes
+        is_known = 1 <= node <= 254 and (not nodes or node in nodes)
+        return is_known and self._redundant.address == self._redundant.alive[0]
+
+    def _begin(self, held: HeldQuery, asked: RoutingAsked, engine: Engine, now: int) -> None:
+        if asked.node == engine.address:
+            then = partial(self._answer, held, asked)
+            engine.routing.execute(asked.request, now, lambda answer, at: then(answer))
+            return
+        call_id = engine.routing.send(asked.node, asked.request, now, timeout_s=asked.within_s)
+        self._sent[call_id] = held, asked
+
+    def _answer(self, held: HeldQuery, asked: RoutingAsked, answer: RoutingAnswer) -> None:
+        engine = self._runner.engine
+        report = RoutingReport(
+            address=asked.node,
+            by=engine.address,
+            sent_s=round(ns_to_seconds(engine.stats.airtime_ns), 3),
+            **msgspec.structs.asdict(answer),
+        )
+        key = f"{PREFIX}/{asked.node}/routing"
+        held.answer([Answer(key=key, payload=msgspec.json.encode(report), encoding=JSON)])
