@@ -15,8 +15,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `profiles`      which transports a node speaks, and how a frame is decoded: `native`, `rmw_desert`,
                 each a `profile`; `rules` has the rules of the config, `entities` those of discovery
 `transport`     the mechanisms between two nodes, end to end: `topics`, `reliable`, `objects`,
-                `subscriptions`, `calls`, `actions`, `commands`, `carry`; `status` answers what a node is
-                asked before a dive, `keydelivery` sends keys for broadcasts, `routing` has the
+                `subscriptions`, `calls`, `actions`, `commands`, `carry`; `status` answers what a
+                node is asked before a dive, `keydelivery` sends keys for broadcasts, `routing` has the
                 commands about routes; `repeating` repeats
                 records until an answer, `publication` is what a program
                 publishes, `deliveries` has the events of samples; `contract` is for
@@ -41,8 +41,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 `statements` are
                 what a frame says about its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
-                `access`, `agreement`, `bond`, `calls`, `carry`, `goals`, `numbers`, `objects`, `relay`,
-                `routing`, `subscriptions`
+                `access`, `agreement`, `bond`, `calls`, `carry`, `goals`, `numbers`, `objects`,
+                `relay`, `routing`, `subscriptions`
                 (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
                 `commands`, `status`, `keydelivery` and `routing` are in every table, `carry` in
