@@ -41,6 +41,7 @@ PLAIN: Final = (
     "zacoustic/core/transport/commands/commands.py",
     "zacoustic/core/peers/ranging.py",
     "zacoustic/core/schedule/silence.py",
+    "zacoustic/core/transport/routing.py",
     "zacoustic/core/transport/status.py",
     "zacoustic/core/peers/lostcontact.py",
     # mypyc cannot compile them.
