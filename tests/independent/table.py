@@ -149,7 +149,8 @@ SYSTEM_TYPES: Types = {
 COMMANDS = Service(0xAF, "orders", None, "command", "command answer", 600, aged=True)
 STATUS = Service(0xAE, "status", None, None, "status", 60, aged=True)
 KEYS = Service(0xAD, "keys", None, None, None, 600)
-EVERYWHERE = (KEYS, STATUS, COMMANDS)
+ROUTING = Service(0xAC, "routing", None, None, None, 600)
+EVERYWHERE = (ROUTING, KEYS, STATUS, COMMANDS)
 """The streams that every table has, unless it gives their ids to others."""
 
 
