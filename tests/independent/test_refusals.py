@@ -191,7 +191,7 @@ def test_cbor_refuses(reason: str) -> None:
 
 
 REFUSED_FRAMES = {
-    "a reserved control": ("ac00", "no stream 0xac"),
+    "a reserved control": ("ab00", "no stream 0xab"),
     "RELAY behind a record": ("b20200ffbf010101", "reserved"),
     "HELLO behind a record": ("b2020b00b0020001200b2be1", "an introduction behind a record"),
     "LEN beyond the frame": ("b2050b00", "5 bytes wanted, 2 left"),

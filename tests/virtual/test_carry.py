@@ -5,9 +5,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import msgspec
 import pytest
 
 from tests.virtual.mule import (
+    LOG,
     MOORING,
     MULE,
     PERIOD_S,
@@ -16,9 +18,24 @@ from tests.virtual.mule import (
     Voyage,
     table,
 )
+from tests.virtual.sealed import SealedFleet
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import DeliveryOutcome
+from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.carry import CARRY_STREAM_ID
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.carry import (
+    Bundle,
+    Envelope,
+    Receipt,
+    Refusal,
+    encode_answer,
+    encode_envelope,
+)
+from zacoustic.errors import LocalError
+from zacoustic.testing.virtual import VirtualNetwork
 
 
 def quickly(source: int, node: int, now: int) -> bool:
@@ -188,3 +205,161 @@ def test_nodes_in_reach_talk_straight() -> None:
     report(voyage)
     assert voyage.custody == []
     assert max(at_s for at_s in voyage.got_s.values()) < 10 + 30 * 19 + 30
+
+
+@pytest.mark.parametrize("doubt", ["", "an old copy"])
+def test_old_copy_of_the_publishers_journal_loses_and_doubles_nothing(
+    doubt: str, count: Callable[[int], int]
+) -> None:
+    for seed in range(count(200)):
+        rng = random.Random(seed)
+        straight = rng.random() < 0.5
+        voyage = Voyage(seed, loss=0.2, table=quick_table(), hears=_always if straight else quickly)
+        network, journal = voyage.network, voyage.network.journal(MOORING)
+        kept: dict[str, bytes] = {}
+        for index in range(24):
+            voyage.publish_at(10.0 + 25 * index, b"%d" % index)
+        copied_s, restored_s = sorted(rng.uniform(20, 600) for _ in range(2))
+
+        def put_back() -> None:
+            voyage.may_end_again = True  # noqa: B023
+            network.crash(MOORING)  # noqa: B023
+            journal.put_back(kept, doubt)  # noqa: B023
+            network.start(MOORING)  # noqa: B023
+
+        network.at(copied_s, lambda: kept.update(journal.entries))  # noqa: B023
+        network.at(restored_s, put_back)
+        network.run(until_s=3600)
+        got = [value for value, _ in voyage.got]
+        flagged = sum(again for _, again in voyage.got)
+        assert len(got) - len(set(got)) <= flagged
+        # What was published after the copy and before its restoration may have gone with the disk.
+        sure = [
+            value
+            for index, value in enumerate(voyage.given)
+            if value in voyage.stored and not copied_s - 5 <= 10.0 + 25 * index <= restored_s
+        ]
+        assert set(sure) <= set(got), f"seed {seed}"
+
+
+def _always(source: int, node: int, now: int) -> bool:
+    return True
+
+
+def test_old_copy_of_the_subscribers_journal_doubles_nothing_unflagged(
+    count: Callable[[int], int],
+) -> None:
+    for seed in range(count(200)):
+        rng = random.Random(seed)
+        voyage = Voyage(seed, loss=0.2, table=quick_table(), hears=quickly)
+        network, journal = voyage.network, voyage.network.journal(SHIP)
+        kept: dict[str, bytes] = {}
+        for index in range(24):
+            voyage.publish_at(10.0 + 25 * index, b"%d" % index)
+        copied_s, restored_s = sorted(rng.uniform(20, 900) for _ in range(2))
+
+        def put_back() -> None:
+            network.crash(SHIP)  # noqa: B023
+            journal.put_back(kept, "an old copy")  # noqa: B023
+            network.start(SHIP)  # noqa: B023
+
+        network.at(copied_s, lambda: kept.update(journal.entries))  # noqa: B023
+        network.at(restored_s, put_back)
+        network.run(until_s=3600)
+        got = [value for value, _ in voyage.got]
+        assert set(got) == set(voyage.given)
+        assert len(got) - len(set(got)) <= sum(again for _, again in voyage.got)
+        assert voyage.ended == {DeliveryOutcome.DELIVERED: 24}
+
+
+def test_forged_messages_have_no_lasting_effect(count: Callable[[int], int]) -> None:
+    for seed in range(count(200)):
+        rng = random.Random(seed)
+        hears = _always if rng.random() < 0.5 else quickly
+        voyage = Voyage(seed, loss=0.1, table=quick_table(), hears=hears)
+        network = voyage.network
+        for index in range(40):
+            voyage.publish_at(10.0 + 25 * index, b"%d" % index)
+        network.run(until_s=rng.uniform(30, 300))
+        known = {each.bundle.lineage for each in _envelopes(network)} or {rng.randrange(65536)}
+        bundle = Bundle(MOORING, SHIP, LOG, (), rng.choice(sorted(known)))
+        number = rng.randrange(1 << 24)
+        forged = rng.choice([
+            encode_answer(Receipt(bundle, number)),
+            encode_answer(Refusal(bundle, rng.randrange(30))),
+            encode_envelope(
+                Envelope(bundle=bundle, number=number, floor=number, digest=b"xx", life_s=3600.0,
+                         payload=b"forged"), MULE, SHIP,
+            ),
+        ])  # fmt: skip
+        for node in (MOORING, MULE, SHIP):
+            network.apply(node, partial(_hear, node, forged))
+        forged_at_s = voyage.now_s
+        network.run(until_s=4000)
+        late = [
+            value
+            for index, value in enumerate(voyage.given)
+            if 10.0 + 25 * index > forged_at_s + 300
+        ]
+        got = [value for value, _ in voyage.got]
+        assert [value for value in got if value in late] == late, f"seed {seed}"
+        assert got.count(b"forged") <= 1
+
+
+def _envelopes(network: VirtualNetwork) -> list[Envelope]:
+    entries = network.journal(MOORING).entries
+    return [
+        msgspec.msgpack.decode(
+            msgspec.msgpack.encode(msgspec.msgpack.decode(value)[0]), type=Envelope
+        )
+        for key, value in entries.items()
+        if key.startswith("carry/")
+    ]
+
+
+def _hear(node: int, message: bytes, engine: Engine, now: int) -> None:
+    """Let a node hear a message of the stream of carried samples in a frame of a stranger."""
+    source = MULE if node != MULE else MOORING
+    sync = bytes((0xB8, 0x12, 0x34, 0, 0, 0))
+    records = sync + bytes((CARRY_STREAM_ID, node, 0)) + message
+    frame = ReceivedFrame(frame_bytes=records, source=source, destination=node, received_at=now)
+    engine.handle_frame(frame, now)
+
+
+def test_subscriber_that_defines_the_topic_differently_refuses(
+    count: Callable[[int], int],
+) -> None:
+    for seed, hears in [(each, hears) for each in range(count(50)) for hears in (_always, quickly)]:
+        voyage = Voyage(seed, loss=0.1, table=quick_table(), hears=hears)
+        voyage.network.restart(SHIP, quick_table(depth=7))
+        for index in range(5):
+            voyage.publish_at(20.0 + 5 * index, b"%d" % index)
+        voyage.network.run(until_s=3600)
+        assert voyage.got == []
+        assert voyage.ended == {DeliveryOutcome.REFUSED: 5}
+
+
+def test_sealed_voyages(count: Callable[[int], int]) -> None:
+    for seed in range(count(100)):
+        rng = random.Random(seed)
+        voyage = Voyage(
+            seed, loss=0.2, table=quick_table(), hears=quickly, build=SealedFleet(),
+            copies=(rng.uniform(0, 30),),
+        )  # fmt: skip
+        for index in range(20):
+            voyage.publish_at(10.0 + 25 * index, b"%d" % index)
+        for address in (MOORING, MULE, SHIP):
+            at_s = rng.uniform(5, 700)
+            voyage.network.at(at_s, partial(voyage.network.crash, address))
+            voyage.network.at(at_s + 20, partial(voyage.network.start, address))
+        voyage.network.run(until_s=3600)
+        report(voyage)
+
+
+def test_topic_with_no_other_subscriber_is_refused() -> None:
+    voyage = Voyage()
+    spec = table().by_id(LOG).spec
+    alone = msgspec.structs.replace(spec, publishers=(MOORING, SHIP))
+    voyage.network.restart(SHIP, StreamTable([alone], nodes=table().nodes))
+    with pytest.raises(LocalError, match="nobody is listed who could receive it"):
+        voyage.network.publish(SHIP, LOG, b"to myself")

@@ -7,13 +7,13 @@ Integers are big-endian; docs/wire.md has the normative text::
     direct     11de0000  stream 1  digest 2  lineage 2  number 3  floor 1  wildcards  [encoding]
                payload             from its origin to its destination
     receipt    01000000  origin 1  destination 1  stream 1  lineage 2  number 3  wildcards
-    refusal    10000000  origin 1  destination 1  stream 1  lineage 2  number 3  wildcards
+    refusal    10f00000  origin 1  destination 1  stream 1  lineage 2  number 3  wildcards
 
     d  the key is deleted, and there is no payload      e  an encoding follows
     x  how many further custodians may take it
 
-A receipt says that its destination has everything before `number`; a refusal that its sender does
-not keep the sample with this number.
+A receipt says that its destination has everything before `number`; a refusal that a custodian does
+not keep the sample with this number, or, with f, that its destination does not take it.
 """
 
 from typing import Final, TypeAlias
@@ -35,6 +35,7 @@ _ENVELOPE, _RECEIPT, _REFUSAL, _DIRECT = range(4)
 _KIND_SHIFT: Final = 6
 _DELETED: Final = 0x20
 _ENCODED: Final = 0x10
+_FINAL: Final = 0x20
 _HOPS: Final = 0x0F
 _MANTISSA_BITS: Final = 4
 _MOST_MANTISSA: Final = 15
@@ -94,12 +95,14 @@ class Receipt(msgspec.Struct, frozen=True):
 
 
 class Refusal(msgspec.Struct, frozen=True):
-    """A custodian does not keep a sample."""
+    """A custodian does not keep a sample, or its subscriber does not take it."""
 
     bundle: Bundle
     """The key and count."""
     number: int
     """The number of the sample."""
+    is_final: bool = False
+    """Whether the subscriber refuses it: it defines the topic in another way."""
 
 
 Message: TypeAlias = Envelope | Receipt | Refusal
@@ -149,9 +152,10 @@ def encode_envelope(envelope: Envelope, sender: int, receiver: int) -> bytes:
 def encode_answer(answer: Receipt | Refusal) -> bytes:
     """Return the bytes of a receipt or refusal."""
     kind = _RECEIPT if isinstance(answer, Receipt) else _REFUSAL
+    flags = _FINAL if isinstance(answer, Refusal) and answer.is_final else 0
     bundle = answer.bundle
     return (
-        bytes((kind << _KIND_SHIFT, bundle.origin, bundle.destination, bundle.stream_id))
+        bytes((kind << _KIND_SHIFT | flags, bundle.origin, bundle.destination, bundle.stream_id))
         + bundle.lineage.to_bytes(2, "big")
         + answer.number.to_bytes(3, "big")
         + bytes(bundle.instance)
@@ -234,7 +238,8 @@ def decode_life(code: int) -> float:
 def _decode_answer(
     message: bytes, *, is_receipt: bool, wildcards: dict[int, int]
 ) -> Receipt | Refusal | None:
-    if len(message) < _ANSWER_BYTES or message[0] & ~(0x03 << _KIND_SHIFT):
+    allowed = 0x03 << _KIND_SHIFT | (0 if is_receipt else _FINAL)
+    if len(message) < _ANSWER_BYTES or message[0] & ~allowed:
         return None
     _, origin, destination, stream_id = message[:4]
     if len(message) != _ANSWER_BYTES + wildcards.get(stream_id, -_ANSWER_BYTES):
@@ -242,4 +247,6 @@ def _decode_answer(
     lineage = int.from_bytes(message[4:6], "big")
     bundle = Bundle(origin, destination, stream_id, tuple(message[_ANSWER_BYTES:]), lineage)
     number = int.from_bytes(message[6:9], "big")
-    return Receipt(bundle, number) if is_receipt else Refusal(bundle, number)
+    if is_receipt:
+        return Receipt(bundle, number)
+    return Refusal(bundle, number, bool(message[0] & _FINAL))

@@ -19,8 +19,8 @@ from zacoustic.core.wire.carry import Bundle, Envelope
 from zacoustic.errors import UnknownStreamError
 
 _COUNT: Final = "carried"
-_MOST_LINEAGES: Final = 8
-"""How many counts of one key are remembered: a new one begins when a journal was restored."""
+_MOST_LINEAGES: Final = 64
+"""How many counts of one key are remembered: each start of its publisher begins one."""
 
 
 class _Position(msgspec.Struct, frozen=True, array_like=True):
@@ -87,8 +87,8 @@ class Arrivals:
                 sample = self._decoded(envelope, 0, LinkMetrics(), again=True)
                 self._windows[bundle].held[number] = sample
 
-    def take(self, envelope: Envelope, hop: SampleReceived, now: int) -> int:
-        """Take a sample; return the next number that its count awaits.
+    def take(self, envelope: Envelope, hop: SampleReceived, now: int) -> tuple[int, bool]:
+        """Take a sample; return the next number that its count awaits, and whether it is new.
 
         Args:
             envelope: The sample.
@@ -100,7 +100,7 @@ class Arrivals:
         if window is None:
             window = self._begin(bundle, envelope.floor or 0)
         if number < window.expected or number in window.held:
-            return window.expected
+            return window.expected, False
         before = window.expected
         again = hop.again or self._is_doubtful()
         window.held[number] = self._decoded(envelope, hop.received_at, hop.metrics, again=again)
@@ -110,7 +110,7 @@ class Arrivals:
             self._journal.write(_name(bundle, number), msgspec.msgpack.encode(envelope))
         if window.expected != before:
             self._write(bundle, window)
-        return window.expected
+        return window.expected, True
 
     def forget(self, origin: int) -> None:
         """Forget the counts of a node."""

@@ -11,10 +11,11 @@ from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.carry import Carry
+from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.carry.arrivals import Arrivals
-from zacoustic.core.transport.carry.counts import Counts, Place
+from zacoustic.core.transport.carry.counts import Claim, Counts, Place
 from zacoustic.core.transport.carry.custody import Answer, Custody, Held, Offered
 from zacoustic.core.transport.carry.reach import Reach
 from zacoustic.core.transport.carry.status import CarryStatus
@@ -26,6 +27,7 @@ from zacoustic.core.transport.deliveries import (
     SampleReceived,
 )
 from zacoustic.core.transport.publication import EncodedSample
+from zacoustic.core.transport.reliable.sending.keeping import OTHER_STREAM
 from zacoustic.core.wire.carry import (
     DIGEST_BYTES,
     Bundle,
@@ -37,13 +39,17 @@ from zacoustic.core.wire.carry import (
     encode_envelope,
 )
 from zacoustic.core.wire.frame import Control
-from zacoustic.errors import JournalUnavailableError, LocalError
+from zacoustic.errors import JournalUnavailableError, LocalError, UnknownStreamError
 
 MOST_OFFERED: Final = 16
 """How much is offered at once to a node that is heard. To another one it is one sample or answer:
 whether that arrives tells the same, and each new one would be sent soon."""
 LEAST_FULL_S: Final = 600.0
 """How long a custodian that has no room is not asked again, s, or longer: `Carry.after_s`."""
+MOST_CARRIED: Final = 16384
+"""How many samples of others a node keeps, however small they are."""
+MOST_ANSWERS: Final = 1024
+"""How many receipts and refusals wait at a node; the oldest give way."""
 _RETRY_NS: Final = 60 * NS_PER_S
 _AT_ONCE: Final = 0
 """An instant that has always passed."""
@@ -74,10 +80,13 @@ class _Room:
 class _Own:
     """A sample of this node, until all its subscribers have it."""
 
-    def __init__(self, stream_id: int) -> None:
+    def __init__(self, stream_id: int, instance: Instance) -> None:
         self.stream_id = stream_id
+        self.instance = instance
         self.held: list[Held] = []
-        self.is_stored = False
+        """One for each subscriber that is not known to have it."""
+        self.refused: list[int] = []
+        """Subscribers that define its topic in another way."""
 
 
 class Carrying:
@@ -107,6 +116,7 @@ class Carrying:
         self._journal = context.journal
         self._doubt = context.doubt
         self._stats = context.stats
+        self._peers, self._handshake = context.peers, context.handshake
         self._emit: Callable[[Any], None] = context.emit
         self._max_bytes = max_bytes
         self._next_delivery_id = next_delivery_id
@@ -117,7 +127,7 @@ class Carrying:
         for stream in context.table:
             self.declared(stream)
         self._custody = Custody(context.journal, context.stored)
-        self._counts = Counts(context.journal, context.generators.of("carry"))
+        self._counts = Counts(context.generators.of("carry"))
         self._arrivals = Arrivals(
             context.table, context.journal, hand_on,
             lambda: bool(context.doubt.reason), context.stats.drop,
@@ -126,6 +136,8 @@ class Carrying:
         self._own: dict[int, _Own] = {}
         self._offered: dict[int, tuple[Offered, int]] = {}
         """Delivery id of a hop → what is offered, to whom."""
+        self._obsolete: list[int] = []
+        """Own samples from before the restart whose topic is defined in another way now."""
         self._ended: list[DeliveryEnded] = []
         """Hops that have ended since the last look at the offers."""
         self._is_due = False
@@ -149,20 +161,25 @@ class Carrying:
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore everything from before the restart."""
-        self._counts.recover(stored, is_doubtful=bool(self._doubt.reason))
         self._arrivals.recover(stored)
         for held in self._custody.recover(stored):
-            if held.envelope.bundle.stream_id not in self._carries:
-                self._custody.drop(held)
-            elif held.delivery_id is not None:
-                own = self._own.setdefault(held.delivery_id, _Own(held.envelope.bundle.stream_id))
-                own.held.append(held)
-                own.is_stored = True
+            bundle = held.envelope.bundle
+            if held.delivery_id is None:
+                if bundle.stream_id not in self._carries:
+                    self._custody.drop(held)
+                continue
+            self._counts.used(bundle.stream_id, bundle.instance, bundle.lineage)
+            own = _Own(bundle.stream_id, bundle.instance)
+            self._own.setdefault(held.delivery_id, own).held.append(held)
+        self._obsolete += [each for each, own in self._own.items() if not self._is_same(own)]
 
     def link_up(self, now: int) -> None:
         """Offer what is kept: the link is up."""
         self._reach.begin(now)
         self._custody.begin(now)
+        for delivery_id in self._obsolete:
+            self._end(delivery_id, DeliveryOutcome.CANCELLED, now, OTHER_STREAM)
+        self._obsolete.clear()
         self._changed()
 
     # For the application
@@ -172,6 +189,7 @@ class Carrying:
 
         Raises:
             JournalUnavailableError: The journal cannot be written.
+            LocalError: No other node is listed that could receive it.
         """
         if self._journal.failure:
             raise JournalUnavailableError(
@@ -179,17 +197,23 @@ class Carrying:
                 f"{self._journal.failure}",
                 hint="what is accepted has to survive a restart",
             )
+        receivers = [
+            each
+            for each in stream.receivers(sample.instance, self._table.nodes)
+            if each != self._address
+        ]
+        if not receivers:
+            raise LocalError(
+                f"{stream.name}: nobody is listed who could receive it",
+                hint="list another node among the subscribers of the stream",
+            )
         delivery_id = self._next_delivery_id()
         carry = self._carries[stream.stream_id]
         place = self._counts.take(stream.stream_id, sample.instance)
         ends_at = now + seconds_to_ns(carry.expires_s)
         if sample.expires_at is not None:
             ends_at = min(ends_at, sample.expires_at)
-        own = self._own[delivery_id] = _Own(stream.stream_id)
-        receivers = [
-            each for each in stream.receivers(sample.instance, self._table.nodes)
-            if each != self._address
-        ]  # fmt: skip
+        own = self._own[delivery_id] = _Own(stream.stream_id, sample.instance)
         for receiver in receivers:
             bundle = Bundle(
                 self._address, receiver, stream.stream_id, sample.instance, place.lineage
@@ -239,7 +263,7 @@ class Carrying:
         if hop.instance != (self._address,) or not isinstance(hop.value, bytes):
             return
         message = decode(hop.value, hop.source, self._address, self._wildcards)
-        reason = "payload" if message is None else self._refusal(message, hop.source)
+        reason = "payload" if message is None else self._fault(message, hop.source)
         if message is None or reason is not None:
             self._stats.drop(reason or "payload")
         elif isinstance(message, Envelope):
@@ -249,7 +273,7 @@ class Carrying:
         elif isinstance(message, Receipt):
             self._receipt(message, now)
         else:
-            self._full(message, hop.source, now)
+            self._refused_by(message, hop.source, now)
 
     def told(self, ended: DeliveryEnded) -> None:
         """Take the end of a hop."""
@@ -261,7 +285,6 @@ class Carrying:
     def _stored(self, delivery_id: int, now: int) -> None:
         own = self._own.get(delivery_id)
         if own is not None:
-            own.is_stored = True
             self._emit(DeliveryStored(delivery_id=delivery_id, stream_id=own.stream_id))
             self._changed()
 
@@ -270,13 +293,12 @@ class Carrying:
         of_key = [
             delivery_id
             for delivery_id, own in self._own.items()
-            if own.stream_id == stream.stream_id
-            and own.held[0].envelope.bundle.instance == sample.instance
+            if (own.stream_id, own.instance) == (stream.stream_id, sample.instance)
         ]
         for delivery_id in of_key[: -stream.qos.depth]:
             self._end(delivery_id, DeliveryOutcome.SUPERSEDED, now)
 
-    def _refusal(self, message: Envelope | Receipt | Refusal, sender: int) -> str | None:
+    def _fault(self, message: Envelope | Receipt | Refusal, sender: int) -> str | None:
         """Return why the table does not allow a message, one word, or None."""
         bundle = message.bundle
         stream = self._table.by_id(bundle.stream_id)
@@ -284,29 +306,36 @@ class Carrying:
         ends = (bundle.origin, bundle.destination)
         if not stream.may_publish(bundle.origin) or not stream.may_subscribe(bundle.destination):
             return "not_publisher"
+        try:
+            stream.keys.key(bundle.origin, bundle.instance)
+        except UnknownStreamError:
+            return "payload"
         if bundle.origin == bundle.destination:
             return "not_publisher"
         if sender not in (*ends, *carry.by) or self._address not in (*ends, *carry.by):
             return "not_custodian"
-        is_mine = isinstance(message, Envelope) and bundle.destination == self._address
-        if is_mine and message.digest != stream.digest[:DIGEST_BYTES]:  # type: ignore[union-attr]
-            return "differs"
         return None
 
     def _take_sample(self, envelope: Envelope, hop: SampleReceived, now: int) -> None:
         bundle = envelope.bundle
         if bundle.destination == self._address:
-            before = envelope.number
-            expected = self._arrivals.take(envelope, hop, now)
-            # Who has published it learns of it by the hop, unless it came before.
-            is_repeated = hop.again or expected > before + 1
-            if hop.source != bundle.origin or is_repeated:
+            stream = self._table.by_id(bundle.stream_id)
+            if envelope.digest != stream.digest[:DIGEST_BYTES]:
+                self._stats.drop("differs")
+                self._answer(Refusal(bundle, envelope.number, is_final=True), now)
+                return
+            expected, is_new = self._arrivals.take(envelope, hop, now)
+            # Of a new one its publisher learns by the hop, if that comes from it.
+            if not (is_new and self._is_told_by_hop(hop.source, bundle)):
                 self._answer(Receipt(bundle, expected), now)
             return
         if bundle.origin == self._address or self._custody.find(bundle, envelope.number):
             return
         size_bytes = envelope.size_bytes
-        if self._custody.carried_bytes + size_bytes > self._max_bytes or envelope.life_s <= 0:
+        has_room = self._custody.carried < MOST_CARRIED and (
+            self._custody.carried_bytes + size_bytes <= self._max_bytes
+        )
+        if not has_room or envelope.life_s <= 0:
             self._refused += 1
             self._answer(Refusal(bundle, envelope.number), now)
             return
@@ -318,8 +347,10 @@ class Carrying:
         """Take a receipt of an own count."""
         bundle, number = receipt.bundle, receipt.number
         claim = Place(bundle.lineage, number)
-        if self._counts.claims_too_much(bundle.stream_id, bundle.instance, claim):
+        verdict = self._counts.judge(bundle.stream_id, bundle.instance, claim)
+        if verdict is Claim.COUNT_IS_WRONG:
             self._begin_anew(bundle, now)
+        if verdict is not Claim.POSSIBLE:
             return
         for held in self._custody:
             is_own = held.delivery_id is not None and held.envelope.bundle == bundle
@@ -332,7 +363,7 @@ class Carrying:
         stream_id, instance = bundle.stream_id, bundle.instance
         self._counts.begin_anew(stream_id, instance)
         for own in list(self._own.values()):
-            if own.stream_id != stream_id or own.held[0].envelope.bundle.instance != instance:
+            if (own.stream_id, own.instance) != (stream_id, instance):
                 continue
             place = self._counts.take(stream_id, instance)
             for held in own.held:
@@ -341,10 +372,14 @@ class Carrying:
                 self._custody.renumber(held, other, place.number, now)
         self._changed()
 
-    def _full(self, refusal: Refusal, source: int, now: int) -> None:
-        """Take the word of a custodian that it does not keep a sample."""
+    def _refused_by(self, refusal: Refusal, source: int, now: int) -> None:
+        """Take the word of a custodian, or of the subscriber, that it does not take a sample."""
         held = self._custody.find(refusal.bundle, refusal.number)
         if held is None or held.delivery_id is None:
+            return
+        if refusal.is_final:
+            self._own[held.delivery_id].refused.append(refusal.bundle.destination)
+            self._done(held, now)
             return
         carry = self._carries[refusal.bundle.stream_id]
         custodian = held.custodian if held.custodian is not None else source
@@ -364,6 +399,9 @@ class Carrying:
         self._answer(answer, now)
 
     def _answer(self, content: Receipt | Refusal, now: int) -> None:
+        answers = self._custody.answers
+        if len(answers) >= MOST_ANSWERS:
+            self._drop_answer(answers[0], now)
         kept = self._custody.answer(content)
         if kept is not None:
             self._withdraw_all(kept, now)
@@ -384,8 +422,11 @@ class Carrying:
 
     def _given(self, held: Held, receiver: int, now: int) -> None:
         """Note that another node has taken a sample and journalled it."""
-        if receiver == held.envelope.bundle.destination:
-            self._done(held, now)
+        bundle = held.envelope.bundle
+        if receiver == bundle.destination:
+            held.refused.add(receiver)  # it has answered, or will
+            if held.delivery_id is None or self._is_told_by_hop(receiver, bundle):
+                self._done(held, now)
         elif held.delivery_id is None:
             self._drop(held, now)
         else:
@@ -415,24 +456,39 @@ class Carrying:
             return
         own.held = [each for each in own.held if each is not held]
         if not own.held:
-            self._end(held.delivery_id, DeliveryOutcome.DELIVERED, now)
+            refused = DeliveryOutcome.REFUSED if own.refused else DeliveryOutcome.DELIVERED
+            self._end(held.delivery_id, refused, now, OTHER_STREAM if own.refused else "")
 
-    def _end(self, delivery_id: int, outcome: DeliveryOutcome, now: int) -> None:
+    def _is_told_by_hop(self, other_end: int, bundle: Bundle) -> bool:
+        """Return whether a sample is understood, since it came straight and both ends agree."""
+        is_straight = {other_end, self._address} == {bundle.origin, bundle.destination}
+        peer = self._peers.get(other_end)
+        return is_straight and peer is not None and peer.shares(self._handshake.digest)
+
+    def _is_same(self, own: _Own) -> bool:
+        """Return whether the topic of an own sample is still what it was."""
+        if own.stream_id not in self._carries:
+            return False
+        digest = self._table.by_id(own.stream_id).digest[:DIGEST_BYTES]
+        return own.held[0].envelope.digest == digest
+
+    def _end(self, delivery_id: int, outcome: DeliveryOutcome, now: int, detail: str = "") -> None:
         """End an own sample."""
         own = self._own.pop(delivery_id)
         custodians = sorted({each.custodian for each in own.held if each.custodian is not None})
         for held in own.held:
             self._drop(held, now)
-        missing = tuple(sorted(each.envelope.bundle.destination for each in own.held))
-        detail = ", ".join(map(str, custodians))
+        missing = {each.envelope.bundle.destination for each in own.held} | set(own.refused)
+        if custodians and not detail:
+            detail = f"in custody of {', '.join(map(str, custodians))}"
         self._emit(
             DeliveryEnded(
                 delivery_id=delivery_id,
                 stream_id=own.stream_id,
                 outcome=outcome,
-                missing=missing,
+                missing=tuple(sorted(missing)),
                 ended_at=now,
-                detail=f"in custody of {detail}" if detail else "",
+                detail=detail,
             )
         )
         self._changed()
@@ -497,7 +553,7 @@ class Carrying:
             self._offer(answer, targets, partial(_answer_for, answer), room, now)
         for held in sorted(self._custody, key=self._rank):
             bundle = held.envelope.bundle
-            if held.is_stored:
+            if held.is_stored and bundle.stream_id in self._carries:
                 ends.add((bundle.stream_id, bundle.destination))
                 targets = self._reach.for_sample(held, self._carries[bundle.stream_id], now)
                 self._offer(held, targets, partial(self._sample_for, held, now), room, now)
