@@ -24,8 +24,10 @@ count of their own, so nothing depends on the way.
 A node is in reach if it was heard within `Carry.after_s`. A sample that nobody takes costs what any
 reliable sample costs: a frame a minute for each node that it is offered to.
 
-A count ends if the journal is in doubt, or if a receipt claims more than was published: then an old
-copy of the journal was restored, or the receipt is forged, and the numbers go on in a new count.
+A count begins with each start of its publisher, so no restored journal gives a number to two
+samples. Over such a start the order holds as far as the samples go one way: counts do not wait for
+each other. Another one begins if receipts claim more than was published, for the second time: then
+somebody else has used it.
 
 - `carrying`: takes and offers; `reach`: who is in reach, and so who gets what; `counts`: the
   publisher's counts; `custody`: what this node keeps; `arrivals`: the subscriber's side.

@@ -5,7 +5,7 @@ by which it came is over, its transport has the sample, and a restart brings it 
 sample that must wait is journalled here.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
 import msgspec
@@ -39,6 +39,8 @@ class _Window:
         """The next number to deliver."""
         self.held: dict[int, SampleReceived | None] = {}
         """Samples that came too early, by number; None: one that cannot be decoded."""
+        self.waits_until: int | None = None
+        """When the gap before them is given up, ns; None: there is none."""
 
 
 class Arrivals:
@@ -109,8 +111,38 @@ class Arrivals:
         if number >= window.expected:
             self._journal.write(_name(bundle, number), msgspec.msgpack.encode(envelope))
         if window.expected != before:
+            window.waits_until = None
             self._write(bundle, window)
         return window.expected, True
+
+    def waits_until(self, bundle: Bundle, longest_ns: int, now: int) -> int | None:
+        """Return when the gap of a count is given up, ns; None: it has none.
+
+        A gap may never fill: what was in it went down with a custodian, or was delivered before an
+        old copy of the journal was restored.
+
+        Args:
+            bundle: The count.
+            longest_ns: How long to wait, ns.
+            now: The instant.
+        """
+        window = self._windows[bundle]
+        if not window.held:
+            window.waits_until = None
+        elif window.waits_until is None:
+            window.waits_until = now + longest_ns
+        return window.waits_until
+
+    def give_up(self, bundle: Bundle, now: int) -> int:
+        """Deliver what waits behind the gap of a count; return the next number that it awaits."""
+        window = self._windows[bundle]
+        window.waits_until = None
+        self._advance(bundle, window, min(window.held), now)
+        self._write(bundle, window)
+        return window.expected
+
+    def __iter__(self) -> Iterator[Bundle]:
+        return iter(list(self._windows))
 
     def forget(self, origin: int) -> None:
         """Forget the counts of a node."""

@@ -325,6 +325,7 @@ class Carrying:
                 self._answer(Refusal(bundle, envelope.number, is_final=True), now)
                 return
             expected, is_new = self._arrivals.take(envelope, hop, now)
+            self._changed()
             # Of a new one its publisher learns by the hop, if that comes from it.
             if not (is_new and self._is_told_by_hop(hop.source, bundle)):
                 self._answer(Receipt(bundle, expected), now)
@@ -540,6 +541,7 @@ class Carrying:
             if held.ends_at <= now:
                 self._expire(held, now)
         self._instants = [held.ends_at for held in self._custody]
+        self._give_up_gaps(now)
         room = _Room(partial(self._reach.is_present, now=now))
         ends: set[tuple[int, int]] = set()
         for answer in self._custody.answers:
@@ -563,6 +565,18 @@ class Carrying:
         self._is_due = False
         self._timers.changed((Due.CARRY,), self._due_at, self._review)
 
+    def _give_up_gaps(self, now: int) -> None:
+        """Deliver what has waited for others as long as any sample is carried."""
+        for bundle in self._arrivals:
+            carry = self._carries.get(bundle.stream_id)
+            if carry is None:
+                continue
+            until = self._arrivals.waits_until(bundle, seconds_to_ns(carry.expires_s), now)
+            if until is not None and until <= now:
+                self._answer(Receipt(bundle, self._arrivals.give_up(bundle, now)), now)
+            elif until is not None:
+                self._instants.append(until)
+
     def _rank(self, held: Held) -> int:
         return self._table.by_id(held.envelope.bundle.stream_id).qos.priority.value
 
@@ -575,11 +589,13 @@ class Carrying:
         now: int,
     ) -> None:
         """Offer something to some nodes, and to no others."""
-        wanted = [each for each in targets if each not in offered.refused and room.take(each)]
-        for receiver in [each for each in offered.offers if each not in wanted]:
+        for receiver in [each for each in offered.offers if each not in targets]:
             self._withdraw_one(offered, receiver, now)
-        for receiver in wanted:
-            if receiver in offered.offers:
+        for receiver in targets:
+            # What is offered stays so, heard or not: its receiver may hold it, and offered anew it
+            # would come after those behind it.
+            is_new = room.take(receiver) and receiver not in offered.offers
+            if not is_new or receiver in offered.refused:
                 continue
             try:
                 hop = self._send(receiver, message(receiver), now)
