@@ -79,7 +79,7 @@ VERBS: Final[dict[str, tuple[str, ...]]] = {
     "call": ("call", "arm", "x", "--timeout", "1", *LINKED),
     "action": ("action", "send_goal", "goto", "x", *NOBODY),
     "ping": ("ping", "2", *NOBODY),
-    "route show": ("route", "show", "--config", "fleet.json5"),
+    "route show": ("route", "show", "fleet.json5", *NOBODY),
     "route probe": ("route", "probe", "--config", "fleet.json5", *NOBODY),
     "route set": ("route", "set", "1", "--path", "1,2", "--config", "fleet.json5", *NOBODY),
     "route reset": ("route", "reset", "1", "--config", "fleet.json5", *NOBODY),

@@ -11,6 +11,9 @@ from tests.gateway.networkpair import verb
 from tests.gateway.networks import SECTION, get, run
 from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main
+from zacoustic.app.cli.remote.route import _proposed
+from zacoustic.app.tools.field.probing import Survey, Way
+from zacoustic.config import config_from_mapping
 
 ROUTED: dict[str, Any] = WATCHED | {"routes": [{"id": 3, "name": "far", "path": [1, 2]}]}
 ONCE = ["--count", "1", "--node", "1,2"]
@@ -132,3 +135,19 @@ def test_wrong_arguments_are_exit_code_2(
 ) -> None:
     assert main(["route", *words]) == 2
     assert text in capsys.readouterr().err
+
+
+def test_a_route_is_proposed_for_who_publishes_to_whom_not_only_for_who_asks() -> None:
+    topics = [{"id": 1, "topic": "log", "publishers": [1], "subscribers": [3]}]
+    nodes = [{"address": each, "name": f"n{each}"} for each in (1, 2, 3)]
+    section = {"address": 2, "nodes": nodes, "streams": topics}
+    ways = tuple(
+        Way(source=source, hearer=hearer, heard=8 if abs(source - hearer) == 1 else 0, sent=8)
+        for source in (1, 2, 3)
+        for hearer in (1, 2, 3)
+        if source != hearer
+    )
+    found = Survey(own=2, count=8, ways=ways, over={1: (), 2: (), 3: ()}, missing={})
+    config = config_from_mapping(section, source="fleet.json5")
+    assert [each.path for each in _proposed(found, config)] == [(1, 2, 3)]
+    assert _proposed(found, None) == []

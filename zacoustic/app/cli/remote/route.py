@@ -24,12 +24,13 @@ from zacoustic.link.command import (
 from zacoustic.text.digits import whole_number
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Sequence
+    from collections.abc import AsyncIterator, Iterator, Sequence
 
     from zacoustic.app.tools.field.changing import PathChanged
     from zacoustic.app.tools.field.probing import Asker, Proposal, Survey
     from zacoustic.app.tools.field.routes import RouteShown
     from zacoustic.config import Config
+    from zacoustic.core.streams.table import StreamTable
 
 _MOST_NODES: Final = 254
 _LONGEST_S: Final = 600.0
@@ -351,20 +352,30 @@ def _proposed(found: "Survey", config: "Config | None") -> "list[Proposal]":
     from zacoustic.app.tools.field.probing import proposals
 
     routes = () if config is None else config.rules.routes
-    pairs = [(found.own, each) for each in found.over if each != found.own]
-    ends = {frozenset(each) for each in pairs}
-    pairs += [
-        (each.path[0], each.path[-1])
-        for each in routes
-        if frozenset((each.path[0], each.path[-1])) not in ends
+    wanted = [
+        *((found.own, each) for each in found.over),
+        *((each.path[0], each.path[-1]) for each in routes),
+        *(() if config is None else _ends_of_topics(config.table)),
     ]
+    pairs = {frozenset(each): each for each in reversed(wanted) if each[0] != each[1]}
     return proposals(
         found,
-        pairs,
+        reversed(pairs.values()),
         routes=routes,
         names=None if config is None else config.table.nodes,
         taken=() if config is None else [each.number for each in config.rules.bonds],
     )
+
+
+def _ends_of_topics(table: "StreamTable") -> "Iterator[tuple[int, int]]":
+    """Yield who publishes to whom, where a topic lists both."""
+    from zacoustic.core.streams.specs import TopicSpec
+
+    for stream in table:
+        if isinstance(stream.spec, TopicSpec):
+            for publisher in stream.spec.publishers or ():
+                for subscriber in stream.spec.subscribers or ():
+                    yield publisher, subscriber
 
 
 def _record(found: "Survey", proposed: "list[Proposal]") -> dict[str, Any]:
