@@ -383,3 +383,21 @@ def test_gap_that_never_fills_is_given_up_when_nothing_is_worth_carrying_any_mor
     assert [value for value, _ in voyage.got] == [b"3"]
     # By then each of those before it has ended at its publisher, and so has this one.
     assert voyage.ended == {DeliveryOutcome.EXPIRED: 4}
+
+
+def test_deletes_and_encodings_are_carried() -> None:
+    voyage = Voyage(hears=quickly, table=quick_table())
+    network = voyage.network
+    said: list[dict[str, Any]] = [{"encoding": "text/plain"}, {"delete": True}, {}]
+    for index, more in enumerate(said):
+        voyage.given.append(b"%d" % index)
+        say = partial(network.apply, MOORING, partial(_publish, more))
+        network.at(10.0 + index, say)
+    network.run(until_s=600)
+    heard = [(each.value, each.deleted, each.encoding) for each in network.samples(SHIP, LOG)]
+    usual = network.engine(SHIP).table.by_id(LOG).encoding
+    assert heard == [(b"x", False, "text/plain"), (None, True, usual), (b"x", False, usual)]
+
+
+def _publish(more: dict[str, Any], engine: Engine, now: int) -> int:
+    return engine.publish(LOG, b"x", now, **more)
