@@ -87,6 +87,8 @@ class Voyage:
         self.got: list[tuple[bytes, bool]] = []
         """What the ship was handed on, and whether perhaps again."""
         self.got_s: dict[bytes, float] = {}
+        self.samples: list[SampleReceived] = []
+        """The same as events."""
         self.may_end_again = False
         """An old copy of the mooring's journal was restored."""
         self.outcomes: dict[bytes, DeliveryOutcome] = {}
@@ -136,6 +138,7 @@ class Voyage:
 
     def _happened(self, address: int, event: Event) -> None:
         if isinstance(event, SampleReceived) and address == SHIP:
+            self.samples.append(event)
             self.got.append((event.value, event.again))
             self.got_s.setdefault(event.value, self.now_s)
         elif isinstance(event, DeliveryStored):

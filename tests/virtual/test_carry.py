@@ -394,7 +394,7 @@ def test_deletes_and_encodings_are_carried() -> None:
         say = partial(network.apply, MOORING, partial(_publish, more))
         network.at(10.0 + index, say)
     network.run(until_s=600)
-    heard = [(each.value, each.deleted, each.encoding) for each in network.samples(SHIP, LOG)]
+    heard = [(each.value, each.deleted, each.encoding) for each in voyage.samples]
     usual = network.engine(SHIP).table.by_id(LOG).encoding
     assert heard == [(b"x", False, "text/plain"), (None, True, usual), (b"x", False, usual)]
 
