@@ -84,6 +84,8 @@ class Voyage:
         self.rng = random.Random(seed)
         self.given: list[bytes] = []
         """Everything that was published."""
+        self.lives: dict[bytes, int] = {}
+        """By value, the boot epoch of the mooring in which it was published."""
         self.got: list[tuple[bytes, bool]] = []
         """What the ship was handed on, and whether perhaps again."""
         self.got_s: dict[bytes, float] = {}
@@ -120,6 +122,7 @@ class Voyage:
         """Publish a sample at the mooring, if that is up."""
         self.given.append(value)
         try:
+            self.lives[value] = self.network.engine(MOORING).epoch
             self._values[self.network.publish(MOORING, stream_id, value)] = value
         except NodeDownError:
             self.given.remove(value)

@@ -25,9 +25,10 @@ A node is in reach if it was heard within `Carry.after_s`. A sample that nobody 
 reliable sample costs: a frame a minute for each node that it is offered to.
 
 A count begins with each start of its publisher, so no restored journal gives a number to two
-samples. Over such a start the order holds as far as the samples go one way: counts do not wait for
-each other. Another one begins if receipts claim more than was published, for the second time: then
-somebody else has used it.
+samples. Counts do not wait for each other: what was published before and after such a start may
+change places if a custodian restarts as well, or if the samples go different ways. To wait would
+hold up the newer ones for as long as the older ones are worth carrying. Another count begins if
+receipts claim more than was published, for the second time: then somebody else has used it.
 
 - `carrying`: takes and offers; `reach`: who is in reach, and so who gets what; `counts`: the
   publisher's counts; `custody`: what this node keeps; `arrivals`: the subscriber's side.
