@@ -312,7 +312,8 @@ class Carrying:
             return "payload"
         if bundle.origin == bundle.destination:
             return "not_publisher"
-        if sender not in (*ends, *carry.by) or self._address not in (*ends, *carry.by):
+        parties = {*ends, *carry.by}
+        if sender not in parties or self._address not in parties:
             return "not_custodian"
         return None
 
