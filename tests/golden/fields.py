@@ -8,12 +8,14 @@ from typing import Any, Final
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.profiles.native.controls import CONTROLS
+from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.dense import DenseCodec, Listener
 from zacoustic.core.values.payload import PayloadCodec, PayloadError
 from zacoustic.core.wire.access import CLOCK_TICK_NS, SPAN_STEP_NS, ClockTime, Turn
+from zacoustic.core.wire import carry
 from zacoustic.core.wire.agreement import Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.wire.calls import NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.wire.content import measure_content, server_of
@@ -156,10 +158,40 @@ class Reader:
             content = content[1:]
         if prefixes.delete:
             return found
+        if stream.stream_id == CARRY_STREAM_ID:
+            return {**found, "carried": self._carried(content, source, destination)}
         if stream.qos.stamp is Stamp.AGE:
             found |= _age(content[0])
             content = content[1:]
         return {**found, **_value(stream.codec, content)}
+
+    def _carried(self, content: bytes, source: int, destination: int) -> Fields:
+        wildcards = {each.stream_id: len(each.keys.wildcards) for each in self._table.carried}
+        said = carry.decode(content, source, destination, wildcards)
+        assert said is not None
+        bundle = said.bundle
+        stream = self._table.by_id(bundle.stream_id)
+        found: Fields = {
+            "origin": bundle.origin,
+            "destination": bundle.destination,
+            "stream": bundle.stream_id,
+            "key": stream.keys.key(bundle.origin, bundle.instance),
+            "lineage": bundle.lineage,
+            "number": said.number,
+        }
+        if isinstance(said, carry.Receipt):
+            return {"kind": "receipt", **found}
+        if isinstance(said, carry.Refusal):
+            return {"kind": "refusal", **found, "final": said.is_final}
+        found |= {"digest": said.digest.hex(), "floor": said.floor}
+        if carry.is_direct(content):
+            found = {"kind": "direct", **found}
+        else:
+            minutes = int(said.life_s / carry.MINUTE_S)
+            found = {"kind": "envelope", **found, "life_min": minutes, "custodians": said.hops}
+        if said.encoding is not None:
+            found["encoding"] = said.encoding
+        return found if said.deleted else {**found, **_value(stream.codec, said.payload)}
 
 
 def _control(item: Item, destination: int) -> Fields:

@@ -11,6 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
+from zacoustic.core.streams.carry import CARRY_STREAM_ID, Carry
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
 from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID
 from zacoustic.core.streams.keys import Wildcard
@@ -115,6 +116,25 @@ def bytes_table() -> StreamTable:
     return StreamTable(specs, types=table().types, nodes=table().nodes)
 
 
+def carried_table() -> StreamTable:
+    """Return the table of the vectors of carried topics: node 3 takes them from 2 to 1."""
+    known = table()
+    reliable = Qos(reliability=Reliability.RELIABLE, depth=8)
+    specs: list[StreamSpec] = [
+        *(stream.spec for stream in known),
+        TopicSpec(
+            stream_id=60, name="auv1/track", type_name="Nav", publishers=(2,), subscribers=(1,),
+            qos=reliable, journal=True, carry=Carry(by=(3,)),
+        ),
+        TopicSpec(
+            stream_id=61, name="deep/{sensor}", publishers=(2,), subscribers=(1,),
+            wildcards=(Wildcard(name="sensor", values=("ctd", "adcp", "sonar")),),
+            qos=reliable, journal=True, carry=Carry(by=(3,)),
+        ),
+    ]  # fmt: skip
+    return StreamTable(specs, types=known.types, nodes={**known.nodes, 3: "glider"})
+
+
 def other_table() -> StreamTable:
     """Return a table that differs from `table` in one stream: 21 has a type."""
     known = table()
@@ -196,6 +216,7 @@ TABLES: Final[dict[str, StreamTable]] = {
     "on_demand": demand_table(),
     "dense": dense_table(),
     "bytes": bytes_table(),
+    "carried": carried_table(),
     "other": other_table(),
     "kinds": kinds_table(),
     "unlisted": StreamTable([TopicSpec(stream_id=10, name="raw")]),
@@ -209,7 +230,10 @@ def as_json() -> dict[str, Any]:
     return {
         "about": "Tables of the vectors. docs/wire.md, section 14, says what each key means.",
         "tables": {name: _table(each) for name, each in TABLES.items()},
-        "built_in": [_stream(known.by_id(stream_id)) for stream_id in BUILT_IN],
+        "built_in": [
+            _stream(TABLES["carried"].by_id(CARRY_STREAM_ID)),
+            *(_stream(known.by_id(stream_id)) for stream_id in BUILT_IN),
+        ],
         "built_in_types": [
             fields_of(each) for stream_id in BUILT_IN for each in _types(known.by_id(stream_id))
         ],
@@ -244,6 +268,8 @@ def _stream(stream: Stream) -> dict[str, Any]:
                 "depth": spec.qos.depth,
                 "forward": spec.qos.forward.value,
             }
+            if spec.carry is not None:
+                found["custodians"] = spec.carry.by
         case ServiceSpec():
             found |= {
                 "kind": "service",

@@ -28,11 +28,13 @@ from zacoustic.core.engine.events import (
     RequestReceived,
 )
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
+from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
 from zacoustic.core.streams.routing import ROUTING_STREAM_ID
 from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.transport.objects.code.code import Fragments
 from zacoustic.core.transport.objects.manifest import encode_object
+from zacoustic.core.wire import carry
 from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.wire.agreement import (
     ASSURED,
@@ -125,6 +127,7 @@ def vectors() -> Iterator[Vector]:
     yield from _packed_bytes()
     yield from _together()
     yield from _routing()
+    yield from _carried()
 
 
 def _vector(name: str, frame: Sent, meaning: str, *, reader: Reader | None = None) -> Vector:
@@ -570,6 +573,59 @@ def _routing() -> Iterator[Vector]:
     yield _vector("routing_heard_answer", said, "HELLO; named answer of node 2: nothing")
     meaning = "digest of the stream of commands about routes"
     yield _digest("digest_of_stream_172", "base", ROUTING_STREAM_ID, meaning)
+
+
+_SHORE, _AUV, _GLIDER = 1, 2, 3
+
+
+def _carried() -> Iterator[Vector]:
+    known = TABLES["carried"]
+    track, deep = known.by_id(60), known.by_id(61)
+    of_track = carry.Bundle(_AUV, _SHORE, 60, (), 0x1234)
+    of_sonar = carry.Bundle(_AUV, _SHORE, 61, (2,), 0xBEEF)
+    nav = carry.Envelope(
+        bundle=of_track, number=0x010005, floor=0x010002, digest=track.digest, life_s=86_400.0,
+        hops=1, payload=track.codec.encode(NAV_VALUE),
+    )  # fmt: skip
+    later = msgspec.structs.replace(nav, life_s=40_000.0, hops=0)
+    text = carry.Envelope(
+        bundle=of_sonar, number=7, floor=None, digest=deep.digest, life_s=0.0,
+        encoding="text/plain", payload=b"ping",
+    )  # fmt: skip
+    gone = msgspec.structs.replace(
+        text, number=8, floor=8, encoding=None, payload=b"", deleted=True, life_s=900.0, hops=1
+    )
+    sent = partial(_carried_sample, 0x4321)
+    for name, source, destination, message, meaning in (
+        ("carried_envelope", _AUV, _GLIDER, nav, "node 2 gives 3 sample 65541 of auv1/track for 1"),
+        ("carried_onwards", _GLIDER, _SHORE, later, "the custodian hands it to node 1, 640 min on"),
+        ("carried_direct", _AUV, _SHORE, text, "straight: text of deep/sonar, floor unknown"),
+        ("carried_delete", _AUV, _GLIDER, gone, "deep/sonar is deleted, number 8, for 15 min"),
+    ):
+        octets = carry.encode_envelope(message, source, destination)
+        frame = sent(octets, source, destination)
+        yield _vector(name, frame, f"SYNC; sample of stream {CARRY_STREAM_ID}: {meaning}")
+    for name, source, destination, answer, meaning in (
+        ("carried_receipt", _SHORE, _GLIDER, carry.Receipt(of_track, 0x010006),
+         "node 1 has auv1/track before 65542"),
+        ("carried_refusal", _GLIDER, _AUV, carry.Refusal(of_sonar, 8),
+         "node 3 does not keep 8 of deep/sonar"),
+        ("carried_refusal_final", _SHORE, _AUV, carry.Refusal(of_sonar, 8, is_final=True),
+         "node 1 defines deep/{sensor} in another way"),
+    ):  # fmt: skip
+        frame = sent(carry.encode_answer(answer), source, destination)
+        yield _vector(name, frame, f"SYNC; sample of stream {CARRY_STREAM_ID}: {meaning}")
+    for stream_id in (60, 61):
+        yield _digest(
+            f"digest_of_stream_{stream_id}", "carried", stream_id,
+            f"digest of the carried stream {stream_id}",
+        )  # fmt: skip
+
+
+def _carried_sample(lineage: int, octets: bytes, source: int, destination: int) -> Sent:
+    """Return the frame of a first sample of the stream of carried samples."""
+    records = Sync(lineage, 0).encode() + bytes((CARRY_STREAM_ID, destination, 0)) + octets
+    return Sent(records, source, destination, "carried")
 
 
 def _subscriptions() -> Iterator[Vector]:

@@ -7,6 +7,7 @@ from tests.independent import (
     access,
     agreement,
     calls,
+    carried,
     compose,
     dense,
     frame,
@@ -17,7 +18,7 @@ from tests.independent import (
 )
 from tests.independent.agreement import Ask, Confirm, Hello, Row, Tag
 from tests.independent.record import Acknowledgement, Call, Goal, Payload, Sample, Way
-from tests.independent.table import Action, Service, Topic
+from tests.independent.table import CARRIED, Action, Service, Topic
 
 Fields = dict[str, Any]
 _KINDS = {
@@ -143,7 +144,10 @@ def _sample(item: Sample, way: Way) -> Fields:
     found["key"] = _key(topic, item.wildcards, way.source, way)
     if item.number is not None:
         found |= {"number_low": item.number, "in_rhythm": item.in_rhythm}
-    if item.payload is not None:
+    if topic is CARRIED:
+        assert isinstance(item.payload, bytes)
+        found["carried"] = _carried(item.payload, way)
+    elif item.payload is not None:
         found |= _age(item.age_s)
         found |= _said(item.payload, topic.type, topic.codec, way)
     if item.sync is not None:
@@ -151,6 +155,39 @@ def _sample(item: Sample, way: Way) -> Fields:
     if item.encoding is not None:
         found["encoding"] = item.encoding
     return found
+
+
+_CARRIED = {
+    carried.ENVELOPE: "envelope",
+    carried.DIRECT: "direct",
+    carried.RECEIPT: "receipt",
+    carried.REFUSAL: "refusal",
+}
+
+
+def _carried(payload: bytes, way: Way) -> Fields:
+    item = carried.read(payload, way.source, way.destination, way.table)
+    assert carried.write(item, way.table) == payload
+    topic = way.table.stream(item.stream)
+    assert isinstance(topic, Topic)
+    ends = {"origin": item.origin, "destination": item.destination, "stream": item.stream}
+    found: Fields = {"kind": _CARRIED[item.kind], **ends}
+    found["key"] = _key(topic, item.wildcards, item.origin, way)
+    found |= {"lineage": item.lineage, "number": item.number}
+    if item.kind in (carried.RECEIPT, carried.REFUSAL):
+        return {**found, "final": item.final} if item.kind == carried.REFUSAL else found
+    found |= {"digest": item.digest.hex(), "floor": item.floor}
+    if item.kind == carried.ENVELOPE:
+        found |= {"life_min": item.life_min, "custodians": item.more}
+    if item.encoding is not None:
+        found["encoding"] = item.encoding
+    if item.deletes:
+        return found
+    return {
+        **found,
+        "payload": item.payload.hex(),
+        "value": plain(carried.value(item, way.table)),
+    }
 
 
 def _acknowledgement(item: Acknowledgement, way: Way) -> Fields:

@@ -68,6 +68,7 @@ class Topic:
     subscribers: tuple[int, ...] = ()
     on_demand: bool = False
     encoding: str | None = None
+    custodians: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,11 @@ COMMANDS = Service(0xAF, "orders", None, "command", "command answer", 600, aged=
 STATUS = Service(0xAE, "status", None, None, "status", 60, aged=True)
 KEYS = Service(0xAD, "keys", None, None, None, 600)
 ROUTING = Service(0xAC, "routing", None, None, None, 600)
+CARRIED = Topic(
+    0xAB, "{node}/carried/{to}", None, "cbor", (Wildcard("to", tuple(map(str, range(255)))),),
+    reliable=True, depth=4096,
+)  # fmt: skip
+"""The stream of section 18, of tables with a carried topic and a list of nodes."""
 EVERYWHERE = (ROUTING, KEYS, STATUS, COMMANDS)
 """The streams that every table has, unless it gives their ids to others."""
 
@@ -169,7 +175,14 @@ class Table:
         for system in EVERYWHERE:
             if system.id == stream_id:
                 return system
+        if stream_id == CARRIED.id and self.carries:
+            return CARRIED
         raise ReadError(f"no stream {stream_id:#04x}")
+
+    @property
+    def carries(self) -> bool:
+        """Tell whether a topic is carried."""
+        return any(isinstance(one, Topic) and one.custodians for one in self.streams.values())
 
     def fields(self, type_name: str) -> tuple[Field, ...]:
         found = self.types.get(type_name, SYSTEM_TYPES.get(type_name))
@@ -222,6 +235,7 @@ def stream_of(plain: Mapping[str, Any]) -> Stream:
             tuple(plain["subscribers"] or ()),
             plain["forward"] == "on_demand",
             encoding,
+            tuple(plain.get("custodians", ())),
         )
     server, timeout_s = plain["server"], plain["timeout_s"]
     if plain["kind"] == "service":

@@ -64,6 +64,8 @@ WAYS: Final[dict[str, Any]] = {
          "given_up": 3},
         {"route": "back", "next_node": 3, "waiting": 0, "transmissions": 90, "passed_on": 10,
          "given_up": 8}]},
+    "carry": {"own": 3, "in_custody": 2, "carried": 12, "carried_bytes": 3400,
+              "max_bytes": 65_536, "refused": 1},
     "bond/radio+acoustic": {"name": "radio+acoustic", "links": ["radio", "acoustic"],
                             "in_use": "acoustic", "again": 4, "frames_transmitted": 40,
                             "reach": {"1": {"radio": "up", "acoustic": "up"},
@@ -75,7 +77,7 @@ WAYS: Final[dict[str, Any]] = {
               "3": {"name": "buoy", "same_table": True},
               "5": {"name": "auv5", "heard_at_unix_s": 990.0, "received": {}}},
 }  # fmt: skip
-"""Documents of two links, two routes and a list of links."""
+"""Documents of two links, two routes, a list of links and carried samples."""
 
 
 def put(board: Board, name: str, document: object, address: int = 2) -> None:

@@ -22,7 +22,12 @@ import msgspec
 
 from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
 from zacoustic.core.streams import rmwdesert as rmw_desert
-from zacoustic.core.streams.carry import CARRY_NAME, CARRY_STREAM_ID, CARRY_WILDCARD
+from zacoustic.core.streams.carry import (
+    CARRY_NAME,
+    CARRY_STREAM_ID,
+    CARRY_WILDCARD,
+    FLEET_CARRY_NAME,
+)
 from zacoustic.core.streams.commands import (
     COMMANDS_STREAM_ID,
     COMMANDS_TIMEOUT_S,
@@ -286,7 +291,7 @@ class StreamTable:
                 hint="give each stream a name of its own",
             )
         if isinstance(spec, TopicSpec) and spec.carry is not None:
-            self._built_in.setdefault(CARRY_STREAM_ID, _carried())
+            self._built_in.setdefault(CARRY_STREAM_ID, _carried(self.nodes))
         own = {stream.stream_id, *self._by_id}
         if CARRY_STREAM_ID in self._built_in and CARRY_STREAM_ID in own:
             raise ConfigError(
@@ -299,10 +304,12 @@ class StreamTable:
         return stream
 
     @property
-    def carries(self) -> bool:
-        """Whether a topic is carried."""
-        return any(
-            isinstance(each.spec, TopicSpec) and each.spec.carry is not None for each in self
+    def carried(self) -> tuple[Stream, ...]:
+        """The topics that other nodes carry."""
+        return tuple(
+            each
+            for each in self
+            if isinstance(each.spec, TopicSpec) and each.spec.carry is not None
         )
 
     def lists(self, address: int) -> bool:
@@ -451,16 +458,16 @@ def _keys() -> Stream:
     return Stream(spec, TypeTable(), {}, is_built_in=True)
 
 
-def _carried() -> Stream:
-    """Return the stream of carried samples."""
+def _carried(nodes: Mapping[int, str]) -> Stream:
+    """Return the stream of carried samples of a fleet."""
     spec = TopicSpec(
         stream_id=CARRY_STREAM_ID,
-        name=CARRY_NAME,
+        name=FLEET_CARRY_NAME if nodes else CARRY_NAME,
         wildcards=(CARRY_WILDCARD,),
         qos=Qos(reliability=Reliability.RELIABLE, depth=_CARRIED_DEPTH),
         journal=True,
     )
-    return Stream(spec, TypeTable(), {}, is_built_in=True)
+    return Stream(spec, TypeTable(), nodes, is_built_in=True)
 
 
 def _routing() -> Stream:

@@ -121,8 +121,7 @@ def encode_envelope(envelope: Envelope, sender: int, receiver: int) -> bytes:
     """
     bundle = envelope.bundle
     flags = _DELETED * envelope.deleted | _ENCODED * (envelope.encoding is not None)
-    is_direct = (sender, receiver) == (bundle.origin, bundle.destination)
-    if is_direct:
+    if (sender, receiver) == (bundle.origin, bundle.destination):
         head = bytes((_DIRECT << _KIND_SHIFT | flags,))
     else:
         head = bytes(
@@ -162,6 +161,11 @@ def encode_answer(answer: Receipt | Refusal) -> bytes:
     )
 
 
+def is_direct(message: bytes) -> bool:
+    """Tell whether a message goes straight from its origin to its destination."""
+    return bool(message) and message[0] >> _KIND_SHIFT == _DIRECT
+
+
 def decode(message: bytes, sender: int, receiver: int, wildcards: dict[int, int]) -> Message | None:
     """Return what a sample of the stream says; None: it is damaged, or of an unknown topic.
 
@@ -176,11 +180,11 @@ def decode(message: bytes, sender: int, receiver: int, wildcards: dict[int, int]
     kind = message[0] >> _KIND_SHIFT
     if kind in (_RECEIPT, _REFUSAL):
         return _decode_answer(message, is_receipt=kind == _RECEIPT, wildcards=wildcards)
-    is_direct = kind == _DIRECT
-    least_bytes = _DIRECT_BYTES if is_direct else _HEAD_BYTES
-    if len(message) < least_bytes or (is_direct and message[0] & _HOPS):
+    straight = is_direct(message)
+    least_bytes = _DIRECT_BYTES if straight else _HEAD_BYTES
+    if len(message) < least_bytes or (straight and message[0] & _HOPS):
         return None
-    origin, destination, life = (sender, receiver, 0) if is_direct else message[1:4]
+    origin, destination, life = (sender, receiver, 0) if straight else message[1:4]
     stream_id = message[least_bytes - 9]
     wild = wildcards.get(stream_id)
     if wild is None or len(message) < least_bytes + wild:

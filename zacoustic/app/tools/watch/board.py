@@ -18,6 +18,7 @@ from zacoustic.app.tools.watch.documents import (
     NAMED_DOCUMENTS,
     PEER_DOCUMENTS,
     BondDocument,
+    CarryDocument,
     ChannelDocument,
     DroppedDocument,
     EventsDocument,
@@ -40,6 +41,7 @@ from zacoustic.app.tools.watch.documents import (
 )
 from zacoustic.app.tools.watch.views import (
     BondView,
+    CarryView,
     CauseView,
     EventView,
     FrameView,
@@ -180,7 +182,7 @@ class _GatewayBoard:
 
     def _forget_named(self) -> None:
         """Forget links, routes and lists of links, which another file may lack."""
-        for name in ("relay", *(f"{kind}/{each}" for kind in NAMED_DOCUMENTS
+        for name in ("relay", "carry", *(f"{kind}/{each}" for kind in NAMED_DOCUMENTS
                                 for each in self._named(kind))):  # fmt: skip
             self._documents.pop(name, None)
 
@@ -238,6 +240,7 @@ class _GatewayBoard:
             routes=self._routes(),
             hops=self._hops(),
             bonds=bonds,
+            carry=self._carry(),
             is_silent=link.silent,
             why_silent=link.why_silent,
             mtu_bytes=capabilities.mtu_bytes if capabilities else None,
@@ -361,6 +364,19 @@ class _GatewayBoard:
                 given_up=hop.given_up,
             )
             for hop in self._get("relay", RelayDocument).hops[:MOST_NAMED]
+        )
+
+    def _carry(self) -> CarryView | None:
+        if "carry" not in self._documents:
+            return None
+        kept = self._get("carry", CarryDocument)
+        return CarryView(
+            own=kept.own,
+            in_custody=kept.in_custody,
+            carried=kept.carried,
+            carried_bytes=kept.carried_bytes,
+            max_bytes=kept.max_bytes,
+            refused=kept.refused,
         )
 
     def _bonds(self) -> tuple[BondView, ...]:

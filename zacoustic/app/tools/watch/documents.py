@@ -67,6 +67,17 @@ class RelayDocument(msgspec.Struct, frozen=True, kw_only=True):
     hops: list[HopRow] = []
 
 
+class CarryDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``carry``: what is kept of carried topics."""
+
+    own: int = 0
+    in_custody: int = 0
+    carried: int = 0
+    carried_bytes: int = 0
+    max_bytes: int = 0
+    refused: int = 0
+
+
 class BondDocument(msgspec.Struct, frozen=True, kw_only=True):
     """``bond/NAME``: a list of links that is used as one."""
 
@@ -275,6 +286,7 @@ DOCUMENTS: dict[str, Any] = {
     "node": NodeDocument,
     "link": LinkDocument,
     "relay": RelayDocument,
+    "carry": CarryDocument,
     "ledger": LedgerDocument,
     "peers": dict[int, PeerRow],
     "streams": StreamsDocument,

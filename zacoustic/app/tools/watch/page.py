@@ -29,6 +29,7 @@ from zacoustic.app.tools.watch.lookout import Lookout
 from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.app.tools.watch.ways import (
     by_words,
+    carry_words,
     hop_words,
     names_of,
     nodes_words,
@@ -402,6 +403,11 @@ def _figures(view: GatewayView) -> str:
         figure("journal", view.journal, kind=journal),
         figure("runs for", time_words(view.uptime_s), note=f"zacoustic {view.version}"),
     ]  # fmt: skip
+    if (kept := view.carry) is not None:
+        busy = "warn" if kept.refused else ""
+        figures.append(
+            figure("carried", str(kept.own + kept.carried), note=carry_words(kept), kind=busy)
+        )
     if view.battery_v is not None:
         figures.append(figure("modem", number_words(view.battery_v, "V"), note=view.firmware))
     return f'<div style="display:flex;gap:.6rem;flex-wrap:wrap">{"".join(figures)}</div>'

@@ -21,6 +21,7 @@ from zacoustic.app.tools.watch.crowd import gateways_in_short, peers_in_short, s
 from zacoustic.app.tools.watch.views import GatewayView, HopView, PeerView, RouteView, StreamView
 from zacoustic.app.tools.watch.ways import (
     by_words,
+    carry_words,
     hop_words,
     is_poor,
     names_of,
@@ -164,7 +165,15 @@ def _head(view: GatewayView) -> RenderableType:
     line.append(f"   {view.waiting} waiting", style=_WEAK if view.waiting else "")
     line.append_text(_cell(f"   {now_words(view)}" if view.transmitting else "", "cyan"))
     line.append_text(_cell(f"   journal {view.journal}, runs {time_words(view.uptime_s)}", _DIM))
-    return Group(state, line)
+    return Group(state, line, *_carried(view))
+
+
+def _carried(view: GatewayView) -> list[Text]:
+    """Draw what is kept of carried topics, if there are any."""
+    if view.carry is None:
+        return []
+    words = f"carried: {carry_words(view.carry)}"
+    return [_cell(words, _WEAK if view.carry.refused else _DIM)]
 
 
 def _ways(view: GatewayView) -> list[RenderableType]:

@@ -107,6 +107,23 @@ class HopView(msgspec.Struct, frozen=True, kw_only=True):
     """Frames that were given up."""
 
 
+class CarryView(msgspec.Struct, frozen=True, kw_only=True):
+    """What this node keeps of carried topics until its subscribers have it."""
+
+    own: int
+    """Its own samples."""
+    in_custody: int
+    """How many of these a custodian has as well."""
+    carried: int
+    """Samples of other nodes."""
+    carried_bytes: int
+    """Their size, bytes."""
+    max_bytes: int
+    """How large they may be together, bytes."""
+    refused: int
+    """Samples of other nodes that there was no room for."""
+
+
 class BondView(msgspec.Struct, frozen=True, kw_only=True):
     """A list of links that is used as one."""
 
@@ -271,6 +288,8 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """Hops of routes from here."""
     bonds: tuple[BondView, ...]
     """Lists of links, by name."""
+    carry: CarryView | None = None
+    """Its carried samples; None: no topic is carried."""
     is_silent: bool
     """Transmit silence is in force."""
     why_silent: str = ""

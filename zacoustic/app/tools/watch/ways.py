@@ -5,8 +5,8 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.watch.views import BondView, GatewayView, HopView, LinkView, RouteView
-from zacoustic.app.tools.watch.words import NOTHING
+from zacoustic.app.tools.watch.views import BondView, CarryView, GatewayView, HopView, LinkView, RouteView
+from zacoustic.app.tools.watch.words import NOTHING, size_words
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 
 POOR_HOP: Final = 3
@@ -70,6 +70,19 @@ def routes_of(view: GatewayView) -> list[tuple[str, RouteView | None, HopView | 
         (name, ends.get(name), worst_hop(hop for hop in view.hops if hop.route == name))
         for name in names
     ]
+
+
+def carry_words(kept: CarryView) -> str:
+    """Return what a node keeps of carried topics: ``3 of its own wait, 2 of them in custody``."""
+    said = [f"{kept.own} of its own wait"]
+    if kept.own:
+        said.append(f"{kept.in_custody} of them in custody")
+    if kept.carried:
+        room = f"{size_words(kept.carried_bytes)} of {size_words(kept.max_bytes)}"
+        said.append(f"{kept.carried} of others, {room}")
+    if kept.refused:
+        said.append(f"{kept.refused} of others refused, no room")
+    return ", ".join(said)
 
 
 def reached_of(view: GatewayView) -> list[Reached]:

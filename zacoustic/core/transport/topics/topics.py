@@ -83,7 +83,7 @@ class Topics:
         """Best-effort samples, some of which are sent several times."""
         self.carrying: Carrying | None = None
         """Carried topics; None: the table has none."""
-        if context.table.get(CARRY_STREAM_ID) is not None and context.table.carries:
+        if context.table.get(CARRY_STREAM_ID) is not None and context.table.carried:
             self.carrying = Carrying(
                 context,
                 carry_bytes,

@@ -9,12 +9,14 @@ import json
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from zacoustic.app.tools.inspect.decode.carried import explain_carried
 from zacoustic.app.tools.inspect.decode.decoded import DecodedItem, decoded, printable
 from zacoustic.app.tools.inspect.decode.desert import DesertWords
 from zacoustic.app.tools.inspect.decode.overheard import Overheard
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.profiles.native.controls import CONTROLS
+from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
@@ -321,6 +323,9 @@ class _Reader:
             payload = payload[NUMBER_BYTES:]
         if prefixes.sync is not None:
             head += f" (count of epoch {prefixes.sync.lineage} from {prefixes.sync.floor})"
+        if stream.stream_id == CARRY_STREAM_ID and self._table is not None:
+            to = instance[0] if instance else 0
+            return explain_carried(payload, head, self._table, self._source, to)
         if prefixes.delete:
             return DecodedItem(
                 kind="delete", text=f"{head} deleted", stream_id=stream.stream_id, name=key
