@@ -221,6 +221,23 @@ def test_what_medium_access_is_chosen_is_not_said_where_the_file_names_it(
     assert 'access "auto"' not in capsys.readouterr().out
 
 
+def test_who_carries_a_topic_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    section = changed("nodes.2", {"address": 3, "name": "glider"})
+    section["streams"].append({
+        "id": 12, "topic": "auv1/log", "reliability": "reliable", "journal": True,
+        "publishers": [2], "subscribers": [1], "carry": {"by": [3], "expires_s": 7200},
+    })  # fmt: skip
+    by_whom = "note: auv1/log: carried by glider to shore where these are not heard for 300 s"
+    for address, words in (
+        (2, f"{by_whom}, for up to 2 h"),
+        (3, "note: this node carries auv1/log: carry.max_bytes is 5000"),
+    ):
+        section |= {"address": address, "journal": str(tmp_path / "journal"),
+                    "carry": {"max_bytes": 5000}}  # fmt: skip
+        assert main(["check", str(write(tmp_path, section))]) == 0
+        assert words in capsys.readouterr().out
+
+
 def test_airtimes_are_those_of_the_link_that_is_given(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.cli.dive import section, write_config
-from tests.golden.tables import bytes_table
+from tests.golden.tables import bytes_table, carried_table
 from tests.golden.vectors import vectors
 from zacoustic.app.cli import main
 from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder, decode_frame
@@ -258,3 +258,37 @@ def test_a_file_of_a_fleet_is_no_nodes_and_needs_no_address(
     for verb in (["record", "-o", str(tmp_path / "a.mcap")], ["topics"], ["silence"]):
         assert main([*verb, "--config", str(fleet), *nowhere]) != 0
         assert "address" not in capsys.readouterr().err
+
+
+def test_messages_of_carried_topics_are_explained() -> None:
+    known = {each.name: each for each in vectors() if each.name.startswith("carried_")}
+    decoder = FrameDecoder(carried_table())
+    said: dict[str, str] = {}
+    for name, vector in known.items():
+        (item,) = decoder.decode(bytes.fromhex(vector.hex), source=vector.source, unicast=True)
+        assert (item.kind, item.fault) == ("carried", "")
+        said[name] = item.text.partition("): ")[2]
+    assert said["carried_envelope"].startswith(
+        "auv1/track from node 2 to node 1, number 65541 of count 1234, all before 65538 are done, "
+        'for 1408 min and 1 more hops: {"lat": 45.4,'
+    )
+    assert said["carried_direct"] == (
+        'deep/sonar from node 2 to node 1, number 7 of count beef, text/plain: "70696e67"'
+    )
+    assert said["carried_delete"].endswith("for 15 min and 1 more hops, deleted")
+    assert said["carried_receipt"] == (
+        "RECEIPT, auv1/track from node 2 to node 1: everything before 65542 is there"
+    )
+    assert said["carried_refusal"].endswith("number 8: no room")
+    assert said["carried_refusal_final"].endswith("its subscriber defines the topic in another way")
+
+
+@given(st.binary(max_size=40), st.integers(0, 255))
+def test_no_message_of_a_carried_topic_raises(message: bytes, source: int) -> None:
+    sync = bytes((0xB8, 0, 1, 0, 0, 0))
+    frame = sync + bytes((0xAB, 1, 0)) + message
+    for items in (
+        FrameDecoder(carried_table()).decode(frame, source=source, unicast=True),
+        FrameDecoder(TABLE).decode(frame, source=source),
+    ):
+        assert items

@@ -14,8 +14,8 @@ from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTa
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.dense import DenseCodec, Listener
 from zacoustic.core.values.payload import PayloadCodec, PayloadError
-from zacoustic.core.wire.access import CLOCK_TICK_NS, SPAN_STEP_NS, ClockTime, Turn
 from zacoustic.core.wire import carry
+from zacoustic.core.wire.access import CLOCK_TICK_NS, SPAN_STEP_NS, ClockTime, Turn
 from zacoustic.core.wire.agreement import Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.wire.calls import NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.wire.content import measure_content, server_of

@@ -229,7 +229,7 @@ def as_json() -> dict[str, Any]:
     known = table()
     return {
         "about": "Tables of the vectors. docs/wire.md, section 14, says what each key means.",
-        "tables": {name: _table(each) for name, each in TABLES.items()},
+        "tables": {name: as_plain(each) for name, each in TABLES.items()},
         "built_in": [
             _stream(TABLES["carried"].by_id(CARRY_STREAM_ID)),
             *(_stream(known.by_id(stream_id)) for stream_id in BUILT_IN),
@@ -240,7 +240,8 @@ def as_json() -> dict[str, Any]:
     }
 
 
-def _table(each: StreamTable) -> dict[str, Any]:
+def as_plain(each: StreamTable) -> dict[str, Any]:
+    """Return a table as the file has it."""
     nodes = sorted(each.nodes.items())
     return {
         "nodes": {str(address): name for address, name in nodes},

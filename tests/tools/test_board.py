@@ -137,6 +137,8 @@ def test_links_routes_hops_and_lists_of_links() -> None:
     assert [(each.route, each.next_node, each.passed_on, each.given_up) for each in view.hops] == [
         ("far", 1, 100, 3), ("back", 3, 10, 8),
     ]  # fmt: skip
+    assert view.carry is not None
+    assert (view.carry.own, view.carry.in_custody, view.carry.carried_bytes) == (3, 2, 3400)
     (bond,) = view.bonds
     assert (bond.name, bond.in_use, bond.again) == ("radio+acoustic", "acoustic", 4)
     assert bond.reach[3] == {"radio": "doubt", "acoustic": "down"}
@@ -158,7 +160,7 @@ def test_a_link_that_is_down_reaches_nobody_whatever_its_list_says() -> None:
 def test_a_gateway_of_one_link_has_that_one() -> None:
     view = full_view()
     assert [(each.name, each.state, each.frames_sent) for each in view.links] == [("", "up", 40)]
-    assert (view.routes, view.hops, view.bonds) == ((), (), ())
+    assert (view.routes, view.hops, view.bonds, view.carry) == ((), (), (), None)
     assert {each.link for each in view.peers} == {None}
 
 
@@ -168,7 +170,7 @@ def test_a_restart_with_another_file_takes_links_and_routes_away() -> None:
     put(board, "route/near", {"path": [2, 1]})
     view = board.view(2)
     assert [each.name for each in view.routes] == ["near"]
-    assert (len(view.links), view.hops, view.bonds) == (1, (), ())
+    assert (len(view.links), view.hops, view.bonds, view.carry) == (1, (), (), None)
 
 
 def test_whoever_puts_names_without_end_fills_no_memory() -> None:

@@ -151,6 +151,8 @@ def test_network_is_on_top_and_closed_while_a_gateway_is_alone() -> None:
             assert [row["by"] for row in bonds.rows] == ["radio", "radio, in doubt", "no link"]
             links: Any = next(iter(user.find(marker="links", kind=ui.table).elements))
             assert [row["link"] for row in links.rows] == ["acoustic", "radio"]
+            figures: Any = next(iter(user.find(marker="figures", kind=ui.html).elements))
+            assert "3 of its own wait, 2 of them in custody, 12 of others" in figures.content
             shown.board = line_board()
             pages[0].refresh()
             await user.should_see("5 gateways on tcp/h:7447")

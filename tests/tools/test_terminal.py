@@ -175,6 +175,13 @@ def test_several_links_routes_and_lists_of_links_are_a_line_each(width: int) -> 
     assert "no link 5 auv5" in lines
 
 
+def test_carried_samples_are_a_line() -> None:
+    words = "3 of its own wait, 2 of them in custody, 12 of others, 3400 B of 65.5 kB"
+    whole = " ".join(drawn(WAYS, width=140).split())
+    assert f"carried: {words}, 1 of others refused, no room" in whole
+    assert "carried:" not in drawn(width=140)
+
+
 def test_one_link_without_routes_takes_no_line() -> None:
     text = drawn()
     assert not any(words in text for words in ("worst hop", "list of links", "reached by"))

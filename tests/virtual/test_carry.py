@@ -8,6 +8,10 @@ from typing import Any
 import msgspec
 import pytest
 
+from tests.golden.tables import as_plain
+from tests.independent import carried, frame
+from tests.independent.record import Sample, Way
+from tests.independent.table import table_of
 from tests.virtual.mule import (
     LOG,
     MOORING,
@@ -19,6 +23,7 @@ from tests.virtual.mule import (
     table,
 )
 from tests.virtual.sealed import SealedFleet
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import DeliveryOutcome
@@ -411,3 +416,29 @@ def test_deletes_and_encodings_are_carried() -> None:
 
 def _publish(more: dict[str, Any], engine: Engine, now: int) -> int:
     return engine.publish(LOG, b"x", now, **more)
+
+
+def test_reader_made_from_the_wire_page_alone_reads_every_frame_of_a_voyage() -> None:
+    heard: list[TraceRecord] = []
+
+    def note(record: TraceRecord) -> None:
+        if record.what == "transmit":
+            heard.append(record)
+
+    known = quick_table()
+    theirs = table_of(as_plain(known))
+    voyage = Voyage(3, loss=0.2, hears=quickly, table=known, trace=note)
+    for index in range(20):
+        voyage.publish_at(10.0 + 25 * index, b"%d" % index)
+    voyage.network.run(until_s=1500)
+    kinds: set[int] = set()
+    for each in heard:
+        way = Way(theirs, each.node, each.peer)
+        for placed in frame.read(bytes.fromhex(each.frame), way).placed:
+            assert not isinstance(placed.item, frame.Unread)
+            if isinstance(placed.item, Sample) and placed.item.stream == CARRY_STREAM_ID:
+                assert isinstance(placed.item.payload, bytes)
+                message = carried.read(placed.item.payload, each.node, each.peer, theirs)
+                assert carried.write(message, theirs) == placed.item.payload
+                kinds.add(message.kind)
+    assert kinds == {carried.ENVELOPE, carried.RECEIPT, carried.DIRECT}

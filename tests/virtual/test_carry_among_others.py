@@ -159,7 +159,7 @@ def _others() -> list[StreamSpec]:
     return [TopicSpec(stream_id=each, name=f"other{each}") for each in (10, 11, 12)]
 
 
-def test_carried_samples_of_another_fleet_in_the_same_water_disturb_nothing(
+def test_carried_samples_of_another_fleet_in_reach_change_nothing(
     count: Callable[[int], int],
 ) -> None:
     for seed in range(count(200)):
@@ -209,7 +209,9 @@ def passes(source: int, node: int, now: int) -> bool:
     return ends[1] % len(GLIDERS) + 1 == ends[0] and at_s < 0.6 * PASS_S
 
 
-def test_three_gliders_bring_home_what_a_field_of_moorings_says(count: Callable[[int], int]) -> None:
+def test_three_gliders_bring_home_what_a_field_of_moorings_says(
+    count: Callable[[int], int],
+) -> None:
     ends: dict[str, Any] = {
         "publishers": tuple(MOORINGS), "subscribers": (SHORE,), "journal": True,
         "qos": Qos(reliability=Reliability.RELIABLE, depth=50),
@@ -247,4 +249,4 @@ def test_three_gliders_bring_home_what_a_field_of_moorings_says(count: Callable[
         samples = sum(map(len, given.values()))
         assert ended == {DeliveryOutcome.DELIVERED: samples}
         frames = sum(network.engine(each).stats.frames_transmitted for each in nodes)
-        assert frames / samples < 25, frames / samples
+        assert frames / samples < 40, frames / samples

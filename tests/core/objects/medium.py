@@ -83,7 +83,7 @@ class Node:
             limits=medium.limits,
             pacers=pacers,
             timers=self.timers,
-            generators=Generators(random.Random(f"{medium.seed}/{address}/{epoch}")),
+            generators=Generators.drawn_from(random.Random(f"{medium.seed}/{address}/{epoch}")),
             admission=self,
             owner=self,
             emit=self.tell,

@@ -5,7 +5,6 @@ or removed, without a change in the trace of everything else.
 """
 
 import random
-from copy import copy
 
 _SEED_BITS = 128
 
@@ -14,17 +13,20 @@ class Generators:
     """Makes the random generators of one engine.
 
     Args:
-        rng: Seeds them; one number is drawn from it.
+        seed: What all of their numbers follow from.
     """
 
-    def __init__(self, rng: random.Random) -> None:
-        self._seed = str(rng.getrandbits(_SEED_BITS))
+    def __init__(self, seed: str) -> None:
+        self._seed = seed
+
+    @classmethod
+    def drawn_from(cls, rng: random.Random) -> "Generators":
+        """Return a factory with a seed of one number of `rng`."""
+        return cls(str(rng.getrandbits(_SEED_BITS)))
 
     def apart(self, owner: str) -> "Generators":
         """Return a factory whose generators belong to another owner of such components."""
-        others = copy(self)
-        others._seed = f"{owner} {self._seed}"
-        return others
+        return Generators(f"{owner} {self._seed}")
 
     def of(self, component: str) -> random.Random:
         """Return a new generator.

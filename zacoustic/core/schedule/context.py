@@ -72,7 +72,7 @@ class NodeContext:
         self.stored = stored
         self.emit = emit
         """Takes an event for the application."""
-        self.generators = Generators(rng)
+        self.generators = Generators.drawn_from(rng)
         """Random number generators, one for each component."""
         self.journal = JournalPort()
         """Holds what must survive a restart."""

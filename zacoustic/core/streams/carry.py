@@ -16,8 +16,8 @@ from zacoustic.errors import ConfigError
 CARRY_STREAM_ID: Final = 0xAB
 CARRY_NAME: Final = "carried/{to}"
 FLEET_CARRY_NAME: Final = "{node}/carried/{to}"
-"""Its name where nodes are listed: their list is in its digest then, so that what another fleet with
-the same addresses hands over is not taken."""
+"""Its name where nodes are listed: their list is in its digest then, so that nothing is taken of
+another fleet with the same addresses."""
 CARRY_WILDCARD: Final = Wildcard(name="to", values=tuple(map(str, range(MOST_VALUES))))
 LONGEST_CARRY_S: Final = (15 << 15) * 60.0
 """The longest life of a carried sample, s: what its byte holds."""

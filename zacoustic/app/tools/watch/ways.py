@@ -5,7 +5,14 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.watch.views import BondView, CarryView, GatewayView, HopView, LinkView, RouteView
+from zacoustic.app.tools.watch.views import (
+    BondView,
+    CarryView,
+    GatewayView,
+    HopView,
+    LinkView,
+    RouteView,
+)
 from zacoustic.app.tools.watch.words import NOTHING, size_words
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 

@@ -1,22 +1,23 @@
 """A node's part in carried topics: what it publishes, takes, offers and hands on."""
 
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds, seconds_to_ns
+from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.carry.answers import Answer, Answers
 from zacoustic.core.transport.carry.arrivals import Arrivals
 from zacoustic.core.transport.carry.counts import Claim, Counts, Place
-from zacoustic.core.transport.carry.custody import Answer, Custody, Held, Offered
+from zacoustic.core.transport.carry.custody import Custody, Held
+from zacoustic.core.transport.carry.offers import Offers, Send, Wanted, Withdraw
 from zacoustic.core.transport.carry.reach import Reach
 from zacoustic.core.transport.carry.status import CarryStatus
 from zacoustic.core.transport.deliveries import (
@@ -41,40 +42,14 @@ from zacoustic.core.wire.carry import (
 from zacoustic.core.wire.frame import Control
 from zacoustic.errors import JournalUnavailableError, LocalError, UnknownStreamError
 
-MOST_OFFERED: Final = 16
-"""How much is offered at once to a node that is heard. To another one it is one sample or answer:
-whether that arrives tells the same, and each new one would be sent soon."""
 LEAST_FULL_S: Final = 600.0
 """How long a custodian that has no room is not asked again, s, or longer: `Carry.after_s`."""
 MOST_CARRIED: Final = 16384
 """How many samples of others a node keeps, however small they are."""
 MOST_ANSWERS: Final = 1024
 """How many receipts and refusals wait at a node; the oldest give way."""
-_RETRY_NS: Final = 60 * NS_PER_S
 _AT_ONCE: Final = 0
 """An instant that has always passed."""
-
-Send = Callable[[int, bytes, int], int]
-"""Offers a message to a node, at an instant; returns the delivery id of the hop."""
-Withdraw = Callable[[int, int], bool]
-"""Ends a hop by its delivery id, at an instant."""
-
-
-class _Room:
-    """How much more may be offered to each node.
-
-    Args:
-        is_heard: Returns whether a node was heard lately.
-    """
-
-    def __init__(self, is_heard: Callable[[int], bool]) -> None:
-        self._is_heard = is_heard
-        self._taken = Counter[int]()
-
-    def take(self, receiver: int) -> bool:
-        """Take the place of one sample or answer; return False where there is none."""
-        self._taken[receiver] += 1
-        return self._taken[receiver] <= (MOST_OFFERED if self._is_heard(receiver) else 1)
 
 
 class _Own:
@@ -120,13 +95,13 @@ class Carrying:
         self._emit: Callable[[Any], None] = context.emit
         self._max_bytes = max_bytes
         self._next_delivery_id = next_delivery_id
-        self._send = send
-        self._withdraw = withdraw
+        self._offers = Offers(context.address, send, withdraw)
         self._carries: dict[int, Carry] = {}
         self._wildcards: dict[int, int] = {}
         for stream in context.table:
             self.declared(stream)
         self._custody = Custody(context.journal, context.stored)
+        self._answers = Answers(context.journal)
         self._counts = Counts(context.generators.of("carry"))
         self._arrivals = Arrivals(
             context.table, context.journal, hand_on,
@@ -134,8 +109,6 @@ class Carrying:
         )  # fmt: skip
         self._reach = Reach(context.address, self._carries)
         self._own: dict[int, _Own] = {}
-        self._offered: dict[int, tuple[Offered, int]] = {}
-        """Delivery id of a hop → what is offered, to whom."""
         self._obsolete: list[int] = []
         """Own samples from before the restart whose topic is defined in another way now."""
         self._ended: list[DeliveryEnded] = []
@@ -157,11 +130,17 @@ class Carrying:
             self._carries[stream.stream_id] = stream.spec.carry
             self._wildcards[stream.stream_id] = len(stream.keys.wildcards)
 
+    @property
+    def _after_ns(self) -> int:
+        """After this time without a frame the first topic takes a node for out of reach, ns."""
+        return seconds_to_ns(min(each.after_s for each in self._carries.values()))
+
     # Life cycle of the engine
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore everything from before the restart."""
         self._arrivals.recover(stored)
+        self._answers.recover(stored)
         for held in self._custody.recover(stored):
             bundle = held.envelope.bundle
             if held.delivery_id is None:
@@ -177,6 +156,7 @@ class Carrying:
         """Offer what is kept: the link is up."""
         self._reach.begin(now)
         self._custody.begin(now)
+        self._answers.begin(now)
         for delivery_id in self._obsolete:
             self._end(delivery_id, DeliveryOutcome.CANCELLED, now, OTHER_STREAM)
         self._obsolete.clear()
@@ -319,6 +299,7 @@ class Carrying:
 
     def _take_sample(self, envelope: Envelope, hop: SampleReceived, now: int) -> None:
         bundle = envelope.bundle
+        self._answers.came_by(bundle, hop.source)
         if bundle.destination == self._address:
             stream = self._table.by_id(bundle.stream_id)
             if envelope.digest != stream.digest[:DIGEST_BYTES]:
@@ -369,7 +350,7 @@ class Carrying:
                 continue
             place = self._counts.take(stream_id, instance)
             for held in own.held:
-                self._withdraw_all(held, now)
+                self._offers.withdraw(held, now)
                 other = msgspec.structs.replace(held.envelope.bundle, lineage=place.lineage)
                 self._custody.renumber(held, other, place.number, now)
         self._changed()
@@ -387,7 +368,7 @@ class Carrying:
         custodian = held.custodian if held.custodian is not None else source
         self._reach.is_full(custodian, now + seconds_to_ns(max(carry.after_s, LEAST_FULL_S)))
         held.custodian = None
-        self._withdraw_all(held, now)
+        self._offers.withdraw(held, now)
         self._custody.write(held, now)
         self._tell(held, None, f"node {custodian} has no room for it", now)
         self._changed()
@@ -401,24 +382,29 @@ class Carrying:
         self._answer(answer, now)
 
     def _answer(self, content: Receipt | Refusal, now: int) -> None:
-        answers = self._custody.answers
-        if len(answers) >= MOST_ANSWERS:
-            self._drop_answer(answers[0], now)
-        kept = self._custody.answer(content)
-        if kept is not None:
-            self._withdraw_all(kept, now)
-            self._changed()
+        older = self._answers.find(content)
+        if older is not None and older.content.number >= content.number:
+            return
+        if older is not None:
+            self._offers.withdraw(older, now)
+        elif len(self._answers) >= MOST_ANSWERS:
+            self._drop_answer(next(iter(self._answers)), now)
+        carry = self._carries[content.bundle.stream_id]
+        self._answers.keep(content, seconds_to_ns(carry.expires_s), now)
+        self._changed()
 
     def _hop_ended(self, ended: DeliveryEnded, now: int) -> None:
-        found = self._offered.pop(ended.delivery_id, None)
+        found = self._offers.ended(ended.delivery_id)
         if found is None:
             return
         offered, receiver = found
-        del offered.offers[receiver]
         if ended.outcome is not DeliveryOutcome.DELIVERED:
             offered.refused.add(receiver)
         elif isinstance(offered, Answer):
-            self._drop_answer(offered, now)
+            bundle = offered.content.bundle
+            offered.refused.add(receiver)  # it has it
+            if receiver in (bundle.origin, self._answers.way(bundle)):
+                self._drop_answer(offered, now)
         elif isinstance(offered, Held):
             self._given(offered, receiver, now)
 
@@ -433,7 +419,7 @@ class Carrying:
             self._drop(held, now)
         else:
             held.custodian = receiver
-            self._withdraw_all(held, now)
+            self._offers.withdraw(held, now)
             self._custody.write(held, now)
             self._tell(held, receiver, "", now)
 
@@ -502,26 +488,26 @@ class Carrying:
             self._end(held.delivery_id, DeliveryOutcome.EXPIRED, now)
 
     def _drop(self, held: Held, now: int) -> None:
-        self._withdraw_all(held, now)
+        self._offers.withdraw(held, now)
         self._custody.drop(held)
         self._changed()
 
     def _drop_answer(self, answer: Answer, now: int) -> None:
-        self._withdraw_all(answer, now)
-        self._custody.drop_answer(answer)
+        self._offers.withdraw(answer, now)
+        self._answers.drop(answer)
 
     # Offers
 
     def _heard(self, source: int, now: int) -> None:
         """Look at the offers if a node is in reach that was not."""
         before = self._reach.heard(source, now)
-        after_s = min(each.after_s for each in self._carries.values())
-        if before is None or now - before >= seconds_to_ns(after_s):
+        if before is None or now - before >= self._after_ns:
             self._changed()
 
     def _forgotten(self, address: int, now: int) -> None:
         self._reach.forget(address)
         self._arrivals.forget(address)
+        self._answers.forget(address)
 
     def _changed(self) -> None:
         """Look at the offers again, at once."""
@@ -543,28 +529,37 @@ class Carrying:
                 self._expire(held, now)
         self._instants = [held.ends_at for held in self._custody]
         self._give_up_gaps(now)
-        room = _Room(partial(self._reach.is_present, now=now))
         ends: set[tuple[int, int]] = set()
-        for answer in self._custody.answers:
-            bundle = answer.content.bundle
-            carry = self._carries.get(bundle.stream_id)
-            if carry is None:
-                self._drop_answer(answer, now)
-                continue
-            ends.add((bundle.stream_id, bundle.origin))
-            targets = self._reach.for_answer(answer, carry, now)
-            self._offer(answer, targets, partial(_answer_for, answer), room, now)
-        for held in sorted(self._custody, key=self._rank):
-            bundle = held.envelope.bundle
-            if held.is_stored and bundle.stream_id in self._carries:
-                ends.add((bundle.stream_id, bundle.destination))
-                targets = self._reach.for_sample(held, self._carries[bundle.stream_id], now)
-                self._offer(held, targets, partial(self._sample_for, held, now), room, now)
+        wanted = [*self._wanted_answers(ends, now), *self._wanted_samples(ends, now)]
+        is_heard = partial(self._reach.is_present, now=now)
+        self._instants += self._offers.review(wanted, is_heard, self._after_ns, now)
         for stream_id, end in ends:
             carry = self._carries[stream_id]
             self._instants += self._reach.changes_at((end, *carry.by), carry, now)
         self._is_due = False
         self._timers.changed((Due.CARRY,), self._due_at, self._review)
+
+    def _wanted_answers(self, ends: set[tuple[int, int]], now: int) -> Iterator[Wanted]:
+        """Yield the answers and who should get them; add the publishers of their topics."""
+        for answer in self._answers:
+            bundle = answer.content.bundle
+            carry = self._carries.get(bundle.stream_id)
+            if carry is None or (answer.ends_at is not None and answer.ends_at <= now):
+                self._drop_answer(answer, now)
+                continue
+            ends.add((bundle.stream_id, bundle.origin))
+            way = self._answers.way(bundle)
+            targets = self._reach.for_answer(bundle, way, carry, now)
+            yield Wanted(answer, targets, partial(_answer_for, answer))
+
+    def _wanted_samples(self, ends: set[tuple[int, int]], now: int) -> Iterator[Wanted]:
+        """Yield the samples and who should get them; add the subscribers of their topics."""
+        for held in sorted(self._custody, key=self._rank):
+            bundle = held.envelope.bundle
+            if held.is_stored and bundle.stream_id in self._carries:
+                ends.add((bundle.stream_id, bundle.destination))
+                targets = self._reach.for_sample(held, self._carries[bundle.stream_id], now)
+                yield Wanted(held, targets, partial(self._sample_for, held, now))
 
     def _give_up_gaps(self, now: int) -> None:
         """Deliver what has waited for others as long as any sample is carried."""
@@ -581,31 +576,6 @@ class Carrying:
     def _rank(self, held: Held) -> int:
         return self._table.by_id(held.envelope.bundle.stream_id).qos.priority.value
 
-    def _offer(
-        self,
-        offered: Offered,
-        targets: Sequence[int],
-        message: Callable[[int], bytes],
-        room: "_Room",
-        now: int,
-    ) -> None:
-        """Offer something to some nodes, and to no others."""
-        for receiver in [each for each in offered.offers if each not in targets]:
-            self._withdraw_one(offered, receiver, now)
-        for receiver in targets:
-            # What is offered stays so, heard or not: its receiver may hold it, and offered anew it
-            # would come after those behind it.
-            is_new = room.take(receiver) and receiver not in offered.offers
-            if not is_new or receiver in offered.refused:
-                continue
-            try:
-                hop = self._send(receiver, message(receiver), now)
-            except LocalError:  # too many large samples are under way
-                self._instants.append(now + _RETRY_NS)
-                continue
-            offered.offers[receiver] = hop
-            self._offered[hop] = offered, receiver
-
     def _sample_for(self, held: Held, now: int, receiver: int) -> bytes:
         """Return a sample as a node gets it."""
         envelope = held.envelope
@@ -619,15 +589,6 @@ class Carrying:
         life_s = ns_to_seconds(held.ends_at - now)
         envelope = msgspec.structs.replace(envelope, life_s=life_s)
         return encode_envelope(envelope, self._address, receiver)
-
-    def _withdraw_one(self, offered: Offered, receiver: int, now: int) -> None:
-        hop = offered.offers.pop(receiver)
-        self._offered.pop(hop, None)
-        self._withdraw(hop, now)
-
-    def _withdraw_all(self, offered: Offered, now: int) -> None:
-        for receiver in list(offered.offers):
-            self._withdraw_one(offered, receiver, now)
 
 
 def _answer_for(answer: Answer, receiver: int) -> bytes:

@@ -1,4 +1,4 @@
-"""What a node keeps for the next hop: samples in its custody, and answers on their way back."""
+"""The samples that a node keeps for the next hop, in its journal."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Final
@@ -6,10 +6,9 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.journal import BOOT_KEY, JournalPort
-from zacoustic.core.wire.carry import Bundle, Envelope, Receipt, Refusal
+from zacoustic.core.wire.carry import Bundle, Envelope
 
 _SAMPLE: Final = "carry"
-_ANSWER: Final = "carryback"
 
 
 class Offered:
@@ -55,20 +54,6 @@ class Held(Offered):
         return self.envelope.bundle, self.envelope.number
 
 
-class Answer(Offered):
-    """A receipt or refusal on its way to a publisher.
-
-    Args:
-        content: The receipt or refusal.
-    """
-
-    __slots__ = ("content",)
-
-    def __init__(self, content: Receipt | Refusal) -> None:
-        super().__init__()
-        self.content = content
-
-
 class _StoredSample(msgspec.Struct, frozen=True, array_like=True):
     envelope: Envelope
     delivery_id: int | None
@@ -80,13 +65,8 @@ class _StoredSample(msgspec.Struct, frozen=True, array_like=True):
     """How long it had to live when it was written, ns."""
 
 
-class _StoredAnswer(msgspec.Struct, frozen=True, array_like=True):
-    receipt: Receipt | None
-    refusal: Refusal | None
-
-
 class Custody:
-    """The samples and answers of one node, in its journal.
+    """The samples of one node, in its journal.
 
     Args:
         journal: Holds them.
@@ -98,7 +78,6 @@ class Custody:
         self._boot = stored.get(BOOT_KEY, b"")
         self._samples: dict[int, Held] = {}
         self._by_identity: dict[tuple[Bundle, int], Held] = {}
-        self._answers: dict[tuple[Bundle, int | None], Answer] = {}
         self._next_number = 1
         self._left: dict[int, int] = {}
         self.carried_bytes = 0
@@ -107,14 +86,9 @@ class Custody:
         """How many these are."""
 
     def recover(self, stored: Mapping[str, bytes]) -> Iterator[Held]:
-        """Restore everything from before the restart; yield the samples."""
+        """Restore the samples from before the restart, and yield each."""
         for key in sorted(stored, key=_place):
             kind, _, rest = key.partition("/")
-            if kind == _ANSWER:
-                answer = msgspec.msgpack.decode(stored[key], type=_StoredAnswer)
-                content = answer.receipt or answer.refusal
-                if content is not None:
-                    self._answers[_key_of(content)] = Answer(content)
             if kind != _SAMPLE:
                 continue
             sample = msgspec.msgpack.decode(stored[key], type=_StoredSample)
@@ -133,8 +107,6 @@ class Custody:
             if number in self._samples:
                 self._samples[number].ends_at = now + life_ns
         self._left.clear()
-
-    # Samples
 
     def __iter__(self) -> Iterator[Held]:
         return iter(list(self._samples.values()))
@@ -189,39 +161,6 @@ class Custody:
             self.carried_bytes -= held.envelope.size_bytes
         self._journal.write(f"{_SAMPLE}/{held.number}", None)
 
-    # Answers
-
-    @property
-    def answers(self) -> list[Answer]:
-        """The answers on their way."""
-        return list(self._answers.values())
-
-    def answer(self, content: Receipt | Refusal) -> Answer | None:
-        """Keep an answer in place of an older one; None: that one says as much.
-
-        An older one may be offered at this moment: then the caller withdraws it.
-        """
-        key = _key_of(content)
-        kept = self._answers.get(key)
-        if kept is None:
-            kept = self._answers[key] = Answer(content)
-        elif kept.content.number >= content.number:
-            return None
-        else:
-            kept.content = content
-        entry = _StoredAnswer(
-            content if isinstance(content, Receipt) else None,
-            content if isinstance(content, Refusal) else None,
-        )
-        self._journal.write(_name(key), msgspec.msgpack.encode(entry))
-        return kept
-
-    def drop_answer(self, answer: Answer) -> None:
-        """Forget an answer."""
-        key = _key_of(answer.content)
-        if self._answers.pop(key, None) is not None:
-            self._journal.write(_name(key), None)
-
     # Below the methods above
 
     def _add(self, held: Held) -> None:
@@ -243,21 +182,7 @@ class Custody:
         self._journal.write(f"{_SAMPLE}/{held.number}", msgspec.msgpack.encode(entry), then)
 
 
-def _key_of(content: Receipt | Refusal) -> tuple[Bundle, int | None]:
-    """Return what an answer replaces: of a count only the newest receipt matters."""
-    return content.bundle, None if isinstance(content, Receipt) else content.number
-
-
 def _place(key: str) -> tuple[str, int]:
     """Return the order in which to restore: that of publication."""
     kind, _, rest = key.partition("/")
     return kind, int(rest) if kind == _SAMPLE else 0
-
-
-def _name(key: tuple[Bundle, int | None]) -> str:
-    bundle, number = key
-    parts = (
-        bundle.origin, bundle.destination, bundle.stream_id, bytes(bundle.instance).hex(),
-        bundle.lineage, "" if number is None else number,
-    )  # fmt: skip
-    return "/".join((_ANSWER, *map(str, parts)))

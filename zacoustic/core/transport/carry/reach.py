@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.streams.carry import Carry
-from zacoustic.core.transport.carry.custody import Answer, Held
+from zacoustic.core.transport.carry.custody import Held
+from zacoustic.core.wire.carry import Bundle
 
 
 class Reach:
@@ -65,14 +66,26 @@ class Reach:
         heard = next((each for each in open_ if self._is_heard(each, carry, now)), None)
         return (destination, *open_) if heard is None else (heard,)
 
-    def for_answer(self, answer: Answer, carry: Carry, now: int) -> Sequence[int]:
-        """Return the nodes to which a receipt or refusal is offered."""
-        bundle = answer.content.bundle
+    def for_answer(self, bundle: Bundle, way: int | None, carry: Carry, now: int) -> Sequence[int]:
+        """Return the nodes to which a receipt or refusal is offered.
+
+        Args:
+            bundle: What it is about.
+            way: The node by which the samples came; None: none came here, so whoever gave the
+                answer to this node did so in case it meets the publisher.
+            carry: Who carries the topic.
+            now: The instant.
+        """
         if self._is_heard(bundle.origin, carry, now):
             return (bundle.origin,)
-        farther = [each for each in self._farther(carry) if each != bundle.destination]
-        heard = next((each for each in farther if self._is_heard(each, carry, now)), None)
-        return (bundle.origin, *farther) if heard is None else (heard,)
+        if way is not None and self._is_heard(way, carry, now):
+            return (way,)
+        others = [
+            each
+            for each in self._farther(carry)
+            if each not in (bundle.destination, way) and self._is_heard(each, carry, now)
+        ]
+        return others if way is None else (way, *others)
 
     def changes_at(self, addresses: Sequence[int], carry: Carry, now: int) -> list[int]:
         """Return the next instants at which one of some nodes may come to count otherwise, ns."""

@@ -8,7 +8,7 @@ poorer link).
 
 import os
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -334,6 +334,7 @@ def _notes(
     yield from _access_notes(config, profile)
     yield from _route_notes(config)
     yield from _bond_notes(config)
+    yield from _carry_notes(config)
     yield from _lost_contact_notes(config)
     if config.ros is not None:
         ids = ", ".join(map(str, sorted(config.ros.streams)))
@@ -357,6 +358,26 @@ def _route_notes(config: Config) -> Iterator[str]:
         yield f"{text}; streams: {', '.join(names) or 'none'}"
     if config.rules.routes:
         yield "zacoustic plan counts a stream of a route once, not for each hop; sim runs it"
+
+
+def _carry_notes(config: Config) -> Iterator[str]:
+    """Say who carries which topics, and how long."""
+
+    def named(addresses: Iterable[int]) -> str:
+        return ", ".join(config.nodes.get(each, str(each)) for each in addresses)
+
+    for stream in config.table.carried:
+        spec = stream.spec
+        if not isinstance(spec, TopicSpec) or spec.carry is None:
+            continue
+        carry = spec.carry
+        yield (
+            f"{stream.name}: carried by {named(carry.by)} to {named(spec.subscribers or ())} where "
+            f"these are not heard for {carry.after_s:g} s, for up to {carry.expires_s / 3600:g} h"
+        )
+        if config.address in carry.by:
+            room = config.rules.carry_bytes
+            yield f"this node carries {stream.name}: carry.max_bytes is {room} for all topics"
 
 
 def _bond_notes(config: Config) -> Iterator[str]:

@@ -47,7 +47,9 @@ def explain_carried(
                 )
             return decoded("carried", head, CARRY_STREAM_ID, key, stream.codec, said.payload)
         case Receipt(_, number):
-            text = f"{head}: RECEIPT, {key} {_ends(said.bundle)}: everything before {number} is there"
+            text = (
+                f"{head}: RECEIPT, {key} {_ends(said.bundle)}: everything before {number} is there"
+            )
         case Refusal(_, _, is_final):
             why = "its subscriber defines the topic in another way" if is_final else "no room"
             text = f"{head}: REFUSAL of {named}: {why}"

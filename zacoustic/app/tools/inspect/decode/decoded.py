@@ -14,8 +14,9 @@ class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
     `error`, `call_confirm`, `goal`, `goal_accepted`, `goal_claim`, `goal_refused`,
     `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`,
-    `subscribe`, `dense`, `dense_ack`, `carried`, `sealed`, `record` (not decoded) or `stray`; of rmw_desert
-    `sample`, `request`, `response`, `beacon`, `discovery_request`, `record` or `stray`."""
+    `subscribe`, `dense`, `dense_ack`, `carried`, `sealed`, `record` (not decoded) or `stray`;
+    of rmw_desert `sample`, `request`, `response`, `beacon`, `discovery_request`, `record` or
+    `stray`."""
     text: str
     """One line for people."""
     stream_id: int = 0
