@@ -63,9 +63,7 @@ def main() -> int:
     return code
 
 
-def report(
-    latencies_ms: dict[str, list[float]], rate_hz: float, link: str, *, strict: bool
-) -> int:
+def report(latencies_ms: dict[str, list[float]], rate_hz: float, link: str, *, strict: bool) -> int:
     """Print the table; returns the exit code."""
     direct, channel = latencies_ms[DIRECT], latencies_ms[CHANNEL]
     print(f"put to callback, ms; {len(channel)} samples each way at {rate_hz:g} Hz")

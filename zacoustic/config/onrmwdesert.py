@@ -19,6 +19,7 @@ _REASONS: Final = {
     "security": "its packets have no room for a seal, and its other programs no key",
     "routes": "its frames name no route",
     "relay": "its frames name no route",
+    "flood": "nobody passes its packets on",
     "default_links": "it has one link",
     "model": "no stream is dense on it",
 }

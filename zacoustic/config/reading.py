@@ -12,6 +12,7 @@ from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed
 from zacoustic.config.bonds import read_bonded, read_bonds
 from zacoustic.config.carry import check_carries_nothing, read_carry
 from zacoustic.config.contact import read_contact
+from zacoustic.config.flood import read_flood
 from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
 from zacoustic.config.links import (
@@ -363,6 +364,7 @@ def _read_rules(
     commands_from = None if written.commands_from is None else frozenset(written.commands_from)
     routes = read_routes(place, written.routes, written.links, fleet)
     is_other = is_replaced(written.links, links)
+    flood, flooded = read_flood(place, written.flood, written.links, written.routes, fleet.wire)
     bonds, bonded, default = read_bonds(place, written.links, routes, is_in_use=not is_other)
     rules = TransmitRules(
         access=own_links[0].access if own_links else None,
@@ -378,8 +380,10 @@ def _read_rules(
         links_of_streams=read_links_of_streams(
             place.at("streams"), written.links, links, routes, own
         )
-        | bonded,
+        | bonded
+        | flooded,
         default_link=default,
+        flood=flood,
         bonds=bonds,
         bonded_routes={
             entry.name: read_bonded(place.at("routes").at(index), entry)

@@ -72,6 +72,8 @@ ALLOWED: Final = {
     "path": "2..16 addresses, from one end to the other, each once",
     "lifetime_s": "seconds, 0 or more",
     "relay": "{ max_airtime, queue }",
+    "flood": "{ link, hops, max_airtime }; of a stream true, false",
+    "hops": "a number, 1..4",
     "queue": "a number, 1..256",
     "links": "a list of { locator, … }, with a name each where there are several",
     "types": "a list of { name, fields } or { name, python }",
@@ -255,6 +257,17 @@ class RelayEntry(Entry, frozen=True, kw_only=True):
     """How many frames of others it holds at most."""
 
 
+class FloodEntry(Entry, frozen=True, kw_only=True):
+    """How frames of streams with `flood: true` go, equal in the fleet but for `max_airtime`."""
+
+    link: str | None = None
+    """Name of the link of all hops; default: the first one."""
+    hops: int = 3
+    """How many hops they go at most."""
+    max_airtime: float = 0.05
+    """Share of the time that this node passes frames of others on."""
+
+
 class TypeEntry(Entry, frozen=True, kw_only=True):
     """One type, defined here, in Python, or both."""
 
@@ -341,6 +354,8 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """Name of the link that carries the stream; default: the first one."""
     links: tuple[str, ...] | None = None
     """Names of links: each frame goes by the first that reaches its receivers."""
+    flood: bool = False
+    """Every node passes its frames on, for emergencies."""
     ros: StreamRosEntry | None = None
     """A ROS 2 stream on rmw_zenoh; default: a Zenoh stream."""
 
@@ -521,6 +536,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """Routes over other nodes, equal in the fleet."""
     relay: RelayEntry | None = None
     """How much this node does for the routes of others."""
+    flood: FloodEntry | None = None
+    """How frames go that every node passes on."""
     default_links: tuple[str, ...] = ()
     """As `links` of a stream, for streams that name none, and for remote commands; default: the
     first link."""
@@ -569,6 +586,7 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "slots": ScheduledSlot,
     "routes": RouteEntry,
     "relay": RelayEntry,
+    "flood": FloodEntry,
     "types": TypeEntry,
     "fields": FieldSpec,
     "wildcards": WildcardEntry,

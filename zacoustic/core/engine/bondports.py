@@ -21,6 +21,7 @@ from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
+from zacoustic.core.relay.flooding import Flooding
 from zacoustic.core.relay.prober import Prober
 from zacoustic.core.relay.relay import Relay
 from zacoustic.core.schedule.context import Context, NodeContext
@@ -104,7 +105,11 @@ class BondPorts:
                 yield bond, LinkRules(name=bond.name, port=port)
 
     def forwarding(
-        self, link: str, relay: Relay | None = None, prober: Prober | None = None
+        self,
+        link: str,
+        relay: Relay | None = None,
+        prober: Prober | None = None,
+        flooding: Flooding | None = None,
     ) -> Forwarding | None:
         """Return what goes over a link, or a route, beside its own frames; None: nothing.
 
@@ -112,6 +117,7 @@ class BondPorts:
             link: Its name.
             relay: Its routes; None: there are none.
             prober: Its probes; None: there are none.
+            flooding: Its flooded frames; None: there are none.
         """
         over = {
             bonding.bond.number: bonding
@@ -119,9 +125,9 @@ class BondPorts:
             if link in bonding.outboxes
         }
         others = [each.number for each in self._bonds if each.number not in over]
-        if relay is None and prober is None and not self._bonds:
+        if relay is None and prober is None and flooding is None and not self._bonds:
             return None
-        return Forwarding(link, relay, over, others, prober)
+        return Forwarding(link, relay, over, others, prober, flooding)
 
     def add(self, stack: LinkStack) -> None:
         """Take the stack of a bond."""

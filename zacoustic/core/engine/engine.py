@@ -54,6 +54,7 @@ from zacoustic.core.bond.bonding import BondStatus
 from zacoustic.core.engine.bondports import BondPorts
 from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, SubscriptionCommands
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
+from zacoustic.core.engine.floodport import FloodPort
 from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.engine.routeports import RoutePorts
@@ -149,6 +150,7 @@ class Engine:
         """Commands about transmit silence: `begin` and `resume`."""
         self._stacks: dict[str, LinkStack] = {}
         self._route_ports = RoutePorts(address, rules)
+        self._flood_port = FloodPort(rules.flood)
         self._bond_ports = BondPorts(address, table, rules, self.silence)
         self._links = tuple(each.name for each in rules.of_links)
         self._make_stacks(node, rules, transports)
@@ -222,6 +224,7 @@ class Engine:
         stack = self._stack(link)
         has_changed = stack.handle_state(state, capabilities, now)
         self._route_ports.handle_state(stack, state, capabilities, now)
+        self._flood_port.handle_state(stack, state, capabilities, now)
         for each in (stack, *self._route_ports.over(stack.name)):
             self._bond_ports.handle_state(each, each.state, now)
         if has_changed:
@@ -404,6 +407,7 @@ class Engine:
         self._now = now
         self._bond_ports.submit(now)  # also to routes
         self._route_ports.submit(now)
+        self._flood_port.submit(now)
         for link in self._links:
             made = self._stacks[link].make(now)
             if made is not None:
@@ -592,7 +596,7 @@ class Engine:
     def _make_stacks(
         self, node: NodeContext, rules: TransmitRules, transports: Sequence[MakeTransport]
     ) -> None:
-        """Make the stack of each link, then of each route that ends here, then of each bond."""
+        """Make the stack of each link, of each route that ends here, of each bond, of flooding."""
         links = [
             (own, Context(node, own.name, index, own.port))
             for index, own in enumerate(rules.of_links)
@@ -616,12 +620,12 @@ class Engine:
             return stack
 
         for own, context in links:
-            relay = self._route_ports.relay(context)
-            make(
-                own,
-                context,
-                self._bond_ports.forwarding(own.name, relay, self._route_ports.prober_on(context)),
+            over = (
+                self._route_ports.relay(context),
+                self._route_ports.prober_on(context),
+                self._flood_port.flooding_on(context),
             )
+            make(own, context, self._bond_ports.forwarding(own.name, *over))
         for route, own, context in ends:
             stack = make(own, context, self._bond_ports.forwarding(own.name))
             hop_relay = self._stacks[route.link].relay
@@ -629,6 +633,9 @@ class Engine:
             self._route_ports.add(route, stack, hop_relay)
         for own, context in bonds:
             self._bond_ports.add(make(own, context))
+        if (flood := self._flood_port.rules) is not None:
+            context = Context(node, flood.name, len(self._stacks), flood.port)
+            self._flood_port.add(make(flood, context))
 
     def _begin(self, now: int) -> None:
         """Record the first instant since the restart; later calls have no effect."""

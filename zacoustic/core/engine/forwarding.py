@@ -1,4 +1,4 @@
-"""What goes over one link inside its frames: the frames of routes and of bonds; and probes.
+"""What goes over one link inside its frames: those of routes and bonds, flooded ones, and probes.
 
 To the link's composer they are one source, and a received frame goes to the route or bond whose
 number it has.
@@ -11,11 +11,13 @@ import msgspec
 from zacoustic.core.base.linktypes import ReceivedFrame
 from zacoustic.core.base.parts import Offer
 from zacoustic.core.bond.bonding import Bonding
+from zacoustic.core.relay.flooding import Flooding
 from zacoustic.core.relay.prober import Prober
 from zacoustic.core.relay.relay import Relay
 from zacoustic.core.schedule.sources import Forwarded, ForwardingSource
 from zacoustic.core.wire.bond import bond_of
 from zacoustic.core.wire.envelope import Opened
+from zacoustic.core.wire.flood import is_flooded
 from zacoustic.core.wire.relay import decode_probe, is_relayed
 
 
@@ -28,6 +30,7 @@ class Forwarding:
         bonds: Its bonds, by number.
         others: Numbers of bonds that this node lacks on this link.
         prober: Its probes; None: there are none.
+        flooding: Its flooded frames; None: there are none.
     """
 
     def __init__(
@@ -37,10 +40,12 @@ class Forwarding:
         bonds: Mapping[int, Bonding],
         others: Sequence[int] = (),
         prober: Prober | None = None,
+        flooding: Flooding | None = None,
     ) -> None:
         self.relay = relay
         """The routes over the link; None: there are none."""
         self._prober = prober
+        self._flooding = flooding
         self._has_others = relay is not None or bool(bonds) or bool(others)
         self._link = link
         self._bonds = dict(bonds)
@@ -48,17 +53,22 @@ class Forwarding:
         self._sources: list[ForwardingSource] = [
             *([] if relay is None else [relay]),
             *([] if prober is None else [prober]),
+            *([] if flooding is None else [flooding]),
             *(each.outboxes[link] for each in bonds.values()),
         ]
 
     def takes(self, records: bytes) -> bool:
-        """Return whether the content of a frame is for routes, bonds or the prober."""
+        """Return whether the content of a frame is for one of them."""
         if not is_relayed(records):
             return False
+        if is_flooded(records):
+            return self._flooding is not None
         return self._has_others or (self._prober is not None and decode_probe(records) is not None)
 
     def handle(self, opened: Opened, frame: ReceivedFrame, now: int) -> str | None:
-        """Take a frame of a route or bond, or a probe; return why it is dropped, or None."""
+        """Take such a frame; return why it is dropped, or None."""
+        if is_flooded(opened.records) and self._flooding is not None:
+            return self._flooding.handle(opened.source, opened.records, now)
         probe = decode_probe(opened.records)
         if probe is not None and self._prober is not None:
             self._prober.handle(opened.source, probe)

@@ -8,6 +8,7 @@ from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.peers.peerrules import PeerRules
 from zacoustic.core.profiles.entities import DiscoverySpec
+from zacoustic.core.relay.flood import FLOOD_NAME, Flood
 from zacoustic.core.relay.relay import RelayRules
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.access.spec import AccessSpec, ClockedSpec, slots_of
@@ -75,6 +76,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """All routes over relays."""
     relay: RelayRules = RelayRules()
     """How much the node does for the routes of others."""
+    flood: Flood | None = None
+    """How frames of flooded streams go; their link is `FLOOD_NAME`. None: nothing is flooded."""
     bonds: tuple[Bond, ...] = ()
     """All bonds of links and routes; a node may lack some of them."""
     bonded_routes: dict[str, BondLink] = {}
@@ -85,6 +88,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
         port = self.links[0].port if self.links else self.port
         routes = tuple(msgspec.structs.replace(each, link=ONE_LINK) for each in self.routes)
         names = {each.name for each in routes}
+        flood = None if self.flood is None else msgspec.structs.replace(self.flood, link=ONE_LINK)
+        names |= set() if flood is None else {FLOOD_NAME}
         named = {
             stream_id: name for stream_id, name in self.links_of_streams.items() if name in names
         }
@@ -93,6 +98,7 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
             links=(),
             links_of_streams=named,
             routes=routes,
+            flood=flood,
             port=port,
             bonds=(),
             default_link="",
@@ -115,7 +121,10 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
                 raise ConfigError(
                     f"route {route.name!r}: link is {route.link!r}; allowed: {', '.join(names)}"
                 )
+        if self.flood is not None and self.flood.link not in names:
+            raise ConfigError(f"flood: link is {self.flood.link!r}; allowed: {', '.join(names)}")
         names += [each.name for each in self.routes] + [each.name for each in self.bonds]
+        names += [] if self.flood is None else [FLOOD_NAME]
         for name in names:
             if names.count(name) > 1:
                 raise ConfigError(f"links, routes and bonds: two have the name {name!r}")

@@ -21,6 +21,7 @@ from zacoustic.config import Config
 from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Stamp
+from zacoustic.core.relay.flood import FLOOD_NAME
 from zacoustic.core.schedule.access import (
     AutoSpec,
     ClockedSpec,
@@ -334,6 +335,7 @@ def _notes(
     yield from _access_notes(config, profile)
     yield from _route_notes(config)
     yield from _bond_notes(config)
+    yield from _flood_notes(config)
     yield from _carry_notes(config)
     yield from _lost_contact_notes(config)
     if config.ros is not None:
@@ -358,6 +360,22 @@ def _route_notes(config: Config) -> Iterator[str]:
         yield f"{text}; streams: {', '.join(names) or 'none'}"
     if config.rules.routes:
         yield "zacoustic plan counts a stream of a route once, not for each hop; sim runs it"
+
+
+def _flood_notes(config: Config) -> Iterator[str]:
+    """Say which streams are flooded, and what one of their frames costs."""
+    flood = config.rules.flood
+    if flood is None:
+        return
+    names = [
+        stream.name
+        for stream in config.table
+        if config.rules.links_of_streams.get(stream.stream_id) == FLOOD_NAME
+    ]
+    yield (
+        f"flood: {', '.join(names) or 'no stream'}, {flood.hops} hops over {flood.link}: each node "
+        f"in reach transmits such a frame once, and up to three times at the edge"
+    )
 
 
 def _carry_notes(config: Config) -> Iterator[str]:

@@ -1,0 +1,79 @@
+"""What a file says of flooding: how far frames go, and what a node does for those of others."""
+
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.relay.route import LEAST_ROOM_BYTES
+from zacoustic.core.wire.flood import HEADER_BYTES, MOST_HOPS
+from zacoustic.errors import ConfigError
+
+FLOOD_NAME: Final = "flood"
+"""Name of the link that flooding is for the streams."""
+SPREAD_FRAMES: Final = 2
+"""A node with one further neighbour passes a frame on after a pause of up to so many largest
+frames."""
+_WAYS: Final = 2
+
+
+class Flood(msgspec.Struct, frozen=True, kw_only=True):
+    """How frames of streams with ``flood`` go."""
+
+    link: str
+    """Name of the link of all hops."""
+    hops: int = 3
+    """How many hops they go at most, 1…4."""
+    max_airtime: float = 0.05
+    """Share of the time that a node passes frames of others on, above 0, at most 1."""
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ConfigError: One is outside its range.
+        """
+        if not 1 <= self.hops <= MOST_HOPS:
+            raise ConfigError(f"flood: hops is {self.hops}; allowed: 1..{MOST_HOPS}")
+        if not 0 < self.max_airtime <= 1:
+            raise ConfigError(
+                f"flood: max_airtime is {self.max_airtime}; allowed: above 0, at most 1"
+            )
+
+    def unit_s(self, hop: LinkCapabilities) -> float:
+        """Return the propagation delay of flooding as a link, s.
+
+        Whoever waits for an answer waits for a repetition on the way.
+
+        Args:
+            hop: What the link of its hops can do.
+        """
+        airtime_s = hop.preamble_s + hop.mtu_bytes * 8 / hop.bit_rate_bps
+        hop_s = airtime_s + hop.gap_s + hop.propagation_s
+        way_s = hop_s + (self.hops - 1) * (hop_s + SPREAD_FRAMES * airtime_s)
+        return _WAYS * way_s
+
+    def capabilities(self, hop: LinkCapabilities, room_bytes: int) -> LinkCapabilities:
+        """Return what flooding can do as a link of all nodes.
+
+        Args:
+            hop: What the link of its hops can do.
+            room_bytes: Content of a frame of that link without envelope, bytes.
+
+        Raises:
+            ConfigError: Frames of that link are too short.
+        """
+        room_bytes -= HEADER_BYTES
+        if room_bytes < LEAST_ROOM_BYTES:
+            raise ConfigError(
+                f"flood: frames of {self.link} have room for {room_bytes} bytes; allowed: at least "
+                f"{LEAST_ROOM_BYTES}"
+            )
+        return LinkCapabilities(
+            mtu_bytes=room_bytes,
+            bit_rate_bps=hop.bit_rate_bps,
+            preamble_s=hop.preamble_s,
+            propagation_s=self.unit_s(hop),
+            half_duplex=False,
+            controls_access=True,
+        )
