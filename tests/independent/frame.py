@@ -52,6 +52,7 @@ Item = (
     | dense.Block
     | relay.Relayed
     | relay.HopAcknowledgement
+    | relay.Flooded
     | record.Record
     | Unread
 )

@@ -46,7 +46,22 @@ class HopAcknowledgement:
         return bytes((RELAY, _MORE * self.more)) + b"".join(marks)
 
 
-def read(records: bytes) -> Relayed | HopAcknowledgement:
+@dataclass(frozen=True)
+class Flooded:
+    """A frame that every node passes on. `left`: how many further nodes may."""
+
+    origin: int
+    destination: int
+    number: int
+    left: int
+    frame: bytes
+
+    def write(self) -> bytes:
+        head = (RELAY, _BACK | self.left << 5, self.origin, self.destination, self.number)
+        return bytes(head) + self.frame
+
+
+def read(records: bytes) -> Relayed | HopAcknowledgement | Flooded:
     """Read a whole frame that begins with RELAY."""
     cursor = Cursor(records)
     if cursor.number(1) != RELAY:
@@ -58,6 +73,11 @@ def read(records: bytes) -> Relayed | HopAcknowledgement:
         number = cursor.number(1)
         back, urgent = bool(first & _BACK), bool(first & _URGENT)
         return Relayed(route, number, cursor.rest(), back, more, urgent)
+    if first & _BACK:
+        origin, destination, number = cursor.take(3)
+        if origin in (0, 255) or destination in (0, origin) or not cursor.left:
+            raise ReadError("of nobody, for nobody, or empty")
+        return Flooded(origin, destination, number, first >> 5 & 3, cursor.rest())
     if first & ~_MORE or not cursor.left:
         raise ReadError("no hop acknowledgement")
     marks: list[HopMark] = []

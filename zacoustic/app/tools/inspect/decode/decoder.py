@@ -14,6 +14,7 @@ from zacoustic.app.tools.inspect.decode.decoded import DecodedItem, decoded, pri
 from zacoustic.app.tools.inspect.decode.desert import DesertWords
 from zacoustic.app.tools.inspect.decode.overheard import Overheard
 from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.carry import CARRY_STREAM_ID
@@ -40,6 +41,8 @@ from zacoustic.core.wire.bond import decode as decode_bonded
 from zacoustic.core.wire.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.wire.content import measure_content, server_of, split_age
 from zacoustic.core.wire.controls import Extension, Item
+from zacoustic.core.wire.flood import decode as decode_flooded
+from zacoustic.core.wire.flood import is_flooded
 from zacoustic.core.wire.frame import (
     DenseAck,
     DenseBlock,
@@ -147,7 +150,9 @@ class FrameDecoder:
         return items
 
     def _relayed(self, records: bytes) -> list[DecodedItem]:
-        """Explain a frame of a route or bond, with the one inside."""
+        """Explain a frame of a route or bond, or a flooded one, with the one inside."""
+        if is_flooded(records):
+            return self._flooded(records)
         if bond_of(records) in self._bonds:
             return self._bonded(records)
         if (probe := decode_probe(records)) is not None:
@@ -168,6 +173,18 @@ class FrameDecoder:
                 why = "a relayed frame that is cut short, or of a later version"
                 text = f"STRAY {len(records)} bytes: {why}"
                 return [DecodedItem(kind="stray", text=text, fault="relay_format")]
+
+    def _flooded(self, records: bytes) -> list[DecodedItem]:
+        flooded = decode_flooded(records)
+        if flooded is None:
+            text = f"STRAY {len(records)} bytes: a flooded frame that is cut short"
+            return [DecodedItem(kind="stray", text=text, fault="flood_format")]
+        to = "all" if flooded.destination == BROADCAST else f"node {flooded.destination}"
+        text = f"RELAY {flooded.seq}, flooded by node {flooded.origin} for {to}"
+        text += f"; {flooded.left} further nodes may pass it on"
+        is_for_one = flooded.destination != BROADCAST
+        inside = self.decode(flooded.content, source=flooded.origin, unicast=is_for_one)
+        return [DecodedItem(kind="relay", text=text), *inside]
 
     def _bonded(self, records: bytes) -> list[DecodedItem]:
         bonded = decode_bonded(records)
