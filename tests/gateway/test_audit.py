@@ -120,6 +120,22 @@ def test_a_command_of_who_may_not_give_any_is_noted_as_refused(
     assert main(["audit", str(tmp_path / "none")]) == 2
 
 
+def test_commands_about_routes_are_in_the_log_of_the_node_that_executes_them(
+    tmp_path: Path,
+) -> None:
+    async def scene() -> None:
+        async with pair(tmp_path) as (shore, _):
+            assert (await get(shore, "@acoustic/2/routing?do=probe;run=7;count=1")).good
+            assert (await get(shore, "@acoustic/2/routing?do=heard;run=7")).good
+            assert (await get(shore, "@acoustic/2/routing?do=reset;route=1;revision=9")).errors
+
+    run(scene())
+    assert _entries(tmp_path, 2) == [
+        (1, 0, "route_probe", "run 7", "executed"),
+        (1, 0, "route_reset", "route 1", "refused"),
+    ]
+
+
 def test_a_goal_is_in_the_logs_from_its_beginning_to_its_end(tmp_path: Path) -> None:
     async def scene() -> None:
         async with pair(tmp_path) as (shore, auv):

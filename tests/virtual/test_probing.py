@@ -8,7 +8,7 @@ from tests.virtual.fleet import line as fleet_line
 from tests.virtual.lineoffive import NODES, LineOfFive
 from tests.virtual.sealed import SealedFleet
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.events import CallFailed, Event, ResponseReceived
+from zacoustic.core.engine.events import CallFailed, Event, ResponseReceived, RoutingHandled
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.routing import RoutingAnswer, RoutingKind, RoutingRequest
@@ -23,6 +23,7 @@ class Asked:
 
     def __init__(self, loss: float, *, sealed: bool = False, **more: object) -> None:
         self._ends: dict[int, ResponseReceived | CallFailed] = {}
+        self.handled: list[tuple[int, RoutingHandled]] = []
         build = SealedFleet() if sealed else Engine
         self.line = LineOfFive(loss, happened=self._take, build=build, **more)  # type: ignore[arg-type]
         self.line.network.run(until_s=5.0)
@@ -54,6 +55,8 @@ class Asked:
         return dict(answer.heard)
 
     def _take(self, node: int, event: Event) -> None:
+        if isinstance(event, RoutingHandled):
+            self.handled.append((node, event))
         if isinstance(event, ResponseReceived | CallFailed):
             assert node == 1
             self._ends[event.call_id] = event
@@ -94,6 +97,21 @@ def test_who_may_not_command_gets_no_probe() -> None:
     answer = asked.ask(2, RoutingRequest(kind=PROBE, run=7, count=32))
     assert answer == "node 2 takes no commands from 1"
     assert asked.line.network.engine(2).stats.frames_transmitted - before < 8
+
+
+def test_what_others_command_is_told_and_what_they_ask_is_not() -> None:
+    asked = Asked(0.0)
+    asked.probe(3, 4, (2,))
+    asked.heard(3, (2,))
+    ((node, executed),) = asked.handled
+    assert (node, executed.commanded_by, executed.refusal) == (3, 2, "")
+    assert executed.request is not None
+    assert (executed.request.kind, executed.request.run, executed.request.count) == (PROBE, 7, 4)
+    forbidden = Asked(0.0, rules=TransmitRules(commands_from=frozenset({9})))
+    forbidden.ask(2, RoutingRequest(kind=PROBE, run=7, count=32))
+    ((node, refused),) = forbidden.handled
+    assert (node, refused.commanded_by, refused.request) == (2, 1, None)
+    assert refused.refusal == "node 2 takes no commands from 1"
 
 
 def test_a_way_that_comes_back_or_ends_nowhere_is_refused() -> None:

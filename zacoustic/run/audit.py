@@ -34,6 +34,7 @@ from zacoustic.core.engine.events import (
     RequestReceived,
     ResponseReceived,
     ResultReceived,
+    RoutingHandled,
     SealAlarm,
 )
 from zacoustic.core.engine.tap import EngineCall, Tap
@@ -214,6 +215,14 @@ class AuditLog:
                     "refused" if event.refusal else "executed",
                     about=self._name(event.stream_id),
                     text=event.refusal,
+                )
+            case RoutingHandled():
+                what, about = (
+                    ("route", "") if event.request is None else _routing_words(event.request)
+                )
+                outcome = "refused" if event.refusal else "executed"
+                yield self._entry(
+                    event.commanded_by, what, outcome, about=about, text=event.refusal
                 )
             case KeyDelivered():
                 outcome = "refused" if event.refusal else "executed"

@@ -42,6 +42,7 @@ from zacoustic.core.transport.deliveries import (
 from zacoustic.core.transport.keydelivery import KeyDelivered
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
+from zacoustic.core.transport.routing import RoutingHandled
 from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, DeadlineSide
 from zacoustic.core.wire.calls import CallFailure, CallKey
@@ -96,6 +97,7 @@ __all__ = [
     "ResponseReceived",
     "ResultReceived",
     "RosEntitySeen",
+    "RoutingHandled",
     "SampleReceived",
     "SealAlarm",
     "SilenceChanged",
@@ -153,6 +155,7 @@ Event = (
     | SilenceChanged
     | StreamOverridden
     | CommandHandled
+    | RoutingHandled
     | KeyDelivered
     | AccessStateChanged
     | ClockStateChanged

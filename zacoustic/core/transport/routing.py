@@ -34,6 +34,23 @@ HOP_S: Final = 60.0
 """How long a node that passes a request on waits for the answer, for each hop ahead, s."""
 
 
+class RoutingHandled(msgspec.Struct, frozen=True, kw_only=True):
+    """A command about routes of another node was executed, or any was refused."""
+
+    commanded_by: int
+    """Address of the node that gave it to this one."""
+    request: RoutingRequest | None
+    """The request; None: it was refused unread."""
+    refusal: str
+    """The reason for the refusal, one line; empty: it was executed."""
+    handled_at: int
+    """Instant, ns."""
+
+
+_CHANGES: Final = (RoutingKind.PROBE, RoutingKind.SET, RoutingKind.RESET)
+"""The kinds that do something; the others only ask."""
+
+
 class Routing:
     """Commands about routes that a node gives, executes and passes on.
 
@@ -59,6 +76,7 @@ class Routing:
         self._executes = executes
         self._prober = prober
         self._paths = paths
+        self._emit: Callable[[RoutingHandled], None] = node.emit
         self._alarms = node.alarms if node.seal is not None else None
         self._passed_on: dict[int, CallKey] = {}
         """The requests that are passed on, by the id of the call to the next node."""
@@ -146,16 +164,17 @@ class Routing:
             if self._alarms is not None:
                 self._alarms.forbidden(call.client, ROUTING_STREAM_ID, now)
             text = f"node {self._address} takes no commands from {call.client}"
-            self._refuse(call, text, now)
+            self._refuse(call, None, text, now)
             return
+        request: RoutingRequest | None = None
         try:
             request = RoutingRequest.decode(received.value)
             if request.via:
                 self._pass_on(call, request, ns_to_seconds(received.deadline_at - now), now)
             else:
-                self.execute(request, now, partial(self._reply, call, request.kind))
+                self.execute(request, now, partial(self._executed, call, request))
         except (ValueError, LocalError) as error:
-            self._refuse(call, str(error), now)
+            self._refuse(call, request, str(error), now)
 
     def _pass_on(self, call: CallKey, request: RoutingRequest, left_s: float, now: int) -> None:
         """Call the next node; the last address of `via` is that of the executing one."""
@@ -182,13 +201,25 @@ class Routing:
             self._services.reply_error(call, CallFailure.HANDLER, text, now)
         return None
 
-    def _reply(self, call: CallKey, kind: RoutingKind, answer: RoutingAnswer, now: int) -> None:
+    def _executed(
+        self, call: CallKey, request: RoutingRequest, answer: RoutingAnswer, now: int
+    ) -> None:
         assert self._services is not None
-        self._services.reply(call, answer.encode(kind), now)
+        self._services.reply(call, answer.encode(request.kind), now)
+        if request.kind in _CHANGES:
+            self._tell(call, request, "", now)
 
-    def _refuse(self, call: CallKey, reason: str, now: int) -> None:
+    def _refuse(self, call: CallKey, request: RoutingRequest | None, reason: str, now: int) -> None:
         assert self._services is not None
         self._services.reply_error(call, CallFailure.HANDLER, reason, now)
+        self._tell(call, request, reason, now)
+
+    def _tell(self, call: CallKey, request: RoutingRequest | None, refusal: str, now: int) -> None:
+        self._emit(
+            RoutingHandled(
+                commanded_by=call.client, request=request, refusal=refusal, handled_at=now
+            )
+        )
 
     # Below the methods above
 

@@ -19,6 +19,7 @@ from zacoustic.core.engine.events import (
     PeerSeen,
     RequestReceived,
     ResponseReceived,
+    RoutingHandled,
     SampleReceived,
     StreamsDiffer,
     TransportEvent,
@@ -42,6 +43,7 @@ _HEARD_ELSEWHERE = (
     ModemRead,
     TransportEvent,
     CommandHandled,
+    RoutingHandled,
     KeyDelivered,
 )
 """Events for programs on a link and the audit log; the health report asks for measurements."""
