@@ -9,9 +9,10 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 ==============  ====================================================================================
 `engine`        the contract for the shell that drives a node, and the wiring: `engine`,
                 `makeengine`; `linkstack` is a node on one link, `routeports` its routes, which are
-                links to their ends, `bondports` its bonds, which are links to their streams, and
-                `forwarding` what of both goes over a link; `commands` use the link of their stream;
-                `events` is the engine's output, `tap` records its calls
+                links to their ends, `bondports` its bonds, which are links to their streams,
+                `floodport` its flooded streams, and `forwarding` what of these goes over a link;
+                `commands` use the link of their stream; `events` is the engine's output, `tap`
+                records its calls
 `profiles`      which transports a node speaks, and how a frame is decoded: `native`, `rmw_desert`,
                 each a `profile`; `rules` has the rules of the config, `entities` those of discovery
 `transport`     the mechanisms between two nodes, end to end: `topics`, `reliable`, `objects`,
@@ -22,7 +23,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 `contract` is for third-party transports
 `relay`         frames of routes over other nodes: a `route`, a `flow` for each direction of it with
                 the frames in `custody`, the `gate` that gives its turns; `relay` is a source of the
-                composer; `prober` measures who hears whom, `paths` has changed paths
+                composer; `prober` measures who hears whom, `paths` has changed paths; `flooding`
+                passes frames on without a route, as `flood` says
 `bond`          several links used as one: `spec` lists them, `bonding` chooses for each frame,
                 `reach` tells whether a link reaches a node, `outbox` is a source of the composer
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
@@ -40,8 +42,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 `statements` are
                 what a frame says about its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
-                `access`, `agreement`, `bond`, `calls`, `carry`, `goals`, `numbers`, `objects`,
-                `relay`, `routing`, `subscriptions`
+                `access`, `agreement`, `bond`, `calls`, `carry`, `flood`, `goals`, `numbers`,
+                `objects`, `relay`, `routing`, `subscriptions`
                 (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
                 `commands`, `status`, `keydelivery` and `routing` are in every table, `carry` in
