@@ -9,8 +9,9 @@ import pytest
 
 pytest.importorskip("shtab")
 
-from zacoustic.app.cli import BUILT_IN, complete_parser, main
+from zacoustic.app.cli import complete_parser, main
 from zacoustic.app.cli.host.completion import SHELLS
+from zacoustic.app.cli.verbs import VERBS
 
 # Calls the function of the script as bash does, and prints what it offers.
 COMPLETE = """
@@ -26,8 +27,8 @@ printf '%s\\n' "${COMPREPLY[@]}"
 def test_script_knows_every_verb(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
-    for verb in (*BUILT_IN, "medium", "emulate"):
-        assert verb in script, verb
+    for verb in (*VERBS, "run medium", "run modems"):
+        assert all(word in script for word in verb.split()), verb
     program = shutil.which(shell)
     if program is not None:
         checked = subprocess.run(
@@ -40,15 +41,15 @@ def test_script_knows_every_verb(shell: str, capsys: pytest.CaptureFixture[str])
 @pytest.mark.parametrize(
     ("words", "offered", "not_offered"),
     [
-        (["mon"], {"monitor"}, {"gateway"}),
-        (["emulate", ""], {"desert", "evologics"}, {"monitor"}),
+        (["mon"], {"monitor"}, {"gateway", "run"}),
+        (["run", "modems", ""], {"desert", "evologics"}, {"monitor"}),
         (["sim", "fle"], {"fleet.json5"}, {"folder"}),
         (["sim", "campaign", "--w"], {"--workers"}, set()),
         (["ping", "--"], {"--count", "--interval", "--timeout", "--json"}, {"--once"}),
         (["completion", ""], set(SHELLS), set()),
-        (["check", "fle"], {"fleet.json5"}, {"folder"}),
+        (["config", "check", "fle"], {"fleet.json5"}, {"folder"}),
         (["decode", "fle"], {"fleet.json5"}, set()),
-        (["doctor", "a", "--recording", "fle"], {"fleet.json5"}, set()),
+        (["config", "doctor", "a", "--recording", "fle"], {"fleet.json5"}, set()),
         (["replay", "a", "--through", "fle"], {"fleet.json5"}, set()),
     ],
 )
@@ -77,5 +78,5 @@ def test_parser_of_all_verbs_reads_each_of_them() -> None:
     choices = next(
         each for each in parser._actions if isinstance(each, argparse._SubParsersAction)
     ).choices
-    assert set(BUILT_IN) < set(choices)
+    assert {verb.split()[0] for verb in VERBS} == set(choices)
     assert parser.parse_args(["ping", "2", "--count", "3"]).count == 3
