@@ -95,13 +95,19 @@ VERBS: Final[dict[str, tuple[str, ...]]] = {
     "mavlink shore": ("mavlink", "shore", *BRIDGE),
     "mavlink streams": ("mavlink", "streams"),
     "topic list": ("topic", "list", *NOBODY),
+    "topic hz": ("topic", "hz", "hello", "--timeout", "1", *LINKED),
+    "topic bw": ("topic", "bw", "hello", *NOBODY),
+    "topic info": ("topic", "info", "hello", *NOBODY),
+    "status": ("status", *NOBODY),
+    "nodes": ("nodes", *NOBODY),
+    "config show": ("config", "show", "fleet.json5"),
     "service list": ("service", "list", *NOBODY),
     "action list": ("action", "list", *NOBODY),
     "monitor": ("monitor", "--once", *NOBODY),
     "dashboard": ("dashboard", "--listen", NO_HOST, *NOBODY),
     "silence": ("silence", *NOBODY),
     "resume": ("resume", *NOBODY),
-    "stream": ("stream", "--node", "2", "--id", "1", *NOBODY),
+    "stream": ("stream", "1", "--node", "2", *NOBODY),
     "decode": ("decode", "trial.mcap"),
     "sim": ("sim", "water.json5", "--until", "60"),
     "sim campaign": ("sim", "campaign", "campaign.json5", "--workers", "1"),
@@ -266,7 +272,7 @@ def test_no_file_that_is_none_brings_a_traceback(
 
 
 NETWORKED: Final = (
-    ("run", "gateway"), ("topic", "pub"), ("topic", "echo"), ("service", "call"),
+    ("run", "gateway"), ("topic", "pub"), ("topic", "echo"), ("topic", "hz"), ("service", "call"),
 )  # fmt: skip
 """They join a network before they read their file, or wait for one."""
 NUMBERS: Final = {

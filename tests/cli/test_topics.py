@@ -25,7 +25,7 @@ def test_topics_tells_what_has_crossed_and_how_old_it_is(
                 payload = cbor(depth=depth, mode="survey")
                 found.auv.put("auv1/nav", payload, encoding="application/cbor")
                 await heard.next()
-            assert await verb("topic", "list", *found.where, "--json") == 0
+            assert await verb("topic", "list", "--wide", *found.where, "--json") == 0
             rows = {row["name"]: row for row in lines_of(capsys)}
             nav = rows["auv1/nav"]
             assert (nav["gateway"], nav["id"], nav["kind"]) == (1, 10, "topic")
@@ -40,7 +40,7 @@ def test_topics_tells_what_has_crossed_and_how_old_it_is(
             text = capsys.readouterr().out
             assert text.startswith("gateway 2 auv1: link up")
             nav_line = next(line for line in text.splitlines() if "auv1/nav" in line)
-            assert nav_line.split()[:4] == ["10", "auv1/nav", "topic", "3"]
+            assert nav_line.split()[:4] == ["10", "auv1/nav", "out", "3"]
             assert await verb("topic", "list", *at_auv, "--node", "7") == 1
             assert "gateway 7 is not on this network; there are: 2" in capsys.readouterr().err
 

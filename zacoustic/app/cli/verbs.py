@@ -9,11 +9,16 @@ from typing import Final
 VERBS: Final = {
     "run gateway": "use.gateway",
     "run demo": "design.demo",
+    "status": "watch.status",
+    "nodes": "watch.nodes",
     "monitor": "watch.monitor",
     "dashboard": "watch.dashboard",
     "topic list": "watch.topics",
     "topic echo": "use.sub",
     "topic pub": "use.pub",
+    "topic hz": "use.hz",
+    "topic bw": "watch.bw",
+    "topic info": "watch.info",
     "service list": "watch.services",
     "service call": "use.call",
     "action list": "watch.actions",
@@ -29,6 +34,7 @@ VERBS: Final = {
     "config plan": "design.plan",
     "config doctor": "host.doctor",
     "config schema": "design.schema",
+    "config show": "design.show",
     "predive": "host.predive",
     "links": "host.links",
     "sim": "design.sim",
@@ -59,7 +65,7 @@ GROUPS: Final = {
 """What the members of a group are about."""
 
 HEADINGS: Final = {
-    "run and watch": ("run", "monitor", "dashboard"),
+    "run and watch": ("run", "status", "nodes", "monitor", "dashboard"),
     "use": ("topic", "service", "action", "ping", "mavlink"),
     "command other nodes": ("stream", "route", "silence", "resume"),
     "prepare": ("config", "predive", "links", "sim", "codec"),

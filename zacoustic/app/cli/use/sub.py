@@ -58,7 +58,7 @@ async def _listen(arguments: argparse.Namespace) -> int:
     async with make_node(arguments) as node:
         # Printed here, not in callbacks, so that a reader that closes the pipe ends the verb.
         arrived: Mailbox[Sample[Any]] = Mailbox(_DEPTH)
-        _subscribe(node, arguments.key, lambda sample: arrived.put(sample, sample.key))
+        subscribe(node, arguments.key, lambda sample: arrived.put(sample, sample.key))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(arguments.timeout):
                 while arguments.count is None or seen < wanted:
@@ -73,7 +73,8 @@ async def _listen(arguments: argparse.Namespace) -> int:
     return EXIT_TIMED_OUT
 
 
-def _subscribe(node: "Node", key: str | None, take: "Callable[[Sample[Any]], None]") -> None:
+def subscribe(node: "Node", key: str | None, take: "Callable[[Sample[Any]], None]") -> None:
+    """Subscribe to a key, to all topics, or without a config to all keys."""
     from zacoustic.core.base.qos import Qos
 
     for name in _names(node, key):

@@ -16,7 +16,7 @@ from zacoustic.text.safetext import one_line
 
 _NARROW = ("id", "name", "way", "count", "last", "rate", "age", "waits", "airtime")
 _NARROW_RIGHT = ("id", "count", "last", "age", "waits", "airtime")
-_NAME_LETTERS = 28
+_NAME_LETTERS = 24
 """Letters of a name in the narrow table; the end of a longer one is kept."""
 _HEADER = ("id", "name", "kind", "sent", "last", "rate", "heard", "last", "rate", "age", "waits",
            "airtime", "")  # fmt: skip
