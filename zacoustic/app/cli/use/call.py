@@ -31,7 +31,7 @@ class CallCommand(Command):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare service, request, where to, how long to wait."""
         parser.epilog = _EXAMPLE
-        parser.add_argument("key", metavar="KEY", help="service of the config, or key")
+        parser.add_argument("key", metavar="SERVICE", help="service of the config, or key")
         parser.add_argument(
             "request", metavar="REQUEST", nargs="?", default="",
             help="JSON5 for a typed service, otherwise a text",
