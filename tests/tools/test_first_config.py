@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zacoustic.app.cli import main
+from zacoustic.app.tools.design.first.asking import ask_about
 from zacoustic.app.tools.design.first.inference import NoTypeError, infer_type
 from zacoustic.app.tools.design.first.survey import SeenTopic, Survey
 from zacoustic.app.tools.design.first.writing import Side, write_config, write_files
@@ -291,3 +292,24 @@ def test_what_is_larger_than_any_object_is_left_out_with_its_reason() -> None:
     text, config = write_config(survey(huge, seen("small", b"abc")))
     assert "// left out: huge: 2097152 bytes; allowed: 1048576" in text
     assert list(topics_of(config)) == ["small"]
+
+
+def test_a_user_who_is_asked_leaves_out_and_slows_down() -> None:
+    answers = ["", "n", "what?", "120"]
+    asked: list[str] = []
+
+    def ask(question: str) -> str:
+        asked.append(question)
+        if not answers:
+            raise EOFError
+        return answers.pop(0)
+
+    topics = [seen(f"auv1/{name}", b"x") for name in ("a", "b", "c", "d", "e")]
+    files = write_files(survey(*topics), choose=lambda drafts: ask_about(drafts, ask=ask))
+    found = topics_of(files.config)
+    assert list(found) == ["auv1/a", "auv1/c", "auv1/d", "auv1/e"]
+    assert found["auv1/c"].qos.min_interval_s == 120.0
+    assert asked[0].startswith("Enter: as proposed")
+    assert "auv1/b" in asked[1]
+    with pytest.raises(ConfigError, match="nothing is left"):
+        write_files(survey(topics[0]), choose=lambda drafts: [])

@@ -18,6 +18,8 @@ from zacoustic.core.values.encoding import CBOR, JSON, OPAQUE, TYPED_ENCODINGS, 
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, PayloadInvalidError
 
+REPEATED_S: Final = 10.0
+"""A topic with at most this period repeats itself, s."""
 _CDR_HEAD: Final = b"\x00\x01\x00\x00"
 
 
@@ -67,8 +69,19 @@ class TopicDraft(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_reliable(self) -> bool:
-        """Whether each sample must arrive, or is larger than a frame."""
-        return self.parts_s is not None or self.priority in COMMANDING
+        """Whether each sample must arrive, or is larger than a frame.
+
+        What an urgent topic repeats every few seconds anyway needs no acknowledgement.
+        """
+        period_s = self.seen.period_s
+        is_repeated = period_s is not None and period_s <= REPEATED_S
+        return self.parts_s is not None or (self.priority in COMMANDING and not is_repeated)
+
+    @property
+    def is_too_often(self) -> bool:
+        """Whether large samples are published faster than they surely cross."""
+        period_s = self.seen.period_s
+        return self.parts_s is not None and period_s is not None and 3 * period_s < self.parts_s
 
     @property
     def name(self) -> str:

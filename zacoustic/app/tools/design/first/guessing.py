@@ -36,7 +36,7 @@ class Quantity(msgspec.Struct, frozen=True, kw_only=True):
 _LATITUDE: Final = Quantity(unit="deg", step=1e-6, low=-90, high=90, is_firm=True)
 _LONGITUDE: Final = Quantity(unit="deg", step=1e-6, low=-180, high=180, is_firm=True)
 _COURSE: Final = Quantity(unit="deg", step=0.1, low=0, high=360, is_firm=True, wraps=True)
-_COURSE_RAD: Final = Quantity(unit="rad", step=0.001, low=-_TURN, high=_TURN)
+_COURSE_RAD: Final = Quantity(unit="rad", step=0.001, low=-_TURN, high=_TURN, is_firm=True)
 _TILT: Final = Quantity(unit="deg", step=0.1, low=-180, high=180, is_firm=True)
 _PERCENT: Final = Quantity(unit="%", step=0.5, low=0, high=100, is_firm=True)
 _METRES: Final = Quantity(unit="m", step=0.01, low=0, high=1000)

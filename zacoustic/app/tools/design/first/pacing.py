@@ -2,7 +2,9 @@
 
 A topic keeps the period at which it was published, if that is slow enough. The others get a common
 least interval, shorter for urgent ones and longer for those in the background, and it grows until
-the airtime of all topics is within the budget: half of what carrier sense carries well.
+the airtime of all topics, each in frames of its own, is within the budget. What is larger than a
+frame keeps its period: the engine does not space objects, and a newer one takes the place of the
+one that crosses.
 """
 
 import math
@@ -15,7 +17,7 @@ from zacoustic.app.tools.crossing import room_bytes
 from zacoustic.app.tools.design.first.drafting import TopicDraft
 from zacoustic.channel.profiles import ModemProfile
 
-BUDGET: Final = 0.25
+BUDGET: Final = 0.3
 """Share of the time that all topics together may take."""
 INTERVAL_S: Final = 5.0
 """Least interval of a usual topic, s: a channel carries one or two frames per second in all."""
@@ -27,6 +29,8 @@ LONGEST_S: Final = 3600.0
 _WEIGHTS: Final = {"real_time": 0.2, "interactive_high": 0.4, "data_low": 2.0, "background": 4.0}
 _HEAD_BYTES: Final = 8  # id, number, SYNC and the like
 _PARTS_MARGIN: Final = 3
+_FRAGMENT_HEAD_BYTES: Final = 12
+_REPAIR: Final = 1.2
 _MOST_TURNS: Final = 60
 
 
@@ -71,7 +75,8 @@ def paced(
 def _cost_s(draft: TopicDraft, size_bytes: int, profile: ModemProfile) -> float:
     """Return the airtime of a sample, with the answer to a reliable one, s."""
     if draft.parts_s is not None:
-        return draft.parts_s / _PARTS_MARGIN
+        frames = math.ceil(size_bytes / (profile.mtu_bytes - _FRAGMENT_HEAD_BYTES))
+        return _REPAIR * (frames + 1) * profile.airtime_s(profile.mtu_bytes)
     frame_s = profile.airtime_s(min(profile.mtu_bytes, size_bytes + _HEAD_BYTES))
     answer_s = profile.airtime_s(_HEAD_BYTES) if draft.is_reliable else 0.0
     return frame_s + answer_s
@@ -86,9 +91,9 @@ def _interval_s(draft: TopicDraft, stretch: float) -> float | None:
         period_s = 1 / seen.rate_hz if seen.samples > 1 and seen.rate_hz > 0 else None
     if period_s is None and (draft.parts_s is None or not seen.samples):
         return None
-    least_s = INTERVAL_S * _WEIGHTS.get(draft.priority, 1.0) * stretch
     if draft.parts_s is not None:
-        least_s = max(least_s, draft.parts_s)
+        return _near(period_s or draft.parts_s)
+    least_s = INTERVAL_S * _WEIGHTS.get(draft.priority, 1.0) * stretch
     return min(LONGEST_S, max(_rounded(least_s), _near(period_s or 0.0)))
 
 

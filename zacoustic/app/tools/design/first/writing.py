@@ -16,7 +16,7 @@ from zacoustic.app.tools.design.first.drafting import (
     draft_topic,
     type_names,
 )
-from zacoustic.app.tools.design.first.guessing import USUAL, priority_of
+from zacoustic.app.tools.design.first.guessing import COMMANDING, USUAL, priority_of
 from zacoustic.app.tools.design.first.inference import InferredType
 from zacoustic.app.tools.design.first.pacing import LIFESPAN_S, paced, sized
 from zacoustic.app.tools.design.first.rosdrafting import RosNetwork, ros_network
@@ -342,7 +342,7 @@ def _service_line(stream_id: int, key: str, interface: str | None, server: int) 
     keys |= {"server": server, "timeout_s": 60}
     ros = ", ros: {}" if interface is not None else ""
     priority = priority_of(key)
-    if priority in ("real_time", "interactive_high"):
+    if priority in COMMANDING:
         keys["priority"] = priority
     return f"      {{ {_keys(keys)}{ros} }},"
 
@@ -356,6 +356,9 @@ def _topic_lines(stream_id: int, draft: TopicDraft, content: _Content) -> Iterat
     yield f"      // {_comment(said)}{'; ' + _comment(draft.remark) if draft.remark else ''}"
     if draft.parts_s is not None:
         yield "      // Larger than a frame: in parts, which only reliable topics are."
+    if draft.is_too_often:
+        yield "      // EDIT: it may be published faster than it crosses; a newer one replaces it:"
+        yield "      // publish it less often, or delete it."
     publisher = content.there if draft.is_from_peer else content.here
     keys: dict[str, object] = {"id": stream_id, "topic": draft.name}
     if draft.ros is not None:
