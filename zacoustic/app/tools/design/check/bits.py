@@ -13,6 +13,7 @@ import msgspec
 
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.values.payload import PackedCodec, PayloadCodec
+from zacoustic.core.values.types import TypeSpec
 
 _MORE_BYTES: Final = 2  # of a dense block of one sample besides its packed payload, at most
 _LEAST_DENSE_BITS: Final = 1
@@ -54,3 +55,30 @@ def sample_bits(
         typical=typical.get(stream.stream_id),
         largest=None if largest is None else 8 * (largest + _MORE_BYTES),
     )
+
+
+def usual_bytes(stream: Stream) -> int | None:
+    """Return the size of a usual sample of a packed stream that is not dense; None: another stream.
+
+    No number is outside of its range, texts and lists are half as long as they may be, and optional
+    fields are there.
+    """
+    if stream.type is None or stream.dense_type is not None:
+        return None
+    if not isinstance(stream.codec, PackedCodec):
+        return None
+    return PackedCodec(_usual(stream.type)).largest_bytes
+
+
+def _usual(spec: TypeSpec) -> TypeSpec:
+    """Return a type whose largest value is as large as a usual one of another type."""
+    fields = []
+    for field in spec.fields:
+        usual = field
+        if usual.escapes:
+            usual = msgspec.structs.replace(usual, outside="clamp")
+        if usual.max_length is not None:
+            usual = msgspec.structs.replace(usual, max_length=(usual.max_length + 1) // 2)
+        fields.append(usual)
+    nested = tuple(_usual(each) for each in spec.nested)
+    return TypeSpec(name=spec.name, fields=tuple(fields), nested=nested, is_hidden=spec.is_hidden)

@@ -8,8 +8,9 @@ There are three sources, and the first one present counts:
   A topic without either, a service or an action has no rate: it is named and left out.
 
 Payloads are those of the values, encoded by the codec of the stream. If only the type is known,
-they have the typical size, which the fit of a dense topic has measured; if that is unknown as well,
-the largest size.
+they have the typical size: of a dense topic the one that its fit has measured, of a packed one that
+of a sample within its ranges, with texts and lists half full, of a reliable one without a type half
+its `max_bytes`. If that is unknown as well, they have the largest size.
 """
 
 import itertools
@@ -19,7 +20,7 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.app.tools.design.check.bits import sample_bits
+from zacoustic.app.tools.design.check.bits import sample_bits, usual_bytes
 from zacoustic.app.tools.design.telemetry.recording import Mission
 from zacoustic.channel.traffic import TrafficSpec
 from zacoustic.core.base.clock import seconds_to_ns
@@ -275,9 +276,13 @@ def _usual_bytes(stream: Stream, typical: Mapping[int, float], room_bytes: int) 
     bits = sample_bits(stream, stream.codec, typical)
     if bits is not None and bits.typical is not None:
         return -(-int(bits.typical) // _BITS), True
+    usual = usual_bytes(stream)
+    if usual is not None:
+        return usual, True
     smallest, largest = stream.codec.smallest_bytes, stream.codec.largest_bytes
     if largest is None and isinstance(stream.spec, TopicSpec) and stream.spec.max_bytes:
-        return stream.spec.max_bytes, False
+        # A bound is set with room: twice of what is usual, as `config init` does it.
+        return max(1, stream.spec.max_bytes // 2), True
     if largest is None:
         return max(smallest, room_bytes - _HEAD_BYTES - len(stream.keys.wildcards)), False
     return largest, smallest == largest
