@@ -37,7 +37,7 @@ help:
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
 
 demo: venv-run
-	@.venv/bin/zacoustic demo $(ARGS)
+	@.venv/bin/zacoustic run demo $(ARGS)
 
 auv: venv-console
 	@$(VENV_PYTHON) -m examples.auv $(ARGS)

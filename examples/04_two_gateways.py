@@ -1,8 +1,8 @@
 """Two Zenoh networks joined by sound: gateways from one file, plain Zenoh clients on both sides.
 
 Run it: python examples/04_two_gateways.py
-Without Python: zacoustic medium examples/04_water.json5 --listen HOST:PORT, and on each computer
-zacoustic gateway examples/04_fleet.json5 --address N --link sim/HOST:PORT
+Without Python: zacoustic run medium examples/04_water.json5 --listen HOST:PORT, and on each
+computer zacoustic run gateway examples/04_fleet.json5 --address N --link sim/HOST:PORT
 """
 
 import asyncio

@@ -3,7 +3,7 @@
 Run it: python examples/08_ros2.py
 
 The two "nodes" say on Zenoh what real ones say; with ROS 2 at hand start those instead, each beside
-its gateway: zacoustic gateway examples/08_fleet.json5 --address N --link MODEM
+its gateway: zacoustic run gateway examples/08_fleet.json5 --address N --link MODEM
 """
 
 import asyncio

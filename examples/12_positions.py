@@ -2,7 +2,7 @@
 
 Gazebo, HoloOcean and Stonefish publish where a vehicle is as PoseStamped, z up. Under rmw_zenoh a
 topic is a key of Zenoh; `adapt` takes poses from there and says positions, z down, to
-`zacoustic medium water.json5 --positions zenoh:positions --connect tcp/localhost:7447`.
+`zacoustic run medium water.json5 --positions zenoh:positions --connect tcp/localhost:7447`.
 
 Run it: python examples/12_positions.py   (`simulate` stands in for the simulator)
 """
@@ -66,7 +66,7 @@ if __name__ == "__main__":
     alone = {"multicast": {"enabled": False}}
     settings = {"mode": "router", "listen": {"endpoints": [endpoint]}, "scouting": alone}
     words = ["--positions", "zenoh:positions", "--connect", endpoint, "--json"]
-    command = ["zacoustic", "medium", str(SCENARIO), "--listen", "127.0.0.1:0", *words]
+    command = ["zacoustic", "run", "medium", str(SCENARIO), "--listen", "127.0.0.1:0", *words]
     with (
         zenoh.open(zenoh.Config.from_json5(json.dumps(settings))) as router,
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process,

@@ -1,6 +1,6 @@
 """The processes of a dive: two emulated S2C modems, a gateway on each side, the vehicle.
 
-The children are started and stopped as those of `zacoustic demo`; whoever steers sits in this
+The children are started and stopped as those of `zacoustic run demo`; whoever steers sits in this
 process, as a client of the shore's router. Where the vehicle says that it truly is, its modem is.
 """
 
@@ -115,7 +115,7 @@ async def expedition(
         water = folder / "water.json5"
         text = (_HERE / "water.json5").read_text(encoding="utf-8")
         water.write_text(text.replace("seed: 7,", f"seed: 7, loss: {{ frame: {loss} }},"))
-        modems = ("emulate", "evologics", "--scenario", str(water), "--listen", "127.0.0.1:0")
+        modems = ("run", "modems", "evologics", "--scenario", str(water), "--listen", "127.0.0.1:0")
         await begin("modems", *program, *modems, "--positions", "-", "--json")
         endpoints = dict(
             zip(
@@ -128,7 +128,7 @@ async def expedition(
             file = folder / f"node{address}.json5"
             file.write_text(fleet_text(address, endpoint, ros=ros), encoding="utf-8")
             arguments = ("--address", str(address), "--link", locators[address], "--json")
-            await begin(f"gateway {address}", *program, "gateway", str(file), *arguments)
+            await begin(f"gateway {address}", *program, "run", "gateway", str(file), *arguments)
         vehicle = (sys.executable, "-m", "examples.auv.vehicle", endpoints[VEHICLE])
         await begin("vehicle", *vehicle, *["--ros"] * ros, reads_input=True)
         return endpoints[SHORE]

@@ -1,4 +1,4 @@
-"""`zacoustic emulate desert`: the stand-in as a verb, for use without DESERT."""
+"""`zacoustic run modems desert`: the stand-in as a verb, for use without DESERT."""
 
 import argparse
 import asyncio
@@ -34,9 +34,9 @@ class DesertEmulation(Command):
         """Declare nodes, ports, the settings of DESERT's script, and the form of the output."""
         parser.epilog = (
             "example: two nodes, and a gateway on each\n"
-            "  zacoustic emulate desert --listen 127.0.0.1:4000\n"
-            "  zacoustic gateway fleet.json5 --address 1 --link desert/127.0.0.1:4000\n"
-            "  zacoustic gateway fleet.json5 --address 2 --link desert/127.0.0.1:4001"
+            "  zacoustic run modems desert --listen 127.0.0.1:4000\n"
+            "  zacoustic run gateway fleet.json5 --address 1 --link desert/127.0.0.1:4000\n"
+            "  zacoustic run gateway fleet.json5 --address 2 --link desert/127.0.0.1:4001"
         )
         add = parser.add_argument
         add("--modems", type=int, metavar="N", help="number of nodes (default: 2)")

@@ -1,4 +1,4 @@
-"""The queries of `zacoustic doctor` to a modem: it changes no setting and transmits nothing.
+"""The queries of `zacoustic config doctor` to a modem: it changes no setting and transmits nothing.
 
 They are those of the start-up (`driver.startup`), without its changes and without the filler, which
 in data mode would be data for the channel. If a port does not answer, other baud rates are tried.

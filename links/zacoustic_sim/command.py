@@ -1,4 +1,4 @@
-"""The verb `zacoustic medium`: a simulated channel that gateways in other processes share."""
+"""The verb `zacoustic run medium`: a simulated channel that gateways in other processes share."""
 
 import argparse
 import asyncio
@@ -24,7 +24,9 @@ class MediumCommand(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare scenario, address, seed, time scale and form of the output."""
-        parser.epilog = "example: zacoustic medium examples/04_medium.json5 --listen 127.0.0.1:7000"
+        parser.epilog = (
+            "example: zacoustic run medium examples/04_medium.json5 --listen 127.0.0.1:7000"
+        )
         parser.add_argument("scenario", metavar="SCENARIO", help="scenario file, JSON5")
         parser.add_argument(
             "--listen", metavar="HOST:PORT", default="127.0.0.1:7000",

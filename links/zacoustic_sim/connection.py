@@ -15,7 +15,7 @@ from zacoustic_sim.messages import (
     encode_message,
 )
 
-START_HINT: Final = "start it: zacoustic medium SCENARIO --listen {address}"
+START_HINT: Final = "start it: zacoustic run medium SCENARIO --listen {address}"
 """Hint when nothing listens at `address`."""
 
 

@@ -114,7 +114,7 @@ class SimLink(Link):
         if not 1 <= node_address <= 254:
             raise ConfigError(f"node address is {node_address}; allowed: 1..254")
         if address.startswith(("tcp:", "serial:")):
-            raise ConfigError(f"sim/{address}; allowed: sim/HOST:PORT, of `zacoustic medium`")
+            raise ConfigError(f"sim/{address}; allowed: sim/HOST:PORT, of `zacoustic run medium`")
         connection = StreamConnection(address, node_address=node_address)
         return cls(connection, config, node_address=node_address)
 

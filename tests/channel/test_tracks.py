@@ -70,9 +70,17 @@ def test_a_wrong_track_is_one_line(
         track.write_text(content, encoding="utf-8")
     words = {
         "sim": ["sim", str(scenario)],
-        "plan": ["plan", str(scenario)],
-        "medium": ["medium", str(scenario), "--listen", "127.0.0.1:0"],
-        "emulate": ["emulate", "evologics", "--scenario", str(scenario), "--listen", "127.0.0.1:0"],
+        "plan": ["config", "plan", str(scenario)],
+        "medium": ["run", "medium", str(scenario), "--listen", "127.0.0.1:0"],
+        "emulate": [
+            "run",
+            "modems",
+            "evologics",
+            "--scenario",
+            str(scenario),
+            "--listen",
+            "127.0.0.1:0",
+        ],
     }
     assert main(words[verb]) == 2
     error = capsys.readouterr().err

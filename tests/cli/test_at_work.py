@@ -12,7 +12,7 @@ import pytest
 from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main
 
-SLOW = (sys.executable, "-m", "zacoustic", "topics", "--connect", "tcp/127.0.0.1:1")
+SLOW = (sys.executable, "-m", "zacoustic", "topic", "list", "--connect", "tcp/127.0.0.1:1")
 """It looks for a router for three seconds."""
 
 
@@ -34,15 +34,15 @@ def test_a_verb_of_more_than_two_seconds_says_that_it_is_at_work() -> None:
     finally:
         os.close(ours)
     shown = told.decode().split("\r\x1b[K")
-    assert any(part.startswith("zacoustic topics: at work for ") for part in shown)
+    assert any(part.startswith("zacoustic topic list: at work for ") for part in shown)
     # The last of it is taken away before what it ends with.
-    assert shown[-1].startswith("zacoustic topics: no Zenoh router")
+    assert shown[-1].startswith("zacoustic topic list: no Zenoh router")
 
 
 def test_what_is_no_terminal_gets_the_result_only() -> None:
     process = subprocess.run(SLOW, capture_output=True, text=True, check=False, timeout=60)
     assert (process.returncode, process.stdout) == (1, "")
-    assert process.stderr.startswith("zacoustic topics: no Zenoh router")
+    assert process.stderr.startswith("zacoustic topic list: no Zenoh router")
 
 
 @pytest.mark.parametrize("reliability", ["best_effort", "reliable"])
@@ -56,6 +56,6 @@ def test_pub_ends_and_says_so_when_its_sample_became_too_old(
     path = tmp_path / "fleet.json5"
     path.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
     with ChannelServer() as locator:
-        assert main(["pub", "note", "x", "--config", str(path), "--link", locator]) == 1
+        assert main(["topic", "pub", "note", "x", "--config", str(path), "--link", locator]) == 1
     told = "1 became too old" if reliability == "best_effort" else "not delivered: expired"
     assert told in capsys.readouterr().err

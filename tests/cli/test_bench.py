@@ -1,4 +1,4 @@
-"""`zacoustic bench telemetry`: the bytes of every codec, and a decode that differs is a failure."""
+"""`zacoustic codec bench`: the bytes of every codec, and a decode that differs is a failure."""
 
 import json
 from pathlib import Path
@@ -18,7 +18,7 @@ def recording(tmp_path: Path) -> Path:
 
 
 def bench(capsys: pytest.CaptureFixture[str], *arguments: Path | str) -> tuple[int, str, str]:
-    code = main(["bench", "telemetry", *map(str, arguments)])
+    code = main(["codec", "bench", *map(str, arguments)])
     written = capsys.readouterr()
     return code, written.out, written.err
 
@@ -66,7 +66,7 @@ def test_the_model_of_the_configuration_is_measured_beside(
 ) -> None:
     fleet, model = write_config(tmp_path / "fleet.json5"), tmp_path / "m.json"
     known = write(tmp_path / "known.jsonl", dive(1))
-    assert main(["fit", str(known), "--config", str(fleet), "--output", str(model)]) == 0
+    assert main(["codec", "fit", str(known), "--config", str(fleet), "--output", str(model)]) == 0
     write_config(fleet, model="m.json")
     capsys.readouterr()
     new = write(tmp_path / "new.jsonl", dive(2, 100))

@@ -1,4 +1,4 @@
-"""`zacoustic check`: the table of a valid file, and one line for each way in which one is wrong."""
+"""`zacoustic config check`: the table of a valid file, one line for each mistake."""
 
 import json
 from pathlib import Path
@@ -57,7 +57,7 @@ def changed(path: str, value: object) -> dict[str, Any]:
 
 
 def test_a_valid_file_is_shown_as_a_table(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(fleet)]) == 0
+    assert main(["config", "check", str(fleet)]) == 0
     written = capsys.readouterr()
     assert written.err == ""
     lines = written.out.splitlines()
@@ -80,7 +80,7 @@ def test_a_valid_file_is_shown_as_a_table(fleet: Path, capsys: pytest.CaptureFix
 
 
 def test_json_has_sizes_airtime_and_digest(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(fleet), "--json", "--address", "1"]) == 0
+    assert main(["config", "check", str(fleet), "--json", "--address", "1"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["address"] == 1
     assert report["mtu_bytes"] == 64
@@ -110,7 +110,7 @@ def test_lost_contact_is_shown_with_what_would_surprise(
 ) -> None:
     entry: dict[str, Any] = {"name": "up", "lost_after_s": 600, "of": [1], "call": "auv1/up"}
     section = changed("lost_contact", [entry | {"by": 2}])
-    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert main(["config", "check", str(write(tmp_path, section))]) == 0
     written = capsys.readouterr().out
     line = "lost contact up: 600 s without a frame of 1 (shore): call auv1/up"
     assert line in written.splitlines()
@@ -118,12 +118,12 @@ def test_lost_contact_is_shown_with_what_would_surprise(
     assert "note: lost contact up: none of its nodes has a heartbeat_s" in written
     assert "quiet hours" not in written
     section |= {"journal": "state", "heartbeat_s": 60, "quiet": [{"from": "22:00", "to": "22:10"}]}
-    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert main(["config", "check", str(write(tmp_path, section))]) == 0
     written = capsys.readouterr().out
     assert "note: lost contact up: quiet hours last 600 s and do not stop the countdown" in written
     assert "without a journal: a restart" not in written
     assert "has a heartbeat_s" not in written
-    assert main(["check", str(write(tmp_path, section)), "--address", "1"]) == 0
+    assert main(["config", "check", str(write(tmp_path, section)), "--address", "1"]) == 0
     assert "lost contact" not in capsys.readouterr().out
 
 
@@ -149,7 +149,7 @@ def test_topics_of_ros_that_keep_one_message_are_named(
 def test_another_modem_gives_another_airtime(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["check", str(fleet), "--json", "--profile", "waterlinked_m64"]) == 0
+    assert main(["config", "check", str(fleet), "--json", "--profile", "waterlinked_m64"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["streams"][0]["airtime_s"] == pytest.approx(8 * 0.0625)
     assert report["mtu_bytes"] == 8
@@ -159,7 +159,7 @@ def test_what_does_not_fit_a_frame_is_noted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     section = changed("streams.0.type", "Text")
-    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert main(["config", "check", str(write(tmp_path, section))]) == 0
     assert "note: stream 10 (auv1/nav), topic: Text has no largest size" in capsys.readouterr().out
 
 
@@ -168,29 +168,32 @@ def test_what_is_reliable_crosses_in_parts_where_it_fits_no_frame(
 ) -> None:
     section = changed("streams.0.type", "Text")
     section["streams"][0]["reliability"] = "reliable"
-    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert main(["config", "check", str(write(tmp_path, section))]) == 0
     assert "auv1/nav), topic:" not in capsys.readouterr().out
     numbers = [{"name": f"n{place}", "type": "float64"} for place in range(9)]
     section["types"].append({"name": "Wide", "fields": numbers})
     section["streams"][0]["type"] = "Wide"
-    assert main(["check", str(write(tmp_path, section)), "--profile", "waterlinked_m64"]) == 0
+    assert (
+        main(["config", "check", str(write(tmp_path, section)), "--profile", "waterlinked_m64"])
+        == 0
+    )
     assert "for it: all of it crosses in parts" in capsys.readouterr().out
 
 
 def test_it_is_said_where_the_journal_is_and_what_is_forgotten_without(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["check", str(write(tmp_path, SECTION))]) == 0
+    assert main(["config", "check", str(write(tmp_path, SECTION))]) == 0
     line = "no journal, so a restart forgets calls of auv1/arm (one may run twice)"
     assert line in capsys.readouterr().out.splitlines()
-    assert main(["check", str(write(tmp_path, SECTION)), "--address", "1"]) == 0
+    assert main(["config", "check", str(write(tmp_path, SECTION)), "--address", "1"]) == 0
     assert "forgets" not in capsys.readouterr().out, "it serves nothing"
     path = write(tmp_path, {**SECTION, "journal": "state"})
-    assert main(["check", str(path), "--json"]) == 0
+    assert main(["config", "check", str(path), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["journal"] == str(tmp_path / "state" / "node-2.sqlite")
     assert report["forgotten"] == ""
-    assert main(["check", str(path)]) == 0
+    assert main(["config", "check", str(path)]) == 0
     assert f"journal {report['journal']}" in capsys.readouterr().out.splitlines()
     assert not (tmp_path / "state").exists()
 
@@ -199,7 +202,9 @@ def test_journal_whose_folder_cannot_be_made_is_noted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "taken").write_text("a file")
-    assert main(["check", str(write(tmp_path, {**SECTION, "journal": "taken/state"}))]) == 0
+    assert (
+        main(["config", "check", str(write(tmp_path, {**SECTION, "journal": "taken/state"}))]) == 0
+    )
     folder = tmp_path / "taken" / "state"
     assert f"note: journal: this user cannot write {folder}" in capsys.readouterr().out
 
@@ -210,12 +215,12 @@ def test_access_that_cannot_work_with_the_modem_is_noted(
     access = {
         "method": "tdma", "slots": [1], "slot_s": 1.9, "max_range_m": 1500, "clock_error_s": 0.01,
     }  # fmt: skip
-    assert main(["check", str(write(tmp_path, changed("links.0.access", access)))]) == 0
+    assert main(["config", "check", str(write(tmp_path, changed("links.0.access", access)))]) == 0
     printed = capsys.readouterr().out
     assert "note: with a modem like evologics_s2c_18_34: access.slot_s: 1.9 s; the large" in printed
     assert "note: access: node 2 has no turn in it, so it never transmits" in printed
     sound = access | {"slots": [1, 2], "slot_s": 3.0}
-    assert main(["check", str(write(tmp_path, changed("links.0.access", sound)))]) == 0
+    assert main(["config", "check", str(write(tmp_path, changed("links.0.access", sound)))]) == 0
     assert "access." not in capsys.readouterr().out
 
 
@@ -224,7 +229,7 @@ def test_what_medium_access_is_chosen_is_said_with_its_reason(
     written: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     section = changed("links.0.access", written) if written else SECTION
-    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert main(["config", "check", str(write(tmp_path, section))]) == 0
     printed = capsys.readouterr().out
     assert (
         'access "auto" is carrier_sense with a modem like evologics_s2c_18_34: the file has no '
@@ -236,7 +241,7 @@ def test_what_medium_access_is_chosen_is_not_said_where_the_file_names_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     section = changed("links.0.access", {"method": "aloha"})
-    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert main(["config", "check", str(write(tmp_path, section))]) == 0
     assert 'access "auto"' not in capsys.readouterr().out
 
 
@@ -244,7 +249,7 @@ def test_airtimes_are_those_of_the_link_that_is_given(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def told(*arguments: str) -> Any:
-        assert main(["check", str(fleet), "--json", *arguments]) == 0
+        assert main(["config", "check", str(fleet), "--json", *arguments]) == 0
         return json.loads(capsys.readouterr().out)
 
     slow = "desert/127.0.0.1:4000#bit_rate_bps=100"
@@ -258,14 +263,14 @@ def test_airtimes_are_those_of_the_link_that_is_given(
     unknown = told("--link", "sim/127.0.0.1:7000")
     assert unknown["profile"] == "evologics_s2c_18_34"
     assert unknown["unsaid"] == "sim/127.0.0.1:7000 reports its bit rate when it is open"
-    assert main(["check", str(fleet), "--link", "sim/127.0.0.1:7000"]) == 0
+    assert main(["config", "check", str(fleet), "--link", "sim/127.0.0.1:7000"]) == 0
     assert "reports its bit rate when it is open; --profile names" in capsys.readouterr().out
 
 
 def test_the_files_of_the_demo_are_valid(capsys: pytest.CaptureFixture[str]) -> None:
     fleet = Path(__file__).parents[2] / "zacoustic" / "app" / "tools" / "demo" / "fleet.json5"
     for address in ("1", "2"):
-        assert main(["check", str(fleet), "--address", address]) == 0
+        assert main(["config", "check", str(fleet), "--address", address]) == 0
     assert "note:" not in capsys.readouterr().out
 
 
@@ -273,7 +278,7 @@ def test_a_link_that_is_not_installed_fails_after_the_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = write(tmp_path, changed("links.0.locator", "smoke/here"))
-    assert main(["check", str(path)]) == 1
+    assert main(["config", "check", str(path)]) == 1
     written = capsys.readouterr()
     assert "auv1/nav" in written.out
     assert written.err.count("\n") == 1
@@ -311,11 +316,11 @@ def test_a_wrong_file_is_one_line_with_file_key_value_and_what_is_allowed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     file = write(tmp_path, changed(path, value))
-    assert main(["check", str(file)]) == 2
+    assert main(["config", "check", str(file)]) == 2
     written = capsys.readouterr()
     assert written.out == ""
     assert written.err.count("\n") == 1
-    assert written.err.startswith(f"zacoustic check: {file}: ")
+    assert written.err.startswith(f"zacoustic config check: {file}: ")
     for part in expected:
         assert part in written.err
 
@@ -333,7 +338,7 @@ def test_a_file_that_is_no_config_is_one_line_with_its_name(
 ) -> None:
     file = tmp_path / "fleet.json5"
     file.write_text(text, encoding="utf-8")
-    assert main(["check", str(file)]) == 2
+    assert main(["config", "check", str(file)]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     for part in ("fleet.json5", *expected):
@@ -341,7 +346,7 @@ def test_a_file_that_is_no_config_is_one_line_with_its_name(
 
 
 def test_a_file_that_is_missing_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", "nowhere.json5"]) == 2
+    assert main(["config", "check", "nowhere.json5"]) == 2
     error = capsys.readouterr().err
     assert "nowhere.json5" in error
     assert error.count("\n") == 1
@@ -350,7 +355,7 @@ def test_a_file_that_is_missing_is_one_line(capsys: pytest.CaptureFixture[str]) 
 def test_an_unknown_profile_lists_those_there_are(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["check", str(fleet), "--profile", "morse"]) == 2
+    assert main(["config", "check", str(fleet), "--profile", "morse"]) == 2
     assert "evologics_s2c_18_34" in capsys.readouterr().err
 
 
@@ -363,14 +368,14 @@ def test_what_a_sample_costs_in_bits_is_told_of_packed_and_dense_topics(
         {"id": 31, "topic": "auv1/words", "type": "Text", "codec": "packed"},
     ]
     fleet = write(tmp_path, section)
-    assert main(["check", str(fleet), "--json"]) == 0
+    assert main(["config", "check", str(fleet), "--json"]) == 0
     rows = {row["stream_id"]: row for row in json.loads(capsys.readouterr().out)["streams"]}
     # 180 000 001 latitudes and two modes are 29 bits, in a dense block two bytes more at most
     assert rows[10]["bits"] == {"smallest": 29, "typical": 29.0, "largest": 29}
     assert rows[30]["bits"] == {"smallest": 1, "typical": None, "largest": 48}
     assert rows[31]["bits"] == {"smallest": 9, "typical": None, "largest": None}
     assert rows[11]["bits"] is rows[20]["bits"] is None
-    assert main(["check", str(fleet)]) == 0
+    assert main(["config", "check", str(fleet)]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["30", "auv1/way", "Nav", "1", "?", "48"] in lines
     assert ["31", "auv1/words", "Text", "9", "?", "no", "bound"] in lines
@@ -383,7 +388,7 @@ def test_what_is_typical_comes_from_the_model(
     section["streams"].append({"id": 30, "topic": "auv1/way", "type": "Nav", "codec": "dense"})
     model = {"model": {"streams": {}, "single": 0}, "typical_bits": {"30": 12.5, "31": 1}}
     (tmp_path / "m.json").write_text(json.dumps(model), encoding="utf-8")
-    assert main(["check", str(write(tmp_path, section)), "--json"]) == 0
+    assert main(["config", "check", str(write(tmp_path, section)), "--json"]) == 0
     rows = {row["stream_id"]: row for row in json.loads(capsys.readouterr().out)["streams"]}
     assert rows[30]["bits"]["typical"] == 12.5
 
@@ -396,12 +401,12 @@ def test_what_can_never_cross_fails_and_says_what_makes_it(
 ) -> None:
     stream: dict[str, Any] = {"id": 12, "topic": "map", "type": "Blob", "publishers": [2]}
     section = SECTION | {"types": [*SECTION["types"], BLOB], "streams": [stream]}
-    assert main(["check", str(write(tmp_path, section))]) == 1
+    assert main(["config", "check", str(write(tmp_path, section))]) == 1
     told = capsys.readouterr().out
     assert "fails: stream 12 (map), topic: even its smallest record" in told
     assert 'it never crosses (reliability: "reliable" in its stream: then it crosses in parts)' in (
         told
     )
     section = section | {"streams": [stream | {"reliability": "reliable"}]}
-    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert main(["config", "check", str(write(tmp_path, section))]) == 0
     assert "fails:" not in capsys.readouterr().out

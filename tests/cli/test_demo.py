@@ -1,4 +1,4 @@
-"""`zacoustic demo`: the whole of it once over each link, as a user starts it, and its refusals."""
+"""`zacoustic run demo`: once over each link, as a user starts it, and its refusals."""
 
 import contextlib
 import json
@@ -16,7 +16,7 @@ from zacoustic.app.tools.demo.media import MEDIA
 
 # Sound needs 0.667 s, the shortest frame 0.16 s more; with DESERT 0.333 s, and it listens 0.1 s.
 QUICKEST_S = {"sim": 0.8, "evologics": 0.8, "evologics-serial": 0.8, "desert": 0.4}
-PROGRAM = [sys.executable, "-m", "zacoustic", "demo", "--duration", "20"]
+PROGRAM = [sys.executable, "-m", "zacoustic", "run", "demo", "--duration", "20"]
 
 
 def start(*arguments: str) -> subprocess.Popen[str]:
@@ -94,7 +94,7 @@ def test_a_gateway_that_dies_ends_the_demo_and_is_named() -> None:
 def test_an_unknown_link_is_refused_with_those_that_are_there(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(["demo", "--link", "tea"]) == 2
+    assert main(["run", "demo", "--link", "tea"]) == 2
     assert "'sim', 'evologics', 'evologics-serial', 'desert'" in capsys.readouterr().err
 
 
@@ -102,7 +102,7 @@ def test_an_unknown_link_is_refused_with_those_that_are_there(
 def test_a_duration_out_of_range_is_refused(
     duration: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["demo", "--duration", duration]) == 2
+    assert main(["run", "demo", "--duration", duration]) == 2
     assert "allowed: 20..40 s" in capsys.readouterr().err
 
 

@@ -1,4 +1,4 @@
-"""`zacoustic fit`: a model out of recordings, whether it helps, and what is wrong with a line."""
+"""`zacoustic codec fit`: a model out of recordings, whether it helps, and wrong lines."""
 
 import json
 import random
@@ -20,7 +20,7 @@ def fleet(tmp_path: Path) -> Path:
 
 
 def fit(capsys: pytest.CaptureFixture[str], *arguments: Path | str) -> tuple[int, Any, str]:
-    code = main(["fit", *map(str, arguments)])
+    code = main(["codec", "fit", *map(str, arguments)])
     written = capsys.readouterr()
     return code, written.out, written.err
 
@@ -75,7 +75,7 @@ def test_a_model_that_does_not_help_is_said_to(
             line["v"] = "WRN disk nearly full: 97 %"
     code, out, err = fit(capsys, write(tmp_path / "a.jsonl", lines), "--config", fleet)
     assert code == 1
-    assert err == "zacoustic fit: the model does not help: do without it\n"
+    assert err == "zacoustic codec fit: the model does not help: do without it\n"
     assert "frames of 10 s" in out
 
 

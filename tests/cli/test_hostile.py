@@ -69,15 +69,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 LINKED: Final = ("--config", "fleet.json5", "--link", NO_MEDIUM)
 BRIDGE: Final = ("mavlink.json5", "--mavlink", "udpin:127.0.0.1:0", *NOBODY)
 VERBS: Final[dict[str, tuple[str, ...]]] = {
-    "gateway": ("gateway", "fleet.json5", "--link", NO_MEDIUM, "--listen", "tcp/127.0.0.1:0"),
-    "check": ("check", "fleet.json5"),
-    "plan": ("plan", "water.json5", "--hours", "0.1"),
-    "doctor": ("doctor", "fleet.json5", "--link", NO_MEDIUM, "--patience", "0.2"),
+    "run gateway": (
+        "run",
+        "gateway",
+        "fleet.json5",
+        "--link",
+        NO_MEDIUM,
+        "--listen",
+        "tcp/127.0.0.1:0",
+    ),
+    "config check": ("config", "check", "fleet.json5"),
+    "config plan": ("config", "plan", "water.json5", "--hours", "0.1"),
+    "config doctor": ("config", "doctor", "fleet.json5", "--link", NO_MEDIUM, "--patience", "0.2"),
     "links": ("links",),
-    "pub": ("pub", "hello", "x", *LINKED),
-    "sub": ("sub", "--timeout", "1", *LINKED),
-    "call": ("call", "arm", "x", "--timeout", "1", *LINKED),
-    "action": ("action", "send_goal", "goto", "x", *NOBODY),
+    "topic pub": ("topic", "pub", "hello", "x", *LINKED),
+    "topic echo": ("topic", "echo", "--timeout", "1", *LINKED),
+    "service call": ("service", "call", "arm", "x", "--timeout", "1", *LINKED),
+    "action send_goal": ("action", "send_goal", "goto", "x", *NOBODY),
     "ping": ("ping", "2", *NOBODY),
     "route show": ("route", "show", "fleet.json5", *NOBODY),
     "route probe": ("route", "probe", "--config", "fleet.json5", *NOBODY),
@@ -86,28 +94,36 @@ VERBS: Final[dict[str, tuple[str, ...]]] = {
     "mavlink vehicle": ("mavlink", "vehicle", *BRIDGE),
     "mavlink shore": ("mavlink", "shore", *BRIDGE),
     "mavlink streams": ("mavlink", "streams"),
-    "topics": ("topics", *NOBODY),
+    "topic list": ("topic", "list", *NOBODY),
+    "topic hz": ("topic", "hz", "hello", "--timeout", "1", *LINKED),
+    "topic bw": ("topic", "bw", "hello", *NOBODY),
+    "topic info": ("topic", "info", "hello", *NOBODY),
+    "status": ("status", *NOBODY),
+    "nodes": ("nodes", *NOBODY),
+    "config show": ("config", "show", "fleet.json5"),
+    "service list": ("service", "list", *NOBODY),
+    "action list": ("action", "list", *NOBODY),
     "monitor": ("monitor", "--once", *NOBODY),
     "dashboard": ("dashboard", "--listen", NO_HOST, *NOBODY),
     "silence": ("silence", *NOBODY),
     "resume": ("resume", *NOBODY),
-    "stream": ("stream", "--node", "2", "--id", "1", *NOBODY),
+    "stream": ("stream", "1", "--node", "2", *NOBODY),
     "decode": ("decode", "trial.mcap"),
     "sim": ("sim", "water.json5", "--until", "60"),
     "sim campaign": ("sim", "campaign", "campaign.json5", "--workers", "1"),
     "record": ("record", "-o", "new.mcap", *NOBODY),
     "replay": ("replay", "trial.mcap", "--check"),
     "report": ("report", "trial.mcap"),
-    "init": ("init", *NOBODY),
-    "schema": ("schema",),
-    "fit": ("fit", "nav.jsonl", "--config", "fleet.json5"),
-    "bench telemetry": ("bench", "telemetry", "nav.jsonl", "--config", "fleet.json5"),
+    "config init": ("config", "init", *NOBODY),
+    "config schema": ("config", "schema"),
+    "codec fit": ("codec", "fit", "nav.jsonl", "--config", "fleet.json5"),
+    "codec bench": ("codec", "bench", "nav.jsonl", "--config", "fleet.json5"),
     "completion": ("completion", "bash"),
-    "demo": ("demo", "--duration", "7"),
-    "medium": ("medium", "water.json5", "--listen", NO_HOST),
-    "emulate desert": ("emulate", "desert", "--listen", NO_HOST),
-    "emulate evologics": ("emulate", "evologics", "--listen", NO_HOST),
-    "emulate iridium": ("emulate", "iridium", "--listen", NO_HOST),
+    "run demo": ("run", "demo", "--duration", "7"),
+    "run medium": ("run", "medium", "water.json5", "--listen", NO_HOST),
+    "run modems desert": ("run", "modems", "desert", "--listen", NO_HOST),
+    "run modems evologics": ("run", "modems", "evologics", "--listen", NO_HOST),
+    "run modems iridium": ("run", "modems", "iridium", "--listen", NO_HOST),
     "acl": ("acl", "fleet.json5"),
     "audit": ("audit", "node-2.audit"),
     "predive": ("predive", "fleet.json5", *NOBODY),
@@ -196,11 +212,11 @@ def test_no_situation_of_its_streams_brings_a_traceback(
 
 def test_each_situation_of_the_streams_at_one_verb(folder: Path) -> None:
     for situation in ("everything closed", "disk full", "ASCII, JSON"):
-        process = shell(command_of(("check", "fleet.json5"), situation), folder)
+        process = shell(command_of(("config", "check", "fleet.json5"), situation), folder)
         check_end(process, situation)
         assert process.returncode == (1 if situation == "disk full" else 0)
         if situation == "disk full":
-            assert process.stderr == "zacoustic check: No space left on device\n"
+            assert process.stderr == "zacoustic config check: No space left on device\n"
         if "JSON" in situation:
             assert process.stdout.isascii()
             assert json.loads(process.stdout)["nodes"]["2"] == "auv–µ\U0001f916"
@@ -239,7 +255,7 @@ def test_no_file_that_is_none_brings_a_traceback(
         if {"fleet.json5", "water.json5", "campaign.json5"} & set(words)
     ]
     readers += [VERBS["decode"], VERBS["replay"], VERBS["report"]]
-    readers = [words for words in readers if words[0] not in ("gateway", "pub", "sub", "call")]
+    readers = [words for words in readers if words[:2] not in NETWORKED]
     table = [
         (words, at, path)
         for words in readers
@@ -255,6 +271,10 @@ def test_no_file_that_is_none_brings_a_traceback(
         assert not any(trace in written.err for trace in TRACES), called
 
 
+NETWORKED: Final = (
+    ("run", "gateway"), ("topic", "pub"), ("topic", "echo"), ("topic", "hz"), ("service", "call"),
+)  # fmt: skip
+"""They join a network before they read their file, or wait for one."""
 NUMBERS: Final = {
     float: ("1e308", "1e-300", "-1e308", "0", "nan", "inf"),
     int: ("99999999999999999999", "0", "-1"),
@@ -266,11 +286,11 @@ def test_no_number_brings_a_traceback(
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.chdir(folder)
-    in_process = {"plan", "sim", "fit", "init", "ping", "stream", "silence", "monitor", "demo"}
+    in_process = {"sim", "ping", "stream", "silence", "monitor", "config", "codec", "run"}
     table = [
         (VERBS[" ".join(words)], f"{each.option_strings[-1]}={number}")
         for words, parser in leaves(complete_parser())
-        if words[0] in {*in_process, "medium", "emulate", "bench"}
+        if words[0] in in_process and words not in (("run", "gateway"), ("config", "doctor"))
         for each in parser._actions
         if each.type in NUMBERS and each.option_strings and each.dest != "random"
         for number in NUMBERS[each.type]
@@ -286,9 +306,9 @@ WRITERS: Final = {
     "report": ("report", "trial.mcap", "--html"),
     "trace": ("sim", "water.json5", "--until", "60", "--trace"),
     "sim": ("sim", "water.json5", "--until", "60", "--record"),
-    "fit": ("fit", "nav.jsonl", "--config", "fleet.json5", "--output"),
-    "init": ("init", *NOBODY, "--output"),
-    "demo": ("demo", "--screenshot"),
+    "fit": ("codec", "fit", "nav.jsonl", "--config", "fleet.json5", "--output"),
+    "init": ("config", "init", *NOBODY, "--output"),
+    "demo": ("run", "demo", "--screenshot"),
 }
 
 
@@ -323,8 +343,8 @@ def test_a_page_of_a_report_replaces_no_recording(
     [
         ("report", "fleet.json5", "--html"),
         ("sim", "fleet.json5", "--trace"),
-        ("fit", "trial.mcap", "--config", "water.json5", "--output"),
-        ("init", *NOBODY, "--output"),
+        ("codec", "fit", "trial.mcap", "--config", "water.json5", "--output"),
+        ("config", "init", *NOBODY, "--output"),
     ],
 )
 def test_who_refuses_leaves_no_file_behind(
@@ -359,7 +379,7 @@ def test_an_interrupt_at_any_import_ends_it_without_a_word(
 ) -> None:
     rng = random.Random("interrupts")
     for _ in range(count(400)):
-        at, words = rng.randrange(3, 250), rng.choice([VERBS["check"], VERBS["plan"]])
+        at, words = rng.randrange(3, 250), rng.choice([VERBS["config check"], VERBS["config plan"]])
         process = subprocess.run(
             [sys.executable, "-c", INTERRUPTING + STARTED, *words], capture_output=True, text=True,
             cwd=folder, timeout=120, check=False, env={**os.environ, "INTERRUPT_AT": str(at)},

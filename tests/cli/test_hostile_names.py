@@ -69,7 +69,7 @@ def test_monitor_and_topics_show_names_as_data(
 def test_sub_shows_keys_and_values_as_data(capsys: pytest.CaptureFixture[str]) -> None:
     async def scene(*form: str) -> None:
         with enemy() as (session, where):
-            listening = asyncio.create_task(verb("sub", *where, "--count", "3", *form))
+            listening = asyncio.create_task(verb("topic", "echo", *where, "--count", "3", *form))
             await matched(session, "evil/number")
             session.put(f"evil/{HOSTILE_NAME}", HOSTILE.encode(), encoding="text/plain")
             session.put("evil/number", cbor2.dumps({"x": math.nan, "y": [math.inf, 1.5]}))
@@ -94,7 +94,9 @@ def test_error_of_a_call_is_one_harmless_line(capsys: pytest.CaptureFixture[str]
             session.declare_queryable(
                 "evil/service", lambda query: query.reply_err(HOSTILE.encode())
             )
-            assert await verb("call", "evil/service", "x", *where, "--timeout", "10") == 1
+            assert (
+                await verb("service", "call", "evil/service", "x", *where, "--timeout", "10") == 1
+            )
 
     run(scene())
     printed = capsys.readouterr().err
@@ -115,7 +117,7 @@ def test_check_shows_a_hostile_file_without_its_passwords(
     }
     file.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
     for words in ([], ["--json"]):
-        assert main(["check", str(file), *words]) == 1  # the link has no such setting
+        assert main(["config", "check", str(file), *words]) == 1  # the link has no such setting
         printed = capsys.readouterr()
         for shown in (printed.out, printed.err):
             assert_harmless(shown)
@@ -133,7 +135,7 @@ def test_doctor_says_where_it_looked_without_the_password(
     section = {"address": 1, "streams": [{"id": 1, "topic": "a"}]}
     file.write_text(json.dumps({**session, "plugins": {"acoustic": section}}), encoding="utf-8")
     for words in ([], ["--json"]):
-        assert main(["doctor", str(file), *words]) == 1
+        assert main(["config", "doctor", str(file), *words]) == 1
         printed = "".join(capsys.readouterr())
         assert "tcp/me:***@127.0.0.1" in printed
         assert "geheim" not in printed

@@ -1,4 +1,4 @@
-"""`zacoustic init` on a live Zenoh network: what it sees becomes a file that `check` accepts."""
+"""`zacoustic config init` on a live Zenoh network: it writes a file that `check` accepts."""
 
 import contextlib
 import json
@@ -54,10 +54,12 @@ def test_a_live_network_becomes_a_file_that_check_accepts(
 ) -> None:
     path = tmp_path / "first.json5"
     with network() as endpoint:
-        code = main(["init", "--connect", endpoint, "--listen-s", "0.5", "--output", str(path)])
+        code = main(
+            ["config", "init", "--connect", endpoint, "--listen-s", "0.5", "--output", str(path)]
+        )
     assert code == 0
     assert capsys.readouterr().out == ""
-    assert main(["check", str(path), "--json"]) == 0
+    assert main(["config", "check", str(path), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     found = {(row["kind"], row["name"], row["type"]) for row in report["streams"]}
     assert found == {
@@ -71,7 +73,17 @@ def test_a_live_network_becomes_a_file_that_check_accepts(
 def test_json_tells_what_was_seen_and_the_file(capsys: pytest.CaptureFixture[str]) -> None:
     with network(adminspace=False) as endpoint:
         code = main(
-            ["init", "--connect", endpoint, "--listen-s", "0.3", "--key", "*/nav", "--json"]
+            [
+                "config",
+                "init",
+                "--connect",
+                endpoint,
+                "--listen-s",
+                "0.3",
+                "--key",
+                "*/nav",
+                "--json",
+            ]
         )
     assert code == 0
     told = json.loads(capsys.readouterr().out)
@@ -86,7 +98,7 @@ def test_an_existing_file_is_not_overwritten(
 ) -> None:
     path = tmp_path / "first.json5"
     path.write_text("precious", encoding="utf-8")
-    assert main(["init", "--connect", "tcp/127.0.0.1:1", "--output", str(path)]) == 2
+    assert main(["config", "init", "--connect", "tcp/127.0.0.1:1", "--output", str(path)]) == 2
     assert "exists; allowed: a new file" in capsys.readouterr().err
     assert path.read_text(encoding="utf-8") == "precious"
 
@@ -95,12 +107,12 @@ def test_an_existing_file_is_not_overwritten(
 def test_a_router_that_is_not_there_is_one_line(
     endpoint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["init", "--connect", endpoint, "--listen-s", "0.1"]) == 1
+    assert main(["config", "init", "--connect", endpoint, "--listen-s", "0.1"]) == 1
     error = capsys.readouterr().err
-    assert error.startswith(f"zacoustic init: no Zenoh router at {endpoint}")
+    assert error.startswith(f"zacoustic config init: no Zenoh router at {endpoint}")
     assert error.count("\n") == 1
 
 
 def test_a_time_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["init", "--connect", "tcp/127.0.0.1:1", "--listen-s", "0"]) == 2
+    assert main(["config", "init", "--connect", "tcp/127.0.0.1:1", "--listen-s", "0"]) == 2
     assert "--listen-s 0; allowed: seconds, above 0" in capsys.readouterr().err

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from zacoustic.app import cli
-from zacoustic.app.cli import BUILT_IN, complete_parser, main
+from zacoustic.app.cli import complete_parser, main, tree
+from zacoustic.app.cli.verbs import ALIASES, HEADINGS, VERBS
 from zacoustic.command import Command
 from zacoustic.errors import (
     CallTimeoutError,
@@ -54,7 +54,7 @@ class Failing(Command):
 @pytest.fixture
 def raising(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException], int]:
     def call(error: BaseException) -> int:
-        monkeypatch.setattr(cli, "_built_in", lambda name: Failing(error))
+        monkeypatch.setattr(tree, "built_in", lambda place: Failing(error))
         return main(["links"])
 
     return call
@@ -104,11 +104,14 @@ def test_an_unknown_verb_is_one_line_with_a_suggestion(capsys: pytest.CaptureFix
     assert main(["chekc"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("zacoustic chekc: no such verb")
-    assert 'did you mean "check"?' in error
+    assert 'did you mean "config check"?' in error
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize("arguments", [["check"], ["check", "a", "b"], ["decode", "--bogus"], []])
+@pytest.mark.parametrize(
+    "arguments",
+    [["config", "check"], ["config", "check", "a", "b"], ["decode", "--bogus"], ["config"], []],
+)
 def test_wrong_arguments_are_one_line_and_exit_code_2(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -129,15 +132,28 @@ def test_help_lists_every_verb_and_starts_no_zenoh() -> None:
     )
     assert process.returncode == 0
     assert process.stderr.split() == ["False", "False"]
-    for verb in (*BUILT_IN, "emulate", "medium"):
-        assert f"\n    {verb} " in process.stdout
+    for words in HEADINGS.values():
+        for word in words:
+            assert f"\n  {word} " in process.stdout
+    assert max(map(len, process.stdout.splitlines())) <= 80
 
 
-@pytest.mark.parametrize("verb", BUILT_IN)
+def test_every_verb_has_a_heading_and_old_words_are_not_in_the_help(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["--help"]) == 0
+    helped = capsys.readouterr().out
+    headed = {word for words in HEADINGS.values() for word in words}
+    assert headed == {verb.split()[0] for verb in VERBS}
+    assert "of link packages" not in helped
+    assert not [old for old in ALIASES if f"\n  {old} " in helped]
+
+
+@pytest.mark.parametrize("verb", VERBS)
 def test_the_help_of_every_verb_has_an_example(
     verb: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([verb, "--help"]) == 0
+    assert main([*verb.split(), "--help"]) == 0
     helped = capsys.readouterr().out
     assert "example" in helped
     assert f"zacoustic {verb}" in helped.partition("example")[2]
@@ -223,7 +239,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> Installed:
 def test_a_shared_verb_runs_the_sub_verb_that_is_called_and_imports_no_other(
     flags: list[str], installed: Installed, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([*flags, "emulate", "b", "--text", "a", "c"]) == 3
+    assert main([*flags, "run", "modems", "b", "--text", "a", "c"]) == 3
     assert capsys.readouterr().out == "emulate.b a c\n"
     assert installed.imported == ["emulate.b"]
     assert main(["emulator"]) == 3
@@ -235,28 +251,34 @@ def test_the_list_of_verbs_has_a_shared_one_once_and_imports_none_of_its_sub_ver
 ) -> None:
     assert main(["--help"]) == 0
     helped = capsys.readouterr().out
-    assert helped.count("\n    emulate ") == 1
-    assert "a, b, c: see zacoustic emulate --help" in helped
+    assert "of link packages:\n  emulator    says 100% of it" in helped
+    assert installed.imported == ["emulator"]
+    assert main(["run", "--help"]) == 0
+    assert "modems    a, b, c: emulated modems" in capsys.readouterr().out
     assert installed.imported == ["emulator"]
 
 
 def test_the_help_of_a_shared_verb_lists_its_sub_verbs_the_broken_one_too(
     installed: Installed, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["emulate", "--help"]) == 0
+    assert main(["run", "modems", "--help"]) == 0
     helped = capsys.readouterr().out
     for line in ("\n    a ", "\n    b ", "\n    c ", "says 100% of it", "not available: "):
         assert line in helped
-    assert "example:\n  zacoustic emulate a --help" in helped
+    assert "example:\n  zacoustic run modems a --help" in helped
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "error"),
     [
-        (["emulate"], 2, "zacoustic emulate: the following arguments are required: VERB"),
-        (["emulate", "aa"], 2, "zacoustic emulate aa: no such verb; there are: a, b, c"),
-        (["emulate", "a", "--bogus"], 2, "zacoustic emulate a: unrecognized arguments: --bogus"),
-        (["emulate", "c", "--port", "7"], 1, "zacoustic emulate c: command 'emulate.c' needs"),
+        (["run", "modems"], 2, "zacoustic run modems: the following arguments are required: VERB"),
+        (["run", "modems", "aa"], 2, "zacoustic run modems aa: no such verb; there are: a, b, c"),
+        (
+            ["run", "modems", "a", "--bogus"],
+            2,
+            "zacoustic run modems a: unrecognized arguments: --bogus",
+        ),
+        (["emulate", "c", "--port", "7"], 1, "zacoustic run modems c: command 'emulate.c' needs"),
         (["emulate.a"], 2, "zacoustic emulate.a: no such verb"),
     ],
 )
@@ -275,10 +297,10 @@ def test_a_sub_verb_that_cannot_be_called_is_one_line(
 def test_the_help_of_every_sub_verb_has_an_example(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    verb, _, sub_verb = name.partition(".")
-    assert main([verb, sub_verb, "--help"]) == 0
+    words, _ = tree.renamed(name.split("."))
+    assert main([*words, "--help"]) == 0
     helped = capsys.readouterr().out
-    assert f"zacoustic {verb} {sub_verb}" in helped.partition("example")[2]
+    assert f"zacoustic {' '.join(words)}" in helped.partition("example")[2]
 
 
 def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
@@ -289,11 +311,11 @@ def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> N
 def test_a_verb_of_a_link_package_that_cannot_be_imported_says_why(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    error = LinkUnavailableError("command 'emulate' needs serial", hint="pip install x[emulate]")
-    broken = registry.UnavailableCommand("emulate", error)
-    monkeypatch.setattr(registry, "commands", lambda: {"emulate": broken})
-    assert main(["emulate", "--port", "7"]) == 1
-    expected = "zacoustic emulate: command 'emulate' needs serial (pip install x[emulate])\n"
+    error = LinkUnavailableError("command 'dredge' needs serial", hint="pip install x[emulate]")
+    broken = registry.UnavailableCommand("dredge", error)
+    monkeypatch.setattr(registry, "commands", lambda: {"dredge": broken})
+    assert main(["dredge", "--port", "7"]) == 1
+    expected = "zacoustic dredge: command 'dredge' needs serial (pip install x[emulate])\n"
     assert capsys.readouterr().err == expected
     assert main(["--help"]) == 0
     assert "not available" in " ".join(capsys.readouterr().out.split())
@@ -306,7 +328,7 @@ def test_a_reader_that_has_gone_is_no_error(tmp_path: Path) -> None:
     os.close(reading)
     try:
         process = subprocess.run(
-            [sys.executable, "-m", "zacoustic", "check", str(config)],
+            [sys.executable, "-m", "zacoustic", "config", "check", str(config)],
             stdout=writing, stderr=subprocess.PIPE, text=True, check=False, timeout=60,
         )  # fmt: skip
     finally:
@@ -320,3 +342,36 @@ def test_the_module_is_the_program() -> None:
     assert process.returncode == 0
     assert process.stderr == ""
     assert '"name": "sim"' in process.stdout
+
+
+@pytest.mark.parametrize("old", ALIASES)
+def test_old_words_take_the_arguments_of_the_new_ones(
+    old: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They are the same verb: options, output and exit codes are one parser's and one `run`."""
+    assert main([*old.split(), "--help"]) == 0
+    helped = capsys.readouterr()
+    assert main([*ALIASES[old].split(), "--help"]) == 0
+    assert capsys.readouterr() == helped
+
+
+def test_old_words_run_and_say_nothing_of_themselves_to_a_script(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = tmp_path / "fleet.json5"
+    config.write_text(EXAMPLE_CONFIG, encoding="utf-8")
+    assert main(["config", "check", str(config)]) == 0
+    new = capsys.readouterr()
+    assert main(["check", str(config)]) == 0
+    assert capsys.readouterr() == new
+    assert new.err == ""
+
+
+def test_old_words_tell_a_terminal_the_new_ones(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert main(["schema"]) == 0
+    assert capsys.readouterr().err == "zacoustic schema: its name is now zacoustic config schema\n"
+    assert main(["schema", "--json"]) == 0
+    assert capsys.readouterr().err == ""

@@ -1,4 +1,4 @@
-"""`zacoustic pub --file --wait`: how far a large sample is, and how it ended."""
+"""`zacoustic topic pub --file --wait`: how far a large sample is, and how it ended."""
 
 import io
 import json
@@ -53,11 +53,11 @@ def test_gateway_tells_how_far_a_file_is_and_that_it_has_arrived(
             assert await heard.payload() == PHOTO
             check_steps(lines_of(capsys))
             # One that fits a frame has no steps.
-            assert await verb("pub", "auv1/photo", "small", *where) == 0
+            assert await verb("topic", "pub", "auv1/photo", "small", *where) == 0
             assert capsys.readouterr().out == "auv1/photo: small\nauv1/photo: delivered\n"
-            assert await verb("pub", "chat", "x", *where) == 1
+            assert await verb("topic", "pub", "chat", "x", *where) == 1
             assert "chat is not reliable" in capsys.readouterr().err
-            assert await verb("pub", "auv1/text", "x", *where) == 1
+            assert await verb("topic", "pub", "auv1/text", "x", *where) == 1
             assert "no gateway on this network forwards auv1/text" in capsys.readouterr().err
 
     run(scene())
@@ -78,7 +78,7 @@ def test_delivery_tells_it_on_a_link(
             assert await verb(*words, "--json", "--timeout", str(LIMIT_S)) == 0
             assert (await photos.receive()).value == PHOTO
             check_steps(lines_of(capsys))
-            assert await verb("pub", "note", "x", *where) == 1
+            assert await verb("topic", "pub", "note", "x", *where) == 1
             assert "it is not reliable" in capsys.readouterr().err
         assert await verb(*words, "--timeout", "0.3") == 3  # nobody is there any more
         assert "not arrived within 0.3 s" in capsys.readouterr().err
@@ -103,7 +103,7 @@ def test_wrong_arguments_are_exit_code_2(
     file.write_text(json.dumps({"plugins": {"acoustic": SECTION}}), encoding="utf-8")
     written = [str(photo) if word == "PHOTO" else word for word in words]
     with ChannelServer() as locator:
-        assert main(["pub", *written, "--link", locator, "--config", str(file)]) == 2
+        assert main(["topic", "pub", *written, "--link", locator, "--config", str(file)]) == 2
     assert text in capsys.readouterr().err
 
 

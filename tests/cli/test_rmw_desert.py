@@ -20,14 +20,14 @@ TWIST = VECTORS["twist_id4"].packet
 
 
 def test_check_shows_the_packets_and_what_is_lost(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(EXAMPLE)]) == 0
+    assert main(["config", "check", str(EXAMPLE)]) == 0
     shown = capsys.readouterr().out
     assert "wire rmw_desert: sizes are those of its packets" in shown
     assert " 4  topic     turtle1/cmd_vel  geometry_msgs/msg/Twist" in shown
     assert "24–36" in shown
     assert "Twist.linear.x is a float64, and crosses in single precision" in shown
     assert "forgets" not in shown
-    assert main(["check", str(EXAMPLE), "--json"]) == 0
+    assert main(["config", "check", str(EXAMPLE), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["wire"] == "rmw_desert"
     rows = {(row["stream_id"], row["kind"]): row for row in report["streams"]}
@@ -61,7 +61,7 @@ def written(tmp_path: Path, *fields: dict[str, Any]) -> str:
 def test_check_notes_what_its_receiver_cuts(
     field: dict[str, Any], note: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["check", written(tmp_path, {"name": "f", **field})]) == 0
+    assert main(["config", "check", written(tmp_path, {"name": "f", **field})]) == 0
     notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note:")]
     assert len(notes) == bool(note)
     assert all(note in line for line in notes)

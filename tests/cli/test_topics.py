@@ -1,4 +1,4 @@
-"""`zacoustic topics`, and the documents that it reads: what crosses, how often, how old."""
+"""`zacoustic topic list`, and the documents that it reads: what crosses, how often, how old."""
 
 import json
 from typing import Any
@@ -25,7 +25,7 @@ def test_topics_tells_what_has_crossed_and_how_old_it_is(
                 payload = cbor(depth=depth, mode="survey")
                 found.auv.put("auv1/nav", payload, encoding="application/cbor")
                 await heard.next()
-            assert await verb("topics", *found.where, "--json") == 0
+            assert await verb("topic", "list", "--wide", *found.where, "--json") == 0
             rows = {row["name"]: row for row in lines_of(capsys)}
             nav = rows["auv1/nav"]
             assert (nav["gateway"], nav["id"], nav["kind"]) == (1, 10, "topic")
@@ -36,12 +36,12 @@ def test_topics_tells_what_has_crossed_and_how_old_it_is(
             assert rows["auv1/arm"]["heard_ago_s"] is None
             assert rows["auv1/goto"]["kind"] == "action"
             at_auv = ["--connect", f"tcp/127.0.0.1:{found.auv_network.port}"]
-            assert await verb("topics", *at_auv, "--node", "2") == 0
+            assert await verb("topic", "list", *at_auv, "--node", "2") == 0
             text = capsys.readouterr().out
             assert text.startswith("gateway 2 auv1: link up")
             nav_line = next(line for line in text.splitlines() if "auv1/nav" in line)
-            assert nav_line.split()[:4] == ["10", "auv1/nav", "topic", "3"]
-            assert await verb("topics", *at_auv, "--node", "7") == 1
+            assert nav_line.split()[:4] == ["10", "auv1/nav", "out", "3"]
+            assert await verb("topic", "list", *at_auv, "--node", "7") == 1
             assert "gateway 7 is not on this network; there are: 2" in capsys.readouterr().err
 
     run(scene())
@@ -84,9 +84,9 @@ def test_topics_without_a_gateway_is_one_line(capsys: pytest.CaptureFixture[str]
     from tests.gateway.networks import zenoh_router
 
     with zenoh_router() as port:
-        assert main(["topics", "--connect", f"tcp/127.0.0.1:{port}"]) == 1
+        assert main(["topic", "list", "--connect", f"tcp/127.0.0.1:{port}"]) == 1
     assert "no gateway is on this network (is it running" in capsys.readouterr().err
-    assert main(["topics", "--node", "255"]) == 2
+    assert main(["topic", "list", "--node", "255"]) == 2
 
 
 def record(

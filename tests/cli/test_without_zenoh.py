@@ -40,22 +40,22 @@ def test_check_reads_a_file_without_zenoh_and_finds_the_same_table(
 ) -> None:
     path = tmp_path / "fleet.json5"
     path.write_text(files_of("docs/plan.md")["fleet.json5"], encoding="utf-8")
-    process = run(bare, "-m", "zacoustic", "check", str(path), "--json", "--address", "1")
+    process = run(bare, "-m", "zacoustic", "config", "check", str(path), "--json", "--address", "1")
     assert process.returncode == 0, process.stderr
     report = json.loads(process.stdout)
     assert report["digest"] == read_config(path, address=1).table.digest.hex()
     assert any("pip install eclipse-zenoh" in note for note in report["notes"])
     path.write_text("{ plugins: { acoustic: { address: 1, } } ]", encoding="utf-8")
-    process = run(bare, "-m", "zacoustic", "check", str(path))
+    process = run(bare, "-m", "zacoustic", "config", "check", str(path))
     assert process.returncode == 2
-    assert process.stderr.startswith(f"zacoustic check: {path}:1:")
+    assert process.stderr.startswith(f"zacoustic config check: {path}:1:")
 
 
 def test_who_needs_zenoh_names_the_package_that_brings_it(bare: dict[str, str]) -> None:
-    process = run(bare, "-m", "zacoustic", "topics")
+    process = run(bare, "-m", "zacoustic", "topic", "list")
     assert (process.returncode, process.stderr) == (
         1,
-        "zacoustic topics: needs zenoh, which is not installed (pip install eclipse-zenoh)\n",
+        "zacoustic topic list: needs zenoh, which is not installed (pip install eclipse-zenoh)\n",
     )
     script = "import asyncio, zacoustic\nasyncio.run(zacoustic.Node('shore').open())"
     process = run(bare, "-c", script)

@@ -51,7 +51,7 @@ def test_a_file_that_is_no_model_of_these_streams_is_refused(
         read(tmp_path, content)
     assert expected in str(error.value)
     assert "plugins.acoustic.model: " in str(error.value)
-    assert "zacoustic fit" in str(error.value) or "fit the model again" in str(error.value)
+    assert "zacoustic codec fit" in str(error.value) or "fit the model again" in str(error.value)
     assert "\n" not in str(error.value)
 
 

@@ -116,7 +116,7 @@ def test_check_says_where_routes_go() -> None:
     said = {each: _notes(each) for each in (1, 2, 3)}
     assert "route far: n1 - n2 - n3, 2 hops over acoustic; streams: n3/nav" in said[1]
     assert "route far: n1 - n2 - n3, 2 hops over acoustic; node 2 is a relay of it" in said[2]
-    assert said[3][-1].startswith("zacoustic plan counts a stream of a route once")
+    assert said[3][-1].startswith("zacoustic config plan counts a stream of a route once")
 
 
 def _notes(address: int) -> tuple[str, ...]:

@@ -86,7 +86,7 @@ def test_programs_at_both_ends_know_nothing_of_the_radio(tmp_path: Path) -> None
             scenario = tmp_path / "water.json5"
             scenario.write_text(SCENARIO, encoding="utf-8")
             medium = await stack.enter_async_context(
-                running("medium", scenario, "--listen", "127.0.0.1:0", "--json")
+                running("run", "medium", scenario, "--listen", "127.0.0.1:0", "--json")
             )
             sound = "sim/" + (await notice(medium, "listening"))["address"]
             aerials = {each: udp_port() for each in (1, 2)}
@@ -108,7 +108,9 @@ def test_programs_at_both_ends_know_nothing_of_the_radio(tmp_path: Path) -> None
                 ]
                 path = tmp_path / f"{each}.json5"
                 files[each] = _write(path, each, links, local[each])
-                process = await stack.enter_async_context(running("gateway", files[each], "--json"))
+                process = await stack.enter_async_context(
+                    running("run", "gateway", files[each], "--json")
+                )
                 await notice(process, "started")
             shore, auv = (
                 stack.enter_context(zenoh.open(zenoh_config("client", connect=local[each])))

@@ -84,7 +84,7 @@ async def open_medium(stack: AsyncExitStack, folder: Path) -> str:
     scenario = folder / "scenario.json5"
     scenario.write_text(SCENARIO, encoding="utf-8")
     channel = await stack.enter_async_context(
-        running("medium", scenario, "--listen", "127.0.0.1:0", "--json")
+        running("run", "medium", scenario, "--listen", "127.0.0.1:0", "--json")
     )
     return f"sim/{(await notice(channel, 'listening'))['address']}"
 
@@ -100,7 +100,15 @@ def test_two_gateways_join_their_networks_and_end_on_a_signal(tmp_path: Path) ->
                 listen = ("--listen", f"tcp/127.0.0.1:{port}")
                 process = await stack.enter_async_context(
                     running(
-                        "gateway", file, "--address", address, "--link", link, *listen, "--json"
+                        "run",
+                        "gateway",
+                        file,
+                        "--address",
+                        address,
+                        "--link",
+                        link,
+                        *listen,
+                        "--json",
                     )
                 )
                 started = await notice(process, "started")
@@ -137,7 +145,7 @@ def test_gateway_that_is_killed_is_replaced_by_its_redundant_one(tmp_path: Path)
             processes = {}
             for address, file in ((1, joined), (3, joined), (2, alone)):
                 processes[address] = process = await stack.enter_async_context(
-                    running("gateway", file, "--address", address, "--link", link, "--json")
+                    running("run", "gateway", file, "--address", address, "--link", link, "--json")
                 )
                 await notice(process, "started")
             shore = stack.enter_context(zenoh.open(zenoh_config("client", connect=router)))
@@ -162,7 +170,9 @@ def test_without_json_it_prints_one_line_per_fact(tmp_path: Path) -> None:
             link = await open_medium(stack, tmp_path)
             port = free_port()
             file = write_file(tmp_path / "shore.json5", listen=port)
-            process = await stack.enter_async_context(running("gateway", file, "--link", link))
+            process = await stack.enter_async_context(
+                running("run", "gateway", file, "--link", link)
+            )
             assert process.stdout is not None
             lines: list[str] = []
             async with asyncio.timeout(LIMIT_S):
@@ -192,16 +202,20 @@ def test_errors_of_starting_are_one_line_and_an_exit_code(tmp_path: Path) -> Non
         ]
         with zenoh.open(zenoh_config("router", listen=port)):
             taken = write_file(tmp_path / "taken.json5", listen=port)
-            code, out, err = await ended(await start("gateway", taken, "--link", link, "--json"))
+            code, out, err = await ended(
+                await start("run", "gateway", taken, "--link", link, "--json")
+            )
             assert (code, out, err.count("\n")) == (1, "", 1)
             assert f"cannot listen on tcp/127.0.0.1:{port}" in err
-            code, out, err = await ended(await start("gateway", file, "--link", link, "--json"))
+            code, out, err = await ended(
+                await start("run", "gateway", file, "--link", link, "--json")
+            )
             waits, error = err.splitlines()
             assert code == 1
             assert "link opening: Connection refused" in waits  # at once, and not at the end only
             assert "no medium at" in error
         for expected, text, arguments in cases:
-            code, out, err = await ended(await start("gateway", *arguments))
+            code, out, err = await ended(await start("run", "gateway", *arguments))
             assert (code, out, err.count("\n")) == (expected, "", 1), err
             assert text in err
 
@@ -215,7 +229,7 @@ def test_signal_while_it_waits_for_the_modem_ends_it(
     async def main() -> None:
         file = write_file(tmp_path / "shore.json5", listen=free_port())
         link = f"sim/127.0.0.1:{free_port()}#wait_s=60"
-        async with running("-v", "gateway", file, "--link", link) as process:
+        async with running("-v", "run", "gateway", file, "--link", link) as process:
             assert process.stderr is not None
             async with asyncio.timeout(LIMIT_S):
                 while b"waiting for the medium" not in await process.stderr.readline():

@@ -36,7 +36,7 @@ def test_samples_cross_by_satellite_and_are_paid_for(tmp_path: Path) -> None:
             shore_port = free_port()
             emulator = await stack.enter_async_context(
                 running(
-                    *("emulate", "iridium", "--modems", 1, "--listen", "127.0.0.1:0"),
+                    *("run", "modems", "iridium", "--modems", 1, "--listen", "127.0.0.1:0"),
                     *("--shore", f"127.0.0.1:{shore_port}", "--session", 0.1, 0.3, "--json"),
                 )
             )
@@ -52,7 +52,7 @@ def test_samples_cross_by_satellite_and_are_paid_for(tmp_path: Path) -> None:
                 port = free_port()
                 file = _write(tmp_path / f"{address}.json5", port)
                 process = await stack.enter_async_context(
-                    running("gateway", file, "--address", address, "--link", link, "--json")
+                    running("run", "gateway", file, "--address", address, "--link", link, "--json")
                 )
                 await notice(process, "started")
                 settings = zenoh_config("client", connect=port)

@@ -240,7 +240,7 @@ def test_gateway_logs_json_on_standard_error_and_nothing_on_standard_output(
             link = await open_medium(stack, tmp_path)
             file = write_file(tmp_path / "shore.json5", listen=free_port())
             words = ["--link", link, "--log", "json", "--metrics", "0"]
-            process = await stack.enter_async_context(running("gateway", file, *words))
+            process = await stack.enter_async_context(running("run", "gateway", file, *words))
             assert process.stderr is not None
             lines: list[dict[str, Any]] = []
             while not any(line.get("event") == "started" for line in lines):
@@ -257,7 +257,7 @@ def test_gateway_logs_json_on_standard_error_and_nothing_on_standard_output(
             assert last["logger"] == "zacoustic.gateway"
         # What ends it is JSON as well.
         absent = tmp_path / "absent.json5"
-        code, out, err = await ended(await start("gateway", absent, "--log", "json"))
+        code, out, err = await ended(await start("run", "gateway", absent, "--log", "json"))
         assert (code, out) == (2, "")
         assert "absent.json5" in json.loads(err)["message"]
         assert json.loads(err)["level"] == "error"

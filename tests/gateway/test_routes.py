@@ -60,7 +60,7 @@ def test_programs_beyond_a_relay_that_is_killed_and_started(tmp_path: Path) -> N
             scenario = tmp_path / "line.json5"
             scenario.write_text(SCENARIO, encoding="utf-8")
             medium = await stack.enter_async_context(
-                running("medium", scenario, "--listen", "127.0.0.1:0", "--json")
+                running("run", "medium", scenario, "--listen", "127.0.0.1:0", "--json")
             )
             link = "sim/" + (await notice(medium, "listening"))["address"]
             ports = {each: free_port() for each in (1, 2, 3)}
@@ -72,7 +72,7 @@ def test_programs_beyond_a_relay_that_is_killed_and_started(tmp_path: Path) -> N
             async def gateway(address: int) -> Any:
                 process = await stack.enter_async_context(
                     running(
-                        *("gateway", files[address], "--address", address),
+                        *("run", "gateway", files[address], "--address", address),
                         *("--link", link, "--json"),
                     )
                 )

@@ -188,7 +188,7 @@ def test_absent_medium_is_waited_for_and_then_named_with_a_hint() -> None:
             await link.open(receiver)
         assert str(caught.value) == (
             f"no medium at {address} within 0.05 s: Connection refused "
-            f"(start it: zacoustic medium SCENARIO --listen {address})"
+            f"(start it: zacoustic run medium SCENARIO --listen {address})"
         )
         assert receiver.states[0] == (LinkState.OPENING, f"waiting for the medium at {address}")
         assert receiver.states[-1] == (LinkState.OPENING, "Connection refused")

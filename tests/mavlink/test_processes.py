@@ -228,7 +228,7 @@ def test_streams_are_entries_that_check_accepts(
     nodes = '[{ address: 1, name: "shore" }, { address: 9, name: "boat" }]'
     file = tmp_path / "fleet.json5"
     file.write_text(f"{{ plugins: {{ acoustic: {{ nodes: {nodes},\n{entries_text} }} }} }}")
-    assert command_line(["check", str(file), "--address", "9"]) == 0
+    assert command_line(["config", "check", str(file), "--address", "9"]) == 0
     assert "boat/mav/high_latency2" in capsys.readouterr().out
     assert command_line(["mavlink", "streams", "--first-id", "172"]) == 2
     assert "id: 176" in capsys.readouterr().err

@@ -67,8 +67,8 @@ def test_sub_that_ends_behind_a_sample_ends_pub_that_waits(tmp_path: Path) -> No
 
     async def main(locator: str) -> None:
         where = ["--link", locator, "--config", str(file), "--address"]
-        listening = asyncio.create_task(verb("sub", "note", *where, "2", "--count", "1"))
-        told = await verb("pub", "note", "x", *where, "1", "--wait")
+        listening = asyncio.create_task(verb("topic", "echo", "note", *where, "2", "--count", "1"))
+        told = await verb("topic", "pub", "note", "x", *where, "1", "--wait")
         assert told == 0
         assert await listening == 0
 

@@ -100,14 +100,14 @@ def test_call(place: tuple[str, list[Any], list[Any]]) -> None:
     arguments = {word.removeprefix("--"): value for word, value in where.items()}
     with blocking.Node("auv1", **arguments) as node:
         node.create_service(Arm, "auv1/arm", arm)
-        answered = run("call", "auv1/arm", "{on: true}", "--json", *shore)
+        answered = run("service", "call", "auv1/arm", "{on: true}", "--json", *shore)
         assert (answered.returncode, answered.stderr) == (0, "")
         assert json.loads(answered.stdout) == {"key": "auv1/arm", "value": {"ok": True}}
-        failed = run("call", "auv1/arm", "{on: false}", *shore)
+        failed = run("service", "call", "auv1/arm", "{on: false}", *shore)
         assert (failed.returncode, failed.stdout) == (1, "")
-        assert failed.stderr == "zacoustic call: the battery is empty\n"
+        assert failed.stderr == "zacoustic service call: the battery is empty\n"
     if kind == "link":
-        late = run("call", "auv1/arm", "{on: true}", "--timeout", "0.2", *shore)
+        late = run("service", "call", "auv1/arm", "{on: true}", "--timeout", "0.2", *shore)
         assert late.returncode == 3
         assert "no answer" in late.stderr
 
@@ -130,16 +130,18 @@ def test_pub_once_waits_until_it_has_left(fleet: Path) -> None:
         heard = threading.Event()
         with blocking.Node("shore", config=str(fleet), link=locator) as node:
             node.create_subscription(bytes, "note", lambda sample: heard.set())
-            once = run("pub", "note", "x", "--link", locator, "--config", fleet, "--address", 3)
+            once = run(
+                "topic", "pub", "note", "x", "--link", locator, "--config", fleet, "--address", 3
+            )
             assert once.returncode == 0, once.stderr
             assert once.stdout == "note: x\n"
             assert heard.wait(LIMIT_S)
 
 
 def test_nothing_in_time_is_exit_code_3(place: tuple[str, list[Any], list[Any]]) -> None:
-    ended = run("sub", "auv1/nav", "--timeout", "0.05", "--json", *place[1])
+    ended = run("topic", "echo", "auv1/nav", "--timeout", "0.05", "--json", *place[1])
     assert (ended.returncode, ended.stdout) == (3, "")
-    assert ended.stderr == "zacoustic sub: 0 of 1 samples within 0.05 s\n"
+    assert ended.stderr == "zacoustic topic echo: 0 of 1 samples within 0.05 s\n"
 
 
 @pytest.mark.parametrize(
@@ -168,7 +170,7 @@ def test_what_is_wrong_is_one_line_and_an_exit_code(
 
 
 def test_no_router_is_exit_code_1() -> None:
-    ended = run("sub", "note", "--connect", free_endpoint())
+    ended = run("topic", "echo", "note", "--connect", free_endpoint())
     assert ended.returncode == 1
     assert "no Zenoh router at" in ended.stderr
 

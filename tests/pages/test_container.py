@@ -64,15 +64,15 @@ def test_it_starts_a_gateway_whose_journal_is_on_the_volume() -> None:
 
 
 def test_its_health_is_what_a_command_of_ours_finds() -> None:
-    """`topics` asks the gateway over Zenoh: exit code 0 only while one answers (tests/cli)."""
+    """`topic list` asks the gateway over Zenoh: exit code 0 only while one answers (tests/cli)."""
     _, _, command = last("HEALTHCHECK").partition("CMD ")
     *shell, script = json.loads(command)
     assert shell == ["/bin/sh", "-c"]
     program, *arguments = shlex.split(script.removesuffix(" || exit 1"))
     assert program == "zacoustic"
     verb, parsed = parse(arguments)
-    assert verb.name == "topics"
-    assert parsed.config == json.loads(last("CMD"))[1]
+    assert verb.name == "list"
+    assert parsed.config == json.loads(last("CMD"))[2]
 
 
 def test_what_it_copies_is_there_and_no_pattern_keeps_it_out() -> None:

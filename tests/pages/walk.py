@@ -30,7 +30,7 @@ from tests.pages.blocks import ROOT, blocks_of, files_of, steps_of
 from zacoustic.app.tools.demo.networks import free_ports
 
 LIMIT_S: Final = 90.0
-SERVING: Final = ("gateway", "medium", "emulate", "dashboard", "monitor", "record")
+SERVING: Final = ("run", "dashboard", "monitor", "record")
 """Verbs that run until they are interrupted."""
 
 _LOOPBACK_PORT: Final = re.compile(r"\b(127\.0\.0\.1|localhost):(\d{3,5})\b")
@@ -136,7 +136,7 @@ class Walk:
     @contextlib.contextmanager
     def _served(self, words: list[str], lines: int = 1) -> Iterator[list[str]]:
         """Run a command beside the others; it has said so many lines when this returns."""
-        if words[:2] == ["zacoustic", "gateway"]:
+        if words[:3] == ["zacoustic", "run", "gateway"]:
             self._gateways += 1
             if self._gateways > 1 and "--listen" not in words:
                 words = [*words, "--listen", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
@@ -180,7 +180,9 @@ class Walk:
         if not addresses:
             return {}
         count = max(addresses.values())
-        emulator = f"zacoustic emulate evologics --modems {count} --listen 127.0.0.1:0 --pty --json"
+        emulator = (
+            f"zacoustic run modems evologics --modems {count} --listen 127.0.0.1:0 --pty --json"
+        )
         said = self._stack.enter_context(self._served(shlex.split(emulator), lines=2 * count))
         locators = {
             (place["address"], place["locator"].partition(":")[0]): place["locator"]
@@ -200,7 +202,7 @@ def _read(process: "subprocess.Popen[str]", said: list[str], spoken: threading.S
 
 
 def _serves(words: list[str]) -> bool:
-    ends = {"--help", "--once"} & set(words)
+    ends = {"--help", "--once", "demo"} & set(words)
     return words[0] == "zacoustic" and words[1] in SERVING and not ends
 
 

@@ -1,4 +1,4 @@
-"""`zacoustic doctor`: each fault is made for real and named; healthy set-ups stay silent."""
+"""`zacoustic config doctor`: each fault is made for real and named; healthy set-ups stay silent."""
 
 import asyncio
 import json
@@ -430,7 +430,7 @@ def test_the_kernel_says_whether_anything_keeps_the_clock_right(tmp_path: Path) 
 
 def test_the_report_for_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path, zenoh=zenoh_settings("client", connect=free_port()))
-    assert main(["doctor", str(path)]) == 1
+    assert main(["config", "doctor", str(path)]) == 1
     told = capsys.readouterr().out
     assert "! no Zenoh router at" in told
     assert "  at sea: the gateway carries nothing" in told

@@ -1,4 +1,4 @@
-"""`zacoustic doctor` beside a key: each fault of a seal is made for real and named."""
+"""`zacoustic config doctor` beside a key: each fault of a seal is made for real and named."""
 
 import shutil
 from collections.abc import AsyncIterator

@@ -193,7 +193,7 @@ def test_what_fits_no_frame_is_written_as_reliable_and_crosses(
         assert [event.value for event in network.samples(2)] == [value]
     path = tmp_path / "fleet.json5"
     path.write_text(text, encoding="utf-8")
-    assert main(["check", str(path)]) == 0
+    assert main(["config", "check", str(path)]) == 0
 
 
 def test_what_is_larger_than_any_object_is_left_out_with_its_reason() -> None:

@@ -1,4 +1,4 @@
-"""`zacoustic plan`: near what `sim` measures; names what does not fit, and what would make it."""
+"""`zacoustic config plan`: near what `sim` measures; names what does not fit, and why."""
 
 import json
 import math
@@ -91,12 +91,12 @@ def test_agreement_is_compared_and_the_policy_that_takes_less_is_proposed(
             found = plan(path, hours=hours).agreement
             assert found is not None
             assert (found.method, found.proposed) == (method, proposed)
-            assert main(["plan", str(path), "--hours", str(hours)]) == 0
+            assert main(["config", "plan", str(path), "--hours", str(hours)]) == 0
             advice = (
                 "as the file has it" if method == proposed else f'agreement: "{proposed}" is better'
             )
             assert advice in capsys.readouterr().out
-            assert main(["check", str(path)]) == 0
+            assert main(["config", "check", str(path)]) == 0
             assert f'agreement "{method}", {nodes} nodes' in capsys.readouterr().out
 
 
@@ -174,7 +174,7 @@ def test_a_table_of_many_nodes_is_planned_in_a_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], sized: Callable[..., int]
 ) -> None:
     path = large_fleet(tmp_path, sized(254, share=120), agreement="confirm")
-    assert main(["plan", str(path), "--hours", "0.1"]) == 1
+    assert main(["config", "plan", str(path), "--hours", "0.1"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) < 40
     assert any("agreement on tables alone takes" in each for each in lines)
@@ -213,7 +213,7 @@ def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
         {"node": 1, "topic": "cmd", "every_s": 60, "size_bytes": 6},
         profile="whoi_micromodem_fsk",
     )
-    assert main(["plan", str(slower), "--hours", "0.1"]) == 0
+    assert main(["config", "plan", str(slower), "--hours", "0.1"]) == 0
     assert "it fits" in capsys.readouterr().out
 
 
@@ -297,7 +297,7 @@ def test_the_same_plan_twice_is_the_same(
     path = CASES[0].write(tmp_path)
     told = []
     for _ in range(2):
-        assert main(["plan", str(path), "--hours", "0.2", "--json"]) == 0
+        assert main(["config", "plan", str(path), "--hours", "0.2", "--json"]) == 0
         told.append(json.loads(capsys.readouterr().out))
     assert told[0] == told[1]
     assert told[0]["fits"] is True
@@ -321,10 +321,10 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture
     silent = fleet(tmp_path, {"id": 10, "topic": "log"})
     with pytest.raises(ConfigError, match="no traffic rates"):
         plan(silent)
-    assert main(["plan", str(silent), "--loss", "2"]) == 2
+    assert main(["config", "plan", str(silent), "--loss", "2"]) == 2
     assert "--loss 2; allowed: 0 to 0.9" in capsys.readouterr().err
     stranger = channel(tmp_path, {"node": 2, "topic": "no", "every_s": 1, "size_bytes": 1})
-    assert main(["plan", str(stranger)]) == 2
+    assert main(["config", "plan", str(stranger)]) == 2
     assert '"no" of node 2; allowed: log' in capsys.readouterr().err
 
 
@@ -333,7 +333,7 @@ def test_the_example_of_the_page_is_as_the_page_says(
 ) -> None:
     for name, text in files_of("docs/plan.md").items():
         (tmp_path / name).write_text(text, encoding="utf-8")
-    assert main(["plan", str(tmp_path / "water.json5"), "--hours", "0.5"]) == 1
+    assert main(["config", "plan", str(tmp_path / "water.json5"), "--hours", "0.5"]) == 1
     told = capsys.readouterr().out
     assert "auv1/status alone takes" in told
     assert 'it would fit with: auv1/status: codec: "packed"' in told

@@ -127,7 +127,7 @@ def test_an_end_with_another_table_answers_and_is_named(tmp_path: Path) -> None:
                 {"owners": [2], "for_s": 3, "range_m": 0.25},
             ]},
             "slots[1].range_m is 0.25",
-            "zacoustic plan --schedule",
+            "zacoustic config plan --schedule",
         ),
     ],
 )  # fmt: skip

@@ -51,7 +51,7 @@ def test_what_differs_between_two_processes_is_named(tmp_path: Path) -> None:
             here = _file(tmp_path / "here", free_port(), journal="journal")
             there = _file(tmp_path / "there", free_port(), streams=streams)
             near = await stack.enter_async_context(
-                running("gateway", here, "--address", 1, "--link", link, "--json")
+                running("run", "gateway", here, "--address", 1, "--link", link, "--json")
             )
             await notice(near, "started")
             far = await create_subprocess_exec(

@@ -1,4 +1,4 @@
-"""`zacoustic schema` prints what reading a file takes, and docs/reference.md is its output."""
+"""`zacoustic config schema` prints what a file takes; docs/reference.md is its output."""
 
 import copy
 import json
@@ -53,17 +53,17 @@ def test_a_table_that_is_not_there() -> None:
 
 
 def test_the_page_is_what_the_verb_prints(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", "--markdown"]) == 0
+    assert main(["config", "schema", "--markdown"]) == 0
     page = (ROOT / "docs/reference.md").read_text(encoding="utf-8")
-    assert capsys.readouterr().out == page, "zacoustic schema --markdown > docs/reference.md"
+    assert capsys.readouterr().out == page, "zacoustic config schema --markdown > docs/reference.md"
 
 
 def test_the_verb_lists_and_shows(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema"]) == 0
+    assert main(["config", "schema"]) == 0
     assert re.search(r"^streams \(topic\) +A topic\.$", capsys.readouterr().out, re.MULTILINE)
-    assert main(["schema", "nodes"]) == 0
+    assert main(["config", "schema", "nodes"]) == 0
     assert "address  (number; required)\n" in capsys.readouterr().out
-    assert main(["schema", "node"]) == 2
+    assert main(["config", "schema", "node"]) == 2
     assert 'did you mean "nodes"?' in capsys.readouterr().err
 
 

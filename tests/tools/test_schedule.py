@@ -104,5 +104,5 @@ def test_plan_prints_a_schedule_that_a_config_takes(
 
 
 def test_settings_of_a_schedule_need_one(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plan", "scenario.json5", "--drift", "10"]) == 2
+    assert main(["config", "plan", "scenario.json5", "--drift", "10"]) == 2
     assert "--schedule" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Set-ups for `zacoustic doctor`: real ports, sockets, gateways and files, healthy or with a fault.
+"""Set-ups for `zacoustic config doctor`: real ports, gateways and files, healthy or with a fault.
 
 The command runs in a thread, as it does from a shell, while what it examines lives on the loop.
 """
@@ -79,7 +79,7 @@ def command(path: Path, *more: str) -> Told:
 
     output, errors = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-        code = main(["doctor", str(path), "--json", *more])
+        code = main(["config", "doctor", str(path), "--json", *more])
     said = json.loads(output.getvalue()) if output.getvalue() else {}
     return Told(code, said.get("findings", []), said.get("left_out", []), errors.getvalue())
 

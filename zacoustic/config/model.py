@@ -10,7 +10,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.dense import DenseCodec, Model
 from zacoustic.errors import ConfigError
 
-_HINT = "`zacoustic fit RECORDING --config FILE --output MODEL` makes one"
+_HINT = "`zacoustic codec fit RECORDING --config FILE --output MODEL` makes one"
 _MOST_BYTES = 1 << 24
 
 

@@ -119,7 +119,7 @@ ALLOWED: Final = {
     "feedback_interval_s": "seconds, 0 or more",
     "stamp": ", ".join(stamp.value for stamp in Stamp),
     "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
-    "model": "a file that `zacoustic fit` has made",
+    "model": "a file that `zacoustic codec fit` has made",
     "reliability": ", ".join(reliability.value for reliability in Reliability),
     "durability": '"volatile", "transient_local"',
     "codec": '"cbor", "packed", for topics "dense"',

@@ -4,7 +4,8 @@ A package registers a verb in the entry-point group `zacoustic.commands`, name â
 line finds it through `zacoustic.link.registry.commands` and knows nothing else about it.
 
 Packages that do not know each other may share a verb: names with the same part before a dot become
-one verb with sub-verbs. `zacoustic emulate desert` runs `emulate.desert`.
+one verb with sub-verbs. `zacoustic run modems desert` runs `emulate.desert`: modems of all packages
+are one group.
 """
 
 import argparse
@@ -61,12 +62,21 @@ class CommandGroup(Command):
         name: The word that the user types.
         members: Sub-verbs by name: all of them for a list, otherwise the one that is called.
         known: Names of all sub-verbs.
+        summary: One line for the list of verbs; None: the names of the sub-verbs.
     """
 
-    def __init__(self, name: str, members: Mapping[str, Command], known: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        name: str,
+        members: Mapping[str, Command],
+        known: tuple[str, ...],
+        summary: str | None = None,
+    ) -> None:
         # Set on the instance, not on the class: each group is another verb.
         self.name = name  # type: ignore[misc]
-        self.summary = f"{', '.join(known)}: see zacoustic {name} --help"  # type: ignore[misc]
+        if summary is None:
+            summary = f"{', '.join(known)}: see zacoustic {name} --help"
+        self.summary = summary  # type: ignore[misc]
         self._members = members
         self._chosen = f"{name} verb"
 
@@ -81,7 +91,11 @@ class CommandGroup(Command):
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Run the sub-verb that was called."""
-        return self._members[getattr(arguments, self._chosen)].run(arguments)
+        return self.chosen(arguments).run(arguments)
+
+    def chosen(self, arguments: argparse.Namespace) -> Command:
+        """Return the sub-verb that was called."""
+        return self._members[getattr(arguments, self._chosen)]
 
 
 def add_command(choices: "argparse._SubParsersAction[Any]", name: str, command: Command) -> None:

@@ -61,7 +61,7 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
-    """A fault, present or expected at sea; `zacoustic doctor` collects them."""
+    """A fault, present or expected at sea; `zacoustic config doctor` collects them."""
 
     what: str
     """The fault, with values."""
@@ -162,7 +162,7 @@ class Link(ABC):
         return {}
 
     async def examine(self, patience_s: float) -> list[Finding]:
-        """Look for faults of the device; for `zacoustic doctor`, in place of `open`.
+        """Look for faults of the device; for `zacoustic config doctor`, in place of `open`.
 
         It transmits nothing. No other program has the device. The default opens the link, waits
         until it is UP, and closes it.

@@ -1,10 +1,10 @@
-"""The verb `zacoustic emulate evologics`: modems on TCP ports and pseudo-terminals.
+"""The verb `zacoustic run modems evologics`: modems on TCP ports and pseudo-terminals.
 
 With `--json` it prints one object a line: first the place of each modem, before anything else::
 
     listening   address locator                   again for each further port of a modem
 
-then the events on the channel, which no modem knows. Names as in `zacoustic medium --json`::
+then the events on the channel, which no modem knows. Names as in `zacoustic run medium --json`::
 
     emission    at_s source sequence service      a signal begins; `source` is the modem's address
                 destination frame_bytes airtime_s in the scenario, `sequence` counts its signals
@@ -52,7 +52,7 @@ class EvologicsEmulation(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare modems, places, faults and form of the output."""
-        parser.epilog = "example: zacoustic emulate evologics --modems 2 --listen 127.0.0.1:9200"
+        parser.epilog = "example: zacoustic run modems evologics --modems 2 --listen 127.0.0.1:9200"
         parser.add_argument(
             "--modems", type=int, metavar="N",
             help="how many, 500 m apart in calm water (default: those of the scenario, or 2)",

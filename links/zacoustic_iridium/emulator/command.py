@@ -1,4 +1,4 @@
-"""The verb `zacoustic emulate iridium`: SBD modems on TCP ports, and the provider's gateway."""
+"""The verb `zacoustic run modems iridium`: SBD modems on TCP ports, and the provider's gateway."""
 
 import argparse
 import asyncio
@@ -27,8 +27,8 @@ class IridiumEmulation(Command):
         """Declare modems, places, faults and form of the output."""
         parser.epilog = (
             "example: a vehicle and its shore\n"
-            "  zacoustic emulate iridium --modems 1 --shore 127.0.0.1:9700\n"
-            "  zacoustic gateway fleet.json5 --address 2 \\\n"
+            "  zacoustic run modems iridium --modems 1 --shore 127.0.0.1:9700\n"
+            "  zacoustic run gateway fleet.json5 --address 2 \\\n"
             "    --link 'iridium/tcp:127.0.0.1:9600#max_bytes_per_day=5000'"
         )
         add = parser.add_argument

@@ -7,11 +7,9 @@ on standard error and an exit code (`zacoustic.link.command`)::
     1  it tried and failed            3  no answer within the time that the user gave
     130  interrupted
 
-Our own verbs are modules in the subpackages of this package that define `<Verb>Command`. Those of
-link packages come from the entry-point group `zacoustic.commands`, where `emulate.desert` is the
-sub-verb `desert` of `emulate`, a verb that several packages may share. A verb is imported when it
-is called or listed, and imports heavy modules only when it runs, so that `zacoustic --help` does
-not load Zenoh.
+`zacoustic.app.cli.verbs` is the table of our verbs; `zacoustic.app.cli.tree` finds the called one
+in it or among those of link packages. A verb is imported when it is called or listed, and imports
+heavy modules only when it runs, so that `zacoustic --help` does not load Zenoh.
 
 The work of a verb is done in `zacoustic.app.tools`, `zacoustic.zenoh.gateway` or
 `zacoustic.zenoh.node`; the files here read arguments and print results.
@@ -19,16 +17,17 @@ The work of a verb is done in `zacoustic.app.tools`, `zacoustic.zenoh.gateway` o
 
 import argparse
 import contextlib
-import difflib
-import importlib
 import logging
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, NoReturn
 
 from zacoustic.app.cli.support.atwork import AT_WORK
 from zacoustic.app.cli.support.printing import print_note, print_text
 from zacoustic.app.cli.support.streams import UNREAD, flush_output
+from zacoustic.app.cli.tree import check_words, renamed, tree_of, whole_tree
+from zacoustic.app.cli.verbs import ALIASES, HEADINGS
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.link.command import (
     EXIT_FAILED,
@@ -43,27 +42,6 @@ from zacoustic.link.command import (
 from zacoustic.text.installing import with_extra
 from zacoustic.text.safetext import one_line, some_lines, without_secrets
 
-_ROOMS: Final = {
-    "use": ("gateway", "pub", "sub", "call", "action", "ping", "mavlink"),
-    "watch": ("topics", "monitor", "dashboard"),
-    "remote": ("silence", "resume", "stream", "route"),
-    "recordings": ("journal", "decode", "record", "replay", "report"),
-    "design": ("demo", "check", "plan", "sim", "campaign", "init", "schema", "fit", "bench"),
-    "host": ("doctor", "predive", "links", "completion"),
-    "security": ("key", "acl", "audit"),
-}
-"""The verbs of each subpackage."""
-_ROOM_OF: Final = {verb: room for room, verbs in _ROOMS.items() for verb in verbs}
-BUILT_IN: Final = (
-    "demo", "gateway", "check", "plan", "doctor", "predive", "links", "pub", "sub", "call",
-    "action", "ping", "mavlink", "topics", "monitor", "dashboard", "silence", "resume", "stream",
-    "route", "journal", "audit", "key", "acl", "decode", "sim", "record", "replay", "report",
-    "init", "schema", "fit", "bench", "completion",
-)  # fmt: skip
-"""Our verbs, in the order of the help."""
-_SUB_VERBS: Final = {"sim": ("campaign",)}
-"""Sub-verbs of our verbs that also take a file in place of a sub-verb."""
-
 _EXTRAS: Final = {
     "cryptography": "secure", "dask": "campaign", "distributed": "campaign",
     "matplotlib": "report", "mcap": "recording", "nicegui": "console",
@@ -75,10 +53,12 @@ _PACKAGES: Final = {"serial": "pyserial", "zenoh": "eclipse-zenoh"}
 """Package to install for another such module, if its name differs."""
 
 _EXAMPLE: Final = """example:
-  zacoustic demo                     two local networks joined through a simulated channel
-  zacoustic gateway router.json5     join the Zenoh network here to the others
-  zacoustic VERB --help              arguments and an example of each verb
+  zacoustic run demo                   two networks, a simulated channel
+  zacoustic run gateway router.json5   join this network to the others
+  zacoustic VERB --help                arguments and an example
 """
+_WIDTH: Final = 80
+_INDENT: Final = 14
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -90,10 +70,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    arguments, old = renamed(sys.argv[1:] if argv is None else argv)
     program = "zacoustic"
     try:
-        program = " ".join([program, *_path(arguments)])
+        program = _program(arguments)
+        _tell_new_words(arguments, old)
         code = _run(program, arguments)
     except KeyboardInterrupt:
         code = EXIT_INTERRUPTED
@@ -147,13 +128,20 @@ def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
     Args:
         arguments: Arguments of the process, without the name of the program.
 
+    Returns:
+        The verb itself, below its groups, and its arguments.
+
     Raises:
         SystemExit: Argparse has printed help, the version, or an error.
         ConfigError: There is no such verb, or it has no such argument.
         ZacousticError: The verb exists but cannot be imported.
     """
-    path = _path(arguments)
-    verbs = _verbs(path)
+    arguments, _ = renamed(arguments)
+    words = _words(arguments)
+    tree = tree_of(words)
+    path = tree.path_in(words)
+    check_words(tree, path, words)
+    verbs = tree.called(path)
     # Argparse would report surplus arguments in the name of the whole program.
     parsed, strangers = _parser(verbs).parse_known_args(arguments)
     if strangers:
@@ -161,24 +149,15 @@ def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
         raise ConfigError(
             f"unrecognized arguments: {' '.join(strangers)}", hint=f"see {program} --help"
         )
-    return verbs[parsed.verb], parsed
+    verb = verbs[parsed.verb]
+    while isinstance(verb, CommandGroup):
+        verb = verb.chosen(parsed)
+    return verb, parsed
 
 
 def complete_parser() -> argparse.ArgumentParser:
     """Return a parser with all verbs and sub-verbs, except those that cannot be imported."""
-    from zacoustic.link import registry
-
-    verbs: dict[str, Command] = {name: _with_sub_verbs(name) for name in BUILT_IN}
-    usable = {
-        name: command
-        for name, command in registry.commands().items()
-        if not isinstance(command, registry.UnavailableCommand)
-    }
-    for name in sorted({name.partition(".")[0] for name in usable}):
-        below = _sub_verbs(name, usable)
-        members = {sub_verb: usable[full] for sub_verb, full in below.items()}
-        verbs[name] = CommandGroup(name, members, tuple(below)) if below else usable[name]
-    return _parser(verbs)
+    return _parser(whole_tree().everything())
 
 
 class Parser(argparse.ArgumentParser):
@@ -199,107 +178,66 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _path(arguments: Sequence[str]) -> Sequence[str]:
-    """Return the words that name the call: a verb, a verb and its sub-verb, or none."""
-    words = [word for word in arguments if not word.startswith("-")]
-    if not words or words[0] in BUILT_IN:
-        return words[: 2 if words[1:] and words[1] in _SUB_VERBS.get(words[0], ()) else 1]
-    from zacoustic.link import registry
-
-    return words[: 2 if _sub_verbs(words[0], registry.commands()) else 1]
+def _words(arguments: Sequence[str]) -> list[str]:
+    return [word for word in arguments if not word.startswith("-")]
 
 
-def _verbs(path: Sequence[str]) -> Mapping[str, Command]:
-    """Return the called verb, or all of them for the list; import no other.
-
-    Raises:
-        ConfigError: There is no such verb.
-        ZacousticError: The verb exists but cannot be imported.
-    """
-    if path and path[0] in BUILT_IN:
-        verb, *sub_verb = path
-        members = {each: _built_in(each) for each in sub_verb}
-        return {verb: CommandGroup(verb, members, tuple(members)) if members else _built_in(verb)}
-    from zacoustic.link import registry
-
-    installed = registry.commands()
-    names = sorted({name.partition(".")[0] for name in installed})
-    if not path:
-        listed = {name: _listed(name, installed) for name in names}
-        return {**listed, **{name: _built_in(name) for name in BUILT_IN}}
-    verb, *sub_verb = path
-    _must_be_one_of([*BUILT_IN, *names], verb)
-    sub_verbs = _sub_verbs(verb, installed)
-    if not sub_verbs:
-        return {verb: _usable(installed[verb])}
-    members = {name: installed[full] for name, full in sub_verbs.items() if not sub_verb}
-    for name in sub_verb:
-        _must_be_one_of(list(sub_verbs), name)
-        members[name] = _usable(installed[sub_verbs[name]])
-    return {verb: CommandGroup(verb, members, tuple(sub_verbs))}
+def _program(arguments: Sequence[str]) -> str:
+    """Return the words that name the call; a wrong one is among them."""
+    words = _words(arguments)
+    tree = tree_of(words)
+    path = tree.path_in(words)
+    wrong = () if tree.is_leaf(path) else words[len(path) : len(path) + 1]
+    return " ".join(["zacoustic", *path, *wrong])
 
 
-def _sub_verbs(verb: str, installed: Iterable[str]) -> dict[str, str]:
-    """Return the names of a verb's sub-verbs, with the names of their entry points."""
-    head = f"{verb}."
-    return {name.removeprefix(head): name for name in installed if name.startswith(head)}
+def _tell_new_words(arguments: Sequence[str], old: str) -> None:
+    """Say on a terminal what old words are called now; a log or a script is not disturbed."""
+    if old and "--json" not in arguments and sys.stderr.isatty():
+        print_note(f"zacoustic {old}: its name is now zacoustic {ALIASES[old]}")
 
 
-def _listed(verb: str, installed: Mapping[str, Command]) -> Command:
-    """Return an installed verb for the list, without importing sub-verbs."""
-    sub_verbs = _sub_verbs(verb, installed)
-    return CommandGroup(verb, {}, tuple(sub_verbs)) if sub_verbs else installed[verb]
+class _WholeParser(Parser):
+    """The parser of the program; its help has the verbs under headings."""
+
+    def format_help(self) -> str:
+        """Return the help."""
+        (choices,) = (
+            each for each in self._actions if isinstance(each, argparse._SubParsersAction)
+        )
+        summaries = {each.dest: each.help or "" for each in choices._choices_actions}
+        listed = {word for words in HEADINGS.values() for word in words}
+        others = tuple(word for word in summaries if word not in listed)
+        lines = [f"usage: {self.prog} [-h] [--version] [-v] VERB ...", "", self.description or ""]
+        for heading, words in {**HEADINGS, "of link packages": others}.items():
+            if any(word in summaries for word in words):
+                lines += ["", f"{heading}:"]
+                lines += [_entry(word, summaries[word]) for word in words if word in summaries]
+        lines += ["", "options:"]
+        options = {
+            ", ".join(each.option_strings): each.help or ""
+            for each in self._actions
+            if each.option_strings
+        }
+        lines += [_entry(*option) for option in options.items()]
+        return "\n".join([*lines, "", self.epilog or ""])
 
 
-def _usable(command: Command) -> Command:
-    from zacoustic.link import registry
-
-    if isinstance(command, registry.UnavailableCommand):
-        raise command.error
-    return command
-
-
-def _must_be_one_of(known: Sequence[str], called: str) -> None:
-    if called not in known:
-        close = difflib.get_close_matches(called, known, 1)
-        hint = f'did you mean "{close[0]}"?' if close else "zacoustic --help explains them"
-        raise ConfigError(f"no such verb; there are: {', '.join(known)}", hint=hint)
-
-
-def _built_in(name: str) -> Command:
-    module = importlib.import_module(f"{__name__}.{_ROOM_OF[name]}.{name}")
-    command_type: type[Command] = getattr(module, f"{name.capitalize()}Command")
-    return command_type()
-
-
-def _with_sub_verbs(name: str) -> Command:
-    members = {each: _built_in(each) for each in _SUB_VERBS.get(name, ())}
-    return _AloneOrGroup(_built_in(name), members) if members else _built_in(name)
-
-
-class _AloneOrGroup(CommandGroup):
-    """A verb that takes a file or a sub-verb; for completion, which shows both.
-
-    Argparse cannot distinguish the two; a call gets a parser of one or the other.
-    """
-
-    def __init__(self, alone: Command, members: Mapping[str, Command]) -> None:
-        super().__init__(alone.name, members, tuple(members))
-        self._alone = alone
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments of both."""
-        self._alone.add_arguments(parser)
-        epilog = parser.epilog
-        super().add_arguments(parser)
-        parser.epilog = epilog
-        for action in parser._actions:
-            if isinstance(action, argparse._SubParsersAction):
-                action.required = False
+def _entry(name: str, text: str) -> str:
+    """Return the lines of one entry of the help, within the width."""
+    first = f"  {name:<{_INDENT - 3}} "
+    before = "" if len(first) == _INDENT else f"{first.rstrip()}\n"
+    wrapped = textwrap.fill(
+        text.replace("%%", "%"),
+        _WIDTH,
+        initial_indent=" " * _INDENT if before else first,
+        subsequent_indent=" " * _INDENT,
+    )
+    return f"{before}{wrapped}"
 
 
 def _parser(verbs: Mapping[str, Command]) -> Parser:
-    parser = Parser(
+    parser = _WholeParser(
         prog="zacoustic",
         description="Zenoh over sound: joins Zenoh networks through acoustic modems.",
         epilog=_EXAMPLE,
@@ -309,15 +247,9 @@ def _parser(verbs: Mapping[str, Command]) -> Parser:
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     parser.add_argument("-v", "--verbose", action="store_true", help="log to standard error")
     choices = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=Parser)
-    for name, verb in sorted(verbs.items(), key=_order):
+    for name, verb in verbs.items():
         add_command(choices, name, verb)
     return parser
-
-
-def _order(item: tuple[str, Command]) -> tuple[int, str]:
-    """Sort key: our verbs in their order, then those of link packages by name."""
-    name = item[0]
-    return (BUILT_IN.index(name) if name in BUILT_IN else len(BUILT_IN), name)
 
 
 def _start_logging(*, verbose: bool) -> None:

@@ -31,3 +31,8 @@ def _line(
         for name, cell, width in zip(header, cells, widths, strict=True)
     )
     return "  ".join(aligned).rstrip()
+
+
+def shortened(text: str, letters: int) -> str:
+    """Return a text of so many letters at most; of a longer key the end is what tells it apart."""
+    return text if len(text) <= letters else f"…{text[1 - letters :]}"

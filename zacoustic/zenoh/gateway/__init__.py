@@ -1,6 +1,6 @@
 """The gateway: a Zenoh session on one side, a link on the other; maps key expressions to streams.
 
-A program needs only `Gateway`; `zacoustic gateway FILE` runs one from the command line. The
+A program needs only `Gateway`; `zacoustic run gateway FILE` runs one from the command line. The
 modules:
 
 - `gateway`, `compose`, `session`: start and stop, composition and run of the parts; the Zenoh

@@ -304,7 +304,7 @@ class LinkUnheard(Notice, frozen=True, kw_only=True, tag="unheard"):
 
     def lines(self) -> list[str]:
         """One line."""
-        return [f"unheard   {self.frames} frames sent and none heard; ask zacoustic doctor"]
+        return [f"unheard   {self.frames} frames sent and none heard; ask zacoustic config doctor"]
 
 
 class BulkRerouted(Notice, frozen=True, kw_only=True, tag="bulk"):

@@ -277,7 +277,7 @@ class Carrier(Protocol):
 
 _HINTS: Final = {
     CallFailure.NO_SERVER: "start the program that serves it",
-    CallFailure.TABLE_MISMATCH: "compare both configs: zacoustic check FILE",
+    CallFailure.TABLE_MISMATCH: "compare both configs: zacoustic config check FILE",
     CallFailure.TIMED_OUT: "whether the service ran is unknown",
     CallFailure.UNKNOWN: "whether it has done its work is unknown",
 }

@@ -153,6 +153,6 @@ def goal_error(name: str, failure: GoalFailure, text: str) -> ZacousticError:
 
 _HINTS = {
     GoalFailure.NO_SERVER: "start the program that serves it",
-    GoalFailure.TABLE_MISMATCH: "compare both configs: zacoustic check FILE",
+    GoalFailure.TABLE_MISMATCH: "compare both configs: zacoustic config check FILE",
     GoalFailure.TIMED_OUT: "whether the goal runs is unknown",
 }

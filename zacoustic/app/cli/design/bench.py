@@ -1,29 +1,20 @@
-"""The verb `zacoustic bench`: measurements; so far only `telemetry`."""
+"""The verb `zacoustic codec bench`: the bytes of recorded telemetry in every codec."""
 
 import argparse
 
 from zacoustic.app.cli.support.arguments import add_json, add_telemetry, window_of
 from zacoustic.app.cli.support.printing import print_note, print_result
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
 
 _DEFAULT_SEED = 1
 
 
-class BenchCommand(CommandGroup):
-    """Measurements."""
-
-    prints_late = True
-
-    def __init__(self) -> None:
-        super().__init__("bench", {"telemetry": TelemetryBench()}, ("telemetry",))
-        self.summary = "measure: the bytes of recorded telemetry in every codec"  # type: ignore[misc]
-
-
-class TelemetryBench(Command):
+class BenchCommand(Command):
     """Measures the cost of recorded telemetry in every codec."""
 
-    name = "telemetry"
+    name = "bench"
     summary = "the bytes of recorded telemetry in every codec, with all decodes verified"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recordings, configuration, losses and form of the output."""
@@ -41,7 +32,7 @@ class TelemetryBench(Command):
             "exits with 1 when anything is decoded to something else than what was sent, or is\n"
             "larger than a frame and can never cross\n\n"
             "example:\n"
-            "  zacoustic bench telemetry monday.jsonl.gz --config fleet.json5"
+            "  zacoustic codec bench monday.jsonl.gz --config fleet.json5"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -65,9 +56,9 @@ class TelemetryBench(Command):
         for row in report.streams:
             if row.too_large:
                 what = f"{row.too_large} of {row.frames} samples are larger than a frame"
-                print_note(f"zacoustic bench telemetry: {row.name}: {what} ({IN_PARTS})")
+                print_note(f"zacoustic codec bench: {row.name}: {what} ({IN_PARTS})")
         if report.different:
             what = f"{report.different} of {report.decoded} frames were decoded to something else"
-            print_note(f"zacoustic bench telemetry: {what}")
+            print_note(f"zacoustic codec bench: {what}")
             return EXIT_FAILED
         return EXIT_FAILED if any(row.too_large for row in report.streams) else EXIT_OK

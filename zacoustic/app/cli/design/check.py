@@ -1,4 +1,4 @@
-"""The verb `zacoustic check`: is a configuration valid, and how much airtime does it take?"""
+"""The verb `zacoustic config check`: is a configuration valid, and what airtime does it take?"""
 
 import argparse
 
@@ -22,7 +22,7 @@ class CheckCommand(Command):
         parser.epilog = (
             "fails when the file is valid, and its link cannot be used on this computer, or\n"
             "something in it can never cross\n\n"
-            "example:\n  zacoustic check fleet.json5 --address 2"
+            "example:\n  zacoustic config check fleet.json5 --address 2"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -42,5 +42,5 @@ class CheckCommand(Command):
         print_result(report, as_text, as_json=arguments.json)
         unusable = [link for link in report.links if link.error]
         for link in unusable:
-            print_note(f"zacoustic check: {arguments.file}: {link.error}")
+            print_note(f"zacoustic config check: {arguments.file}: {link.error}")
         return EXIT_FAILED if unusable or report.misfits else EXIT_OK

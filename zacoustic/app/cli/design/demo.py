@@ -1,4 +1,4 @@
-"""The verb `zacoustic demo`: two local networks joined by a simulated channel."""
+"""The verb `zacoustic run demo`: two local networks joined by a simulated channel."""
 
 import argparse
 import asyncio
@@ -44,7 +44,7 @@ class DemoCommand(Command):
         )
         parser.epilog = (
             "exits with 0 only if everything that should cross did\n\n"
-            "examples:\n  zacoustic demo\n  zacoustic demo --link evologics"
+            "examples:\n  zacoustic run demo\n  zacoustic run demo --link evologics"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -85,6 +85,6 @@ def _view(arguments: argparse.Namespace, title: str, picture: IO[bytes] | None) 
     except ModuleNotFoundError as error:
         if arguments.screenshot is not None or not (error.name or "").startswith("rich"):
             raise
-        print_text(f"zacoustic demo: plain lines; for the live view, {with_extra('terminal')}")
+        print_text(f"zacoustic run demo: plain lines; for the live view, {with_extra('terminal')}")
         return LinesView()
     return LiveView(title=title, screenshot=picture)

@@ -1,4 +1,4 @@
-"""The verb `zacoustic fit`: a model of dense topics from recordings."""
+"""The verb `zacoustic codec fit`: a model of dense topics from recordings."""
 
 import argparse
 from pathlib import Path
@@ -34,7 +34,7 @@ class FitCommand(Command):
         parser.epilog = (
             "exits with 1 when frames are no smaller with the model; it is written all the same\n\n"
             "example:\n"
-            "  zacoustic fit monday.jsonl.gz tuesday.jsonl.gz --config fleet.json5 "
+            "  zacoustic codec fit monday.jsonl.gz tuesday.jsonl.gz --config fleet.json5 "
             "--output survey.model.json"
         )
 
@@ -69,6 +69,6 @@ class FitCommand(Command):
         if arguments.output is not None and not arguments.json:
             print_text(f"{arguments.output}: written; name it under the key model, at both ends")
         if not report.helps:
-            print_note("zacoustic fit: the model does not help: do without it")
+            print_note("zacoustic codec fit: the model does not help: do without it")
             return EXIT_FAILED
         return EXIT_OK

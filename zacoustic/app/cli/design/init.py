@@ -1,4 +1,4 @@
-"""The verb `zacoustic init`: a first configuration from the traffic of a live Zenoh network."""
+"""The verb `zacoustic config init`: a configuration from the traffic of a live network."""
 
 import argparse
 from pathlib import Path
@@ -39,8 +39,9 @@ class InitCommand(Command):
         )
         parser.epilog = (
             "example:\n"
-            "  zacoustic init --connect tcp/127.0.0.1:7447 --listen-s 30 --output fleet.json5\n"
-            "  zacoustic check fleet.json5"
+            "  zacoustic config init --connect tcp/127.0.0.1:7447 --listen-s 30 \\\n"
+            "    --output fleet.json5\n"
+            "  zacoustic config check fleet.json5"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -81,5 +82,5 @@ class InitCommand(Command):
             print_text(text.removesuffix("\n"))
         else:
             print_note(f"{output}: {len(config.table)} streams; look for EDIT, then:")
-            print_note(f"  zacoustic check {output}")
+            print_note(f"  zacoustic config check {output}")
         return EXIT_OK

@@ -1,4 +1,4 @@
-"""The verb `zacoustic plan`: does the traffic fit the channel?"""
+"""The verb `zacoustic config plan`: does the traffic fit the channel?"""
 
 import argparse
 import math
@@ -75,9 +75,9 @@ class PlanCommand(Command):
             "recording; or min_interval_s and deadline_s of the config. Exits with 1 when it does\n"
             "not fit. docs/plan.md explains the figures\n\n"
             "example:\n"
-            "  zacoustic plan water.json5\n"
-            "  zacoustic plan fleet.json5 --recording monday.jsonl.gz --loss 0.2 --range 1500\n"
-            "  zacoustic plan water.json5 --schedule --drift 100"
+            "  zacoustic config plan water.json5\n"
+            "  zacoustic config plan fleet.json5 --recording monday.jsonl --loss 0.2 --range 1500\n"
+            "  zacoustic config plan water.json5 --schedule --drift 100"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:

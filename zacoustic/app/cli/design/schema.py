@@ -1,4 +1,4 @@
-"""The verb `zacoustic schema`: the keys of the configuration and their meanings."""
+"""The verb `zacoustic config schema`: the keys of the configuration and their meanings."""
 
 import argparse
 
@@ -20,7 +20,7 @@ class SchemaCommand(Command):
         form = parser.add_mutually_exclusive_group()
         form.add_argument("--json", action="store_true", help="all as a JSON Schema, for an editor")
         form.add_argument("--markdown", action="store_true", help="all as the page of the docs")
-        parser.epilog = "example:\n  zacoustic schema 'streams (topic)'"
+        parser.epilog = "example:\n  zacoustic config schema 'streams (topic)'"
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Print it.

@@ -1,9 +1,11 @@
 """The verb `zacoustic completion`: a script for completion in a shell."""
 
 import argparse
+from pathlib import Path
 from typing import Final
 
 from zacoustic.app.cli.support.printing import print_text
+from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_OK, Command
 
 SHELLS: Final = ("bash", "zsh", "fish")
@@ -13,8 +15,28 @@ SHELLS: Final = ("bash", "zsh", "fish")
 _FILES: Final = ("FILE", "RECORDING", "SCENARIO", "CONFIG", "MODEL", "PAGE", "HEX|FILE")
 _FOLDERS: Final = ("FOLDER",)
 
+# Placeholders of names that a file has; what is in it is asked for when the shell completes.
+_NAMES: Final = {
+    "KEY": "topic", "TOPIC": "topic", "SERVICE": "service", "ACTION": "action",
+    "STREAM": "stream", "NODE": "node",
+}  # fmt: skip
+_BASH: Final = """_zacoustic_names_{kind}() {{
+  compgen -W "$(zacoustic completion --names {kind} --line "${{COMP_WORDS[*]}}" 2>/dev/null)" \\
+    -- "$1"
+}}
+"""
+_ZSH: Final = """_zacoustic_names_{kind}() {{
+  compadd -- $(zacoustic completion --names {kind} --line "${{words[*]}}" 2>/dev/null)
+}}
+"""
+_FISH: Final = """function _zacoustic_names_{kind}
+  zacoustic completion --names {kind} --line (commandline -p | string collect) 2>/dev/null
+end
+"""
+
 _EXAMPLE: Final = """Make it anew after an update: it knows the verbs and options of this version,
-and those of the link packages that are installed.
+and those of the link packages that are installed. Names of streams and addresses of nodes are
+those of the file of the command line, or of the only one in the folder.
 
 examples:
   zacoustic completion bash > ~/.local/share/bash-completion/completions/zacoustic
@@ -32,10 +54,22 @@ class CompletionCommand(Command):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the shell."""
         parser.epilog = _EXAMPLE
-        parser.add_argument("shell", choices=SHELLS, help="which shell")
+        parser.add_argument("shell", choices=SHELLS, nargs="?", help="which shell")
+        # Asked by the script while somebody types.
+        parser.add_argument("--names", help=argparse.SUPPRESS)
+        parser.add_argument("--line", default="", help=argparse.SUPPRESS)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print it."""
+        """Print it.
+
+        Raises:
+            ConfigError: No shell is named.
+        """
+        if arguments.names is not None:
+            _print_names(arguments.names, arguments.line)
+            return EXIT_OK
+        if arguments.shell is None:
+            raise ConfigError(f"SHELL; allowed: {', '.join(SHELLS)}")
         import shtab
 
         from zacoustic.app.cli import complete_parser
@@ -58,3 +92,34 @@ def _name_files(parser: argparse.ArgumentParser) -> None:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif action.metavar in _FOLDERS:
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        elif kind := _kind_of(action):
+            action.complete = _asking(kind)  # type: ignore[attr-defined]
+
+
+def _kind_of(action: argparse.Action) -> str | None:
+    """Return what an argument names in the file, or None."""
+    if "--node" in action.option_strings:
+        return "node"
+    return None if action.option_strings else _NAMES.get(str(action.metavar))
+
+
+def _asking(kind: str) -> dict[str, object]:
+    """Return how each shell asks for the names of a kind, in the form of shtab."""
+    function = f"_zacoustic_names_{kind}"
+    return {
+        "bash": function,
+        "zsh": function,
+        "fish": f"({function})",
+        "preamble": {
+            "bash": _BASH.format(kind=kind),
+            "zsh": _ZSH.format(kind=kind),
+            "fish": _FISH.format(kind=kind),
+        },
+    }
+
+
+def _print_names(kind: str, line: str) -> None:
+    from zacoustic.app.tools.field.names import KINDS, names_for
+
+    if kind in KINDS:
+        print_text("\n".join(names_for(kind, line, Path())))

@@ -1,4 +1,4 @@
-"""The verb `zacoustic doctor`: what will go wrong at sea?"""
+"""The verb `zacoustic config doctor`: what will go wrong at sea?"""
 
 import argparse
 import asyncio
@@ -37,7 +37,7 @@ class DoctorCommand(Command):
             "nothing is transmitted, and nothing is set. Where a gateway of this node runs\n"
             "already, doctor asks it instead of its modem. Exits with 1 when something is wrong;\n"
             "docs/doctor.md lists the checks\n\n"
-            "example:\n  zacoustic doctor router.json5 --address 2 --ntp pool.ntp.org"
+            "example:\n  zacoustic config doctor router.json5 --address 2 --ntp pool.ntp.org"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:

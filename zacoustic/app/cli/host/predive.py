@@ -33,7 +33,7 @@ class PrediveCommand(Command):
         add_json(parser)
         parser.epilog = (
             "each other node is asked for its journal, clock and slots; tables, lives and ranges\n"
-            "are compared, and this computer is examined as by `zacoustic doctor`.\n"
+            "are compared, and this computer is examined as by `zacoustic config doctor`.\n"
             "The gateway has to run. Exits with 1 when something is wrong, within a minute\n\n"
             "example:\n  zacoustic predive router.json5 --address 1 --node 2"
         )

@@ -36,7 +36,7 @@ class RecordCommand(Command):
         parser.epilog = (
             "records the topics of the config, the health documents @acoustic/** and the frames\n"
             "of every gateway on that network, until Ctrl-C. What a gateway does inside is in its\n"
-            "own recording: zacoustic gateway --record\n\n"
+            "own recording: zacoustic run gateway --record\n\n"
             "example:\n"
             "  zacoustic record -o trial.mcap --config fleet.json5 --connect tcp/192.168.0.2:7447"
         )

@@ -1,6 +1,7 @@
 """The verb `zacoustic stream`: switches a topic of a node off and on, sets rate and priority."""
 
 import argparse
+import asyncio
 from typing import Any, Final
 
 from zacoustic.app.cli.remote.silence import add_command_arguments, give, make_command
@@ -12,11 +13,11 @@ _EXAMPLE: Final = """for a topic that the node publishes; it applies at once, wi
 and survives one if the node has a journal
 
 examples:
-  zacoustic stream --node 2 --id 11 --config shore.json5                   how it is sent
-  zacoustic stream --node 2 --id 11 --off --config shore.json5             not at all
-  zacoustic stream --node 2 --id 11 --on --rate 0.1 --config shore.json5   every 10 s at most
-  zacoustic stream --node 2 --id 11 --priority background --config shore.json5
-  zacoustic stream --node 2 --id 11 --reset --config shore.json5           as its file says
+  zacoustic stream auv1/nav --node 2 --config shore.json5                   how it is sent
+  zacoustic stream auv1/nav --node 2 --off --config shore.json5             not at all
+  zacoustic stream auv1/nav --node 2 --on --rate 0.1 --config shore.json5   at most every 10 s
+  zacoustic stream auv1/nav --node 2 --priority background --config shore.json5
+  zacoustic stream auv1/nav --node 2 --reset --config shore.json5           as its file says
 """
 
 
@@ -30,7 +31,11 @@ class StreamCommand(Command):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare topic, node, settings, and where to ask."""
         parser.epilog = _EXAMPLE
-        parser.add_argument("--id", type=int, required=True, metavar="ID", help="stream id")
+        parser.add_argument(
+            "stream", metavar="STREAM", nargs="?",
+            help="name or stream id; a name is that of --config, or of a gateway here",
+        )  # fmt: skip
+        parser.add_argument("--id", type=int, metavar="ID", help=argparse.SUPPRESS)
         switch = parser.add_mutually_exclusive_group()
         switch.add_argument("--on", action="store_true", help="its samples go")
         switch.add_argument(
@@ -71,8 +76,42 @@ class StreamCommand(Command):
         kind = CommandKind.OVERRIDE if is_overridden else CommandKind.ASK
         if arguments.reset:
             kind = CommandKind.RESET
-        command = make_command(kind=kind, stream_id=arguments.id, **fields)
+        command = make_command(kind=kind, stream_id=_stream_id(arguments), **fields)
         return give(arguments, command, _text)
+
+
+def _stream_id(arguments: argparse.Namespace) -> int:
+    """Return the id of the stream that the arguments name.
+
+    Raises:
+        ConfigError: None is named, or two are, or there is none of this name.
+    """
+    if (arguments.stream is None) == (arguments.id is None):
+        raise ConfigError("STREAM; allowed: one, by its name or id")
+    if arguments.id is not None:
+        return int(arguments.id)
+    if arguments.stream.isascii() and arguments.stream.isdigit():
+        return int(arguments.stream)
+    from zacoustic.app.tools.fleetfile import read_fleet
+
+    if arguments.config is None:
+        known = asyncio.run(_ids_of_gateways(arguments.connect))
+    else:
+        table = read_fleet(arguments.config).table
+        known = {stream.name: stream.stream_id for stream in table}
+    if arguments.stream not in known:
+        names = ", ".join(sorted(known)[:8])
+        raise ConfigError(f"STREAM {arguments.stream}; allowed: {names or 'a stream id'}")
+    return known[arguments.stream]
+
+
+async def _ids_of_gateways(connect: "list[str] | None") -> dict[str, int]:
+    """Return the ids of the streams of all gateways here, by name."""
+    from zacoustic.app.tools.watch.watching import Watch
+
+    async with Watch(None, connect) as watch:
+        views = watch.board.views()
+    return {stream.name: stream.id for view in views for stream in view.streams}
 
 
 def _text(state: Any) -> str:  # noqa: ANN401 (a `StreamState`, which is imported late)

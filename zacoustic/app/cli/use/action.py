@@ -1,4 +1,4 @@
-"""The verb `zacoustic action`: sends a goal, follows it, and cancels it on Ctrl-C."""
+"""The verb `zacoustic action send_goal`: sends a goal, follows it, and cancels it on Ctrl-C."""
 
 import argparse
 import asyncio
@@ -37,14 +37,13 @@ examples:
 class ActionCommand(Command):
     """Sends a goal."""
 
-    name = "action"
-    summary = "send_goal: send a goal, on Zenoh or straight on a link, and wait for its end"
+    name = "send_goal"
+    summary = "send a goal, on Zenoh or straight on a link, and wait for its end"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare operation, action, goal, place, and how long to wait."""
+        """Declare action, goal, place, and how long to wait."""
         parser.epilog = _EXAMPLE
-        parser.add_argument("what", metavar="send_goal", choices=("send_goal",), help="only this")
         parser.add_argument("action", metavar="ACTION", help="action of the config, or key")
         parser.add_argument(
             "value", metavar="VALUE", nargs="?", default="",

@@ -1,4 +1,4 @@
-"""The verb `zacoustic call`: calls a service and prints the answer."""
+"""The verb `zacoustic service call`: calls a service and prints the answer."""
 
 import argparse
 import asyncio
@@ -15,8 +15,9 @@ from zacoustic.app.cli.support.participant import (
 from zacoustic.link.command import EXIT_OK, Command
 
 _EXAMPLE = """examples:
-  zacoustic call auv1/arm '{ on: true }' --connect tcp/127.0.0.1:7447
-  zacoustic call auv1/arm '{ on: true }' --link sim/127.0.0.1:7000 --config fleet.json5 --timeout 30
+  zacoustic service call auv1/arm '{ on: true }' --connect tcp/127.0.0.1:7447
+  zacoustic service call auv1/arm '{ on: true }' --link sim/127.0.0.1:7000 \\
+    --config fleet.json5 --timeout 30
 """
 
 
@@ -30,7 +31,7 @@ class CallCommand(Command):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare service, request, where to, how long to wait."""
         parser.epilog = _EXAMPLE
-        parser.add_argument("key", metavar="KEY", help="service of the config, or key")
+        parser.add_argument("key", metavar="SERVICE", help="service of the config, or key")
         parser.add_argument(
             "request", metavar="REQUEST", nargs="?", default="",
             help="JSON5 for a typed service, otherwise a text",

@@ -1,4 +1,4 @@
-"""The verb `zacoustic gateway`: joins the local Zenoh network to the others, until interrupted."""
+"""The verb `zacoustic run gateway`: joins the local Zenoh network to the others."""
 
 import argparse
 import asyncio
@@ -57,7 +57,8 @@ class GatewayCommand(Command):
             "the file's mode decides what it is: a router of its own, a peer, or a client of a\n"
             "router that is there; its health is under @acoustic/ADDRESS/** on that network\n\n"
             "example:\n"
-            "  zacoustic gateway router.json5 --address 2 --link evologics/tcp:192.168.0.209:9200"
+            "  zacoustic run gateway router.json5 --address 2 \\\n"
+            "    --link evologics/tcp:192.168.0.209:9200"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""The verb `zacoustic pub`: publishes a value."""
+"""The verb `zacoustic topic pub`: publishes a value."""
 
 import argparse
 import asyncio
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from zacoustic.zenoh.node import Delivery, Node
 
 _EXAMPLE = """examples:
-  zacoustic pub auv1/cmd '{ mode: "survey" }' --connect tcp/127.0.0.1:7447
-  zacoustic pub auv1/cmd '{ mode: "survey" }' --link sim/127.0.0.1:7000 --config fleet.json5
-  zacoustic pub auv1/map --file map.png --wait --timeout 3600 --connect tcp/127.0.0.1:7447
+  zacoustic topic pub auv1/cmd '{ mode: "survey" }' --connect tcp/127.0.0.1:7447
+  zacoustic topic pub auv1/cmd '{ mode: "survey" }' --link sim/127.0.0.1:7000 --config fleet.json5
+  zacoustic topic pub auv1/map --file map.png --wait --timeout 3600 --connect tcp/127.0.0.1:7447
 """
 
 
@@ -98,12 +98,12 @@ async def _publish(arguments: argparse.Namespace) -> int:
                     await node.flush()
                     end = await _end(delivery, follower, line) if arguments.wait else None
                     if end is None and (unsent := _unsent(node, stream, delivery)):
-                        print_note(f"zacoustic pub: {publisher.key}: {unsent}")
+                        print_note(f"zacoustic topic pub: {publisher.key}: {unsent}")
                         return EXIT_FAILED
         except TimeoutError:
             what = "arrived" if arguments.wait else "sent"
             text = f"not {what} within {arguments.timeout:g} s"
-            print_note(f"zacoustic pub: {text}")
+            print_note(f"zacoustic topic pub: {text}")
             return EXIT_TIMED_OUT
     if end is None:
         return EXIT_OK

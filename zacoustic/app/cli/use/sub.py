@@ -1,4 +1,4 @@
-"""The verb `zacoustic sub`: prints the samples of a topic, or of all of them."""
+"""The verb `zacoustic topic echo`: prints the samples of a topic, or of all of them."""
 
 import argparse
 import asyncio
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 _DEPTH: Final = 1024
 
 _EXAMPLE = """examples:
-  zacoustic sub auv1/nav --connect tcp/127.0.0.1:7447
-  zacoustic sub --link sim/127.0.0.1:7000 --config fleet.json5 --count 1 --timeout 60 --json
+  zacoustic topic echo auv1/nav --connect tcp/127.0.0.1:7447
+  zacoustic topic echo --link sim/127.0.0.1:7000 --config fleet.json5 --count 1 --timeout 60 --json
 """
 
 
@@ -58,7 +58,7 @@ async def _listen(arguments: argparse.Namespace) -> int:
     async with make_node(arguments) as node:
         # Printed here, not in callbacks, so that a reader that closes the pipe ends the verb.
         arrived: Mailbox[Sample[Any]] = Mailbox(_DEPTH)
-        _subscribe(node, arguments.key, lambda sample: arrived.put(sample, sample.key))
+        subscribe(node, arguments.key, lambda sample: arrived.put(sample, sample.key))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(arguments.timeout):
                 while arguments.count is None or seen < wanted:
@@ -69,11 +69,12 @@ async def _listen(arguments: argparse.Namespace) -> int:
     if seen >= wanted:
         return EXIT_OK
     told = f"{seen} of {wanted} samples within {arguments.timeout:g} s"
-    print_note(f"zacoustic sub: {told}")
+    print_note(f"zacoustic topic echo: {told}")
     return EXIT_TIMED_OUT
 
 
-def _subscribe(node: "Node", key: str | None, take: "Callable[[Sample[Any]], None]") -> None:
+def subscribe(node: "Node", key: str | None, take: "Callable[[Sample[Any]], None]") -> None:
+    """Subscribe to a key, to all topics, or without a config to all keys."""
     from zacoustic.core.base.qos import Qos
 
     for name in _names(node, key):
@@ -108,5 +109,5 @@ def _names(node: "Node", key: str | None) -> list[str]:
         return [key]
     names = node.topics()
     told = ", ".join(names) if names else "every key"
-    print_note(f"zacoustic sub: listening to {told}")
+    print_note(f"zacoustic topic echo: listening to {told}")
     return names or ["**"]

@@ -1,4 +1,4 @@
-"""The verb `zacoustic topics`, and the shared parts of verbs that watch gateways."""
+"""The verb `zacoustic topic list`, and the shared parts of verbs that watch gateways."""
 
 import argparse
 import asyncio
@@ -14,27 +14,32 @@ if TYPE_CHECKING:
     from zacoustic.app.tools.watch.watching import Watch
     from zacoustic.config import Config
 
-_EXAMPLE = """sent and heard count records on the channel; last is the time since the stream was
-last transmitted or received, acknowledgements included, rate the current rate of that; age is the
-age of the newest sample received here (topics with stamp: "age"). It costs no airtime.
+_EXAMPLE = """A line for each way that a topic takes through a gateway. Count is that of records on
+the channel, last the time since the last of them, acknowledgements included, rate their present
+rate; age is that of the newest sample received here (topics with stamp: "age"). It costs no
+airtime.
 
 examples:
-  zacoustic topics --connect tcp/127.0.0.1:7447
-  zacoustic topics --config router.json5 --node 2 --json
+  zacoustic topic list --connect tcp/127.0.0.1:7447
+  zacoustic topic list --config router.json5 --node 2 --json
 """
 
 
 class TopicsCommand(Command):
-    """Lists the streams of gateways, once."""
+    """Lists the topics of gateways, once."""
 
-    name = "topics"
-    summary = "list what crosses the channel: how often, how old, what waits"
+    name = "list"
+    summary = "the topics that cross the channel: how often, how old, what waits"
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare gateways, their network, and the form of the output."""
         parser.epilog = _EXAMPLE
         add_watch_arguments(parser)
+        parser.add_argument(
+            "--wide", action="store_true",
+            help="services and actions as well, in one line each, wider than a terminal",
+        )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Query the gateways and print.
@@ -43,24 +48,39 @@ class TopicsCommand(Command):
             SessionError: No router can be reached.
             DeliveryError: No gateway is there.
         """
-        asyncio.run(_list(arguments))
-        return EXIT_OK
+        return list_streams(arguments, None if arguments.wide else "topic")
 
 
-async def _list(arguments: argparse.Namespace) -> None:
+def list_streams(arguments: argparse.Namespace, kind: str | None) -> int:
+    """Print the streams of gateways.
+
+    Args:
+        arguments: Those of `add_watch_arguments`.
+        kind: ``topic``, ``service`` or ``action``; None: all, in one wide table.
+
+    Raises:
+        SessionError: No router can be reached.
+        DeliveryError: No gateway is there.
+    """
+    asyncio.run(_list(arguments, kind))
+    return EXIT_OK
+
+
+async def _list(arguments: argparse.Namespace, kind: str | None) -> None:
     import msgspec
 
-    from zacoustic.app.tools.watch.topicstext import topics_text
+    from zacoustic.app.tools.watch.topicstext import streams_text, topics_text
 
     async with make_watch(arguments) as watch:
         views = chosen(watch, arguments.node)
     for view in views:
         if not arguments.json:
-            print_text(topics_text(view))
+            print_text(topics_text(view) if kind is None else streams_text(view, kind))
             continue
         for stream in view.streams:
-            row: dict[str, Any] = msgspec.to_builtins(stream)
-            print_json({"gateway": view.address, **row})
+            if kind in (None, stream.kind):
+                row: dict[str, Any] = msgspec.to_builtins(stream)
+                print_json({"gateway": view.address, **row})
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,8 +1,8 @@
 """The channel of the demo: for each link the process that emulates it.
 
 A class here knows three things: the verb that serves the channel, the locator of each gateway's
-modem, and the meaning of the process's lines. The lines of `zacoustic medium --json` are the common
-form; other classes translate theirs into it::
+modem, and the meaning of the process's lines. Those of `zacoustic run medium --json` are the
+common form; other classes translate theirs into it::
 
     listening                                       all modems are ready
     waiting     source                              a frame waits for its turn
@@ -11,7 +11,7 @@ form; other classes translate theirs into it::
     reception   source sequence node outcome        its outcome at the other side
                 propagation_s
 
-One more class in `MEDIA` adds one more `zacoustic demo --link`.
+One more class in `MEDIA` adds one more `zacoustic run demo --link`.
 """
 
 from abc import ABC, abstractmethod
@@ -64,7 +64,7 @@ class SimMedium(Medium):
 
     def verb(self, folder: Path) -> tuple[str, ...]:
         """Return the verb of the medium server."""
-        return ("medium", str(write_scenario(folder)), "--listen", _ANY_PORT, "--json")
+        return ("run", "medium", str(write_scenario(folder)), "--listen", _ANY_PORT, "--json")
 
     def take(self, event: MediumEvent) -> MediumEvent:
         """Return a line unchanged."""
@@ -91,7 +91,7 @@ class EvologicsMedium(Medium):
     def verb(self, folder: Path) -> tuple[str, ...]:
         """Return the verb of the emulator."""
         scenario = str(write_scenario(folder))
-        return ("emulate", "evologics", "--scenario", scenario, *self.places, "--json")
+        return ("run", "modems", "evologics", "--scenario", scenario, *self.places, "--json")
 
     def take(self, event: MediumEvent) -> MediumEvent | None:
         """Return a line about a frame unchanged; collect the places one by one."""
@@ -132,7 +132,7 @@ class DesertMedium(Medium):
     def verb(self, folder: Path) -> tuple[str, ...]:
         """Return the verb of the stand-in; it needs no file."""
         nodes = str(len(NAMES))
-        return ("emulate", "desert", "--modems", nodes, "--listen", _ANY_PORT, "--json")
+        return ("run", "modems", "desert", "--modems", nodes, "--listen", _ANY_PORT, "--json")
 
     def take(self, event: MediumEvent) -> MediumEvent | None:
         """Translate a line of the stand-in."""

@@ -133,7 +133,7 @@ class Mission:
         networks = write_networks(folder, self._medium.locators)
         for local_network in networks.values():
             await self._begin(
-                f"gateway {local_network.name}", *program, "gateway", str(local_network.file)
+                f"gateway {local_network.name}", *program, "run", "gateway", str(local_network.file)
             )
         self._ledgers = LedgerListener(networks.values(), self._logbook.take_ledger)
         await self._ledgers.open()

@@ -262,7 +262,9 @@ def _guarded(config: Config, address: int) -> _Guarded | None:
     if not found:
         return None
     most_m, index = min(found)
-    cure = "make the schedule again with the distances of the dive: zacoustic plan --schedule"
+    cure = (
+        "make the schedule again with the distances of the dive: zacoustic config plan --schedule"
+    )
     return _Guarded(f"slots[{index}].range_m", most_m, cure)
 
 

@@ -379,7 +379,7 @@ def _route_notes(config: Config) -> Iterator[str]:
         ]
         yield f"{text}; streams: {', '.join(names) or 'none'}"
     if config.rules.routes:
-        yield "zacoustic plan counts a stream of a route once, not for each hop; sim runs it"
+        yield "zacoustic config plan counts a stream of a route once, not for each hop; sim runs it"
 
 
 def _bond_notes(config: Config) -> Iterator[str]:

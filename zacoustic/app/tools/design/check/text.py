@@ -33,7 +33,8 @@ def _paragraphs(report: Report) -> Iterator[str]:
         yield f"wire {report.wire}: sizes are those of its packets"
     if report.agreement and len(report.nodes) > 1:
         nodes = f"{len(report.nodes)} nodes"
-        yield f'agreement "{report.agreement}", {nodes}; `zacoustic plan` compares the policies'
+        advice = "`zacoustic config plan` compares the policies"
+        yield f'agreement "{report.agreement}", {nodes}; {advice}'
     if report.access:
         yield one_line(report.access)
     if report.journal:

@@ -224,8 +224,8 @@ def _lines(
     services: Sequence[str],
     left_out: Sequence[str],
 ) -> Iterator[str]:
-    yield f"// Written by zacoustic init after {survey.listened_s:g} s at {survey.endpoint}."
-    yield "// A first draft: look for EDIT. `zacoustic check FILE` shows what each stream costs."
+    yield f"// Written by zacoustic config init after {survey.listened_s:g} s at {survey.endpoint}."
+    yield "// A first draft: look for EDIT. `zacoustic config check FILE` shows what each costs."
     yield "{"
     yield '  mode: "client",'
     yield f"  connect: {{ endpoints: [{_text(survey.endpoint)}] }},"

@@ -2,7 +2,7 @@
 
 The records of `zacoustic.config` define names, types and defaults, their docstrings the meaning of
 a key, and `ALLOWED` its values. `tables` combines them, so the printed reference cannot differ from
-the reader. `zacoustic schema` prints it; docs/reference.md is its output, as a test ensures.
+the reader. `zacoustic config schema` prints it; docs/reference.md is its output, as a test ensures.
 """
 
 from zacoustic.app.tools.design.reference.jsonschema import json_schema

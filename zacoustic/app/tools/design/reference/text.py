@@ -12,9 +12,10 @@ _WIDTH: Final = 96
 _HEAD: Final = f"""\
 # Every key of the configuration
 
-`zacoustic schema --markdown` writes this page from the records that read a file.
-`zacoustic schema TABLE` prints one table on a terminal, and `zacoustic schema --json` prints a JSON
-Schema for editors. [config.md](config.md) explains the keys with examples.
+`zacoustic config schema --markdown` writes this page from the records that read a file.
+`zacoustic config schema TABLE` prints one table on a terminal, and
+`zacoustic config schema --json` prints a JSON Schema for editors.
+[config.md](config.md) explains the keys with examples.
 
 All keys stand below `{SECTION}`. A key that is not listed is an error.
 """

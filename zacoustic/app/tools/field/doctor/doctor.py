@@ -35,7 +35,7 @@ _OTHER_RATE: Final = 2.0
 
 
 class DoctorReport(msgspec.Struct, frozen=True, kw_only=True):
-    """The result of `zacoustic doctor`."""
+    """The result of `zacoustic config doctor`."""
 
     file: str
     """The configuration."""
@@ -213,6 +213,6 @@ class _Rounds:
                     what=f"more data than fits: {'; '.join(report.misfits)}",
                     why=f"all of it would take {report.demand:.0%} of the time: samples are pushed "
                     "out or come too late, and commands wait behind them",
-                    cure=cures or "zacoustic plan shows what takes how much",
+                    cure=cures or "zacoustic config plan shows what takes how much",
                 )
             )

@@ -105,7 +105,7 @@ def _tables(config: Config, running: Running) -> Iterator[Finding]:
         + (f"; streams that differ: {names}" if names else ""),
         why="streams that differ are stopped, all dense ones with them, and every frame says its "
         "table anew",
-        cure="give both ends the same file; zacoustic check shows the digest of a table",
+        cure="give both ends the same file; zacoustic config check shows the digest of a table",
     )
 
 
