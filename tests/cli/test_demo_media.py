@@ -13,6 +13,7 @@ from zacoustic.app.tools.demo.networks import NAMES, SHORE, VEHICLE, write_netwo
 from zacoustic.app.tools.demo.notes import AnyNote, Arrived, Emitted
 from zacoustic.config import read_config
 from zacoustic.errors import LinkUnavailableError
+from zacoustic.link import registry
 
 LISTENING = {"event": "listening", "addresses": ["127.0.0.1:4000", "127.0.0.1:4001"]}
 NOW_S = 100.0
