@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.first.inference import NoTypeError, infer_type
 from zacoustic.app.tools.design.first.survey import SeenTopic, Survey
-from zacoustic.app.tools.design.first.writing import write_config
+from zacoustic.app.tools.design.first.writing import Side, write_config, write_files
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.config import Config
-from zacoustic.core.base.qos import Reliability
+from zacoustic.config import Config, config_from_mapping
+from zacoustic.config.json5 import parse_json5
+from zacoustic.core.base.qos import Priority, Reliability
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.values.encoding import decode_application
 from zacoustic.errors import ConfigError
@@ -52,8 +53,10 @@ def test_bounds_are_wider_than_what_was_seen() -> None:
     found = fields(
         {"n": 3, "x": 1.25, "s": "abc", "b": True}, {"n": 17, "x": -3.5, "s": "", "b": 0 > 1}
     )
-    assert found["n"] == {"name": "n", "type": "int32"}
-    assert found["x"] == {"name": "x", "type": "float64", "range": [-50.0, 50.0], "step": 0.01}
+    escape = {"outside": "escape"}
+    assert found["n"] == {"name": "n", "type": "int32", "range": [0, 200], **escape}
+    x = {"name": "x", "type": "float64", "range": [-1000, 1000], "step": 0.01, **escape}
+    assert found["x"] == {**x, "unit": "m"}
     assert found["s"] == {"name": "s", "type": "string", "max_length": 16}
     assert found["b"] == {"name": "b", "type": "bool"}
 
@@ -63,7 +66,94 @@ def test_names_that_everybody_uses_have_their_usual_bounds() -> None:
     assert (found["lat"]["range"], found["lat"]["step"]) == ([-90.0, 90.0], 1e-6)
     assert found["lon"]["range"] == [-180.0, 180.0]
     assert found["heading"]["wraps"] is True
-    assert "range" not in fields({"lat": 4312.34567891234})["lat"]
+    assert fields({"lat": 4312.34567891234})["lat"].get("unit") is None
+
+
+def test_a_measurement_with_many_digits_gets_a_thousandth_of_what_varied() -> None:
+    found = fields({"q": 1.23456789012}, {"q": 3.45678901234})["q"]
+    assert (found["range"], found["step"]) == ([0.0, 50.0], 0.002)
+    assert fields({"q": 1.23456789012})["q"] == {"name": "q", "type": "float64"}
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "unit", "step"),
+    [
+        ("depth", [10.123456, 10.2], "m", 0.01),
+        ("batteryVoltage", [24.123456, 24.1], "V", 0.01),
+        ("heading", [1.5707963, 0.1], "rad", 0.001),
+        ("yaw", [-90.0, 12.5], "deg", 0.1),
+        ("heading_deg", [1.5707963, 0.1], "deg", 0.1),
+        ("water_temp", [4.123456, 4.2], "degC", 0.01),
+    ],
+)
+def test_units_and_steps_are_guessed_from_names(
+    name: str, values: list[float], unit: str, step: float
+) -> None:
+    found = fields(*({name: value} for value in values))[name]
+    assert (found["unit"], found["step"]) == (unit, step)
+
+
+def test_what_a_vehicle_does_later_is_not_refused() -> None:
+    _, config = write_config(survey(seen("auv1/nav", json.dumps({"depth": 3.0, "n": 1}).encode())))
+    (stream,) = config.table
+    assert stream.type is not None
+    for value in ({"depth": 1e6, "n": 1 << 30}, {"depth": -40.0, "n": -7}):
+        assert stream.codec.decode(stream.codec.encode(value)) == value
+
+
+@pytest.mark.parametrize(
+    ("key", "priority", "is_reliable"),
+    [
+        ("auv1/abort", Priority.REAL_TIME, True),
+        ("auv1/emergencyStop", Priority.REAL_TIME, True),
+        ("auv1/cmd/mode", Priority.INTERACTIVE_HIGH, True),
+        ("auv1/nav", Priority.DATA, False),
+        ("auv1/battery", Priority.DATA_LOW, False),
+        ("auv1/stopwatch", Priority.DATA, False),
+    ],
+)
+def test_words_like_abort_make_a_topic_urgent_and_reliable(
+    key: str, priority: Priority, is_reliable: bool
+) -> None:
+    _, config = write_config(survey(seen(key, b"x")))
+    qos = topics_of(config)[key].qos
+    assert (qos.priority, qos.reliability is Reliability.RELIABLE) == (priority, is_reliable)
+
+
+def test_a_topic_keeps_its_period_if_the_channel_has_room_for_it() -> None:
+    slow = msgspec.structs.replace(seen("slow", b"x"), period_s=30.02, samples=9)
+    fast = msgspec.structs.replace(seen("fast", b"x"), period_s=0.1, samples=99)
+    topics = topics_of(write_config(survey(slow, fast))[1])
+    assert topics["slow"].qos.min_interval_s == 30.0
+    assert topics["fast"].qos.min_interval_s == 5.0
+    many = [
+        msgspec.structs.replace(seen(f"fast{n}", bytes(40)), period_s=0.1, samples=99)
+        for n in range(60)
+    ]
+    crowded = topics_of(write_config(survey(*many, slow))[1])
+    assert crowded["fast1"].qos.min_interval_s > 5 * topics["fast"].qos.min_interval_s
+    # It waits with the others, since a period of 30 s is too often then as well.
+    assert crowded["slow"].qos.min_interval_s >= 30.0
+
+
+def test_both_sides_get_the_same_table_and_an_address_of_their_own() -> None:
+    files = write_files(
+        msgspec.structs.replace(survey(seen("auv1/nav", b"x")), subscribed=("auv1/cmd",)),
+        here=Side(address=7, name="auv1", locator="udp/1"),
+        there=Side(address=3, name="shore", locator="udp/2"),
+        peer=survey(seen("shore/time", b"y")),
+    )
+    sections = [
+        parse_json5(text, source="file")["plugins"]["acoustic"]  # type: ignore[index]
+        for text in (files.text, files.peer_text)
+    ]
+    here, there = (config_from_mapping(each, source="file") for each in sections)
+    assert (here.address, there.address) == (7, 3)
+    assert here.table.digest == there.table.digest
+    assert (here.links[0].locator, there.links[0].locator) == ("udp/1", "udp/2")
+    publishers = {name: topic.publishers for name, topic in topics_of(here).items()}
+    assert publishers == {"auv1/nav": (7,), "auv1/cmd": (3,), "shore/time": (3,)}
+    assert "EDIT:" not in files.text + files.peer_text
 
 
 def test_a_field_that_is_missing_at_times_is_optional() -> None:
@@ -106,7 +196,7 @@ def test_the_file_is_valid_and_has_every_topic() -> None:
     )
     topics = topics_of(config)
     assert topics["auv1/nav"].type_name == "Nav"
-    assert topics["auv1/nav"].qos.min_interval_s == 5.0
+    assert topics["auv1/nav"].qos.min_interval_s is not None
     assert (topics["auv1/status"].type_name, topics["auv1/status"].encoding) == (
         "Status", "application/json"
     )  # fmt: skip
@@ -115,7 +205,7 @@ def test_the_file_is_valid_and_has_every_topic() -> None:
     assert "looks like CDR" in text
     (service,) = [s.spec for s in config.table if isinstance(s.spec, ServiceSpec)]
     assert service.name == "auv1/arm"
-    assert text.count("EDIT") > 5
+    assert text.count("EDIT:") == 1  # the modem
 
 
 def test_what_a_router_does_not_tell_is_said() -> None:

@@ -1,9 +1,10 @@
 """From some values of a topic to a type that accepts them, and more.
 
-A few seconds of listening do not show the range of a value, so every bound is generous: integers
-get a type for eight times the observed values, floats ten times, texts twice. A step is only set if
-the values themselves have few decimals, or the name is known (a latitude). The observed values
-stand beside each field, so that a user who knows the vehicle can do better.
+A few seconds of listening do not show the range of a value, so bounds are generous (ten times the
+observed values, texts twice), and a number beyond them is not refused: it crosses in the full width
+of its type (`outside: "escape"`). The step is that of the name, if it names a quantity (a latitude,
+a depth); else that of the values' own decimals; else a thousandth of what varied. The observed
+values stand beside each field, so that a user who knows the vehicle can do better.
 """
 
 import math
@@ -13,24 +14,24 @@ from typing import Any, Final
 
 import msgspec
 
-INTEGER_HEADROOM: Final = 8
-"""Ratio of an integer type's range to the observed values."""
-FLOAT_HEADROOM: Final = 10
-"""Ratio of a range of floats to the observed values."""
+from zacoustic.app.tools.design.first.guessing import Quantity, quantity_of, words_in
+from zacoustic.core.values.types import FieldSpec
+from zacoustic.errors import ConfigError
+
+HEADROOM: Final = 10
+"""Ratio of a range to the observed values."""
+RESOLUTION: Final = 1000
+"""Steps in what varied, of a measurement with many digits."""
 SHORTEST_TEXT_BYTES: Final = 16
 """Least bound of a text."""
 MOST_WORDS: Final = 8
 """A text with no more distinct values might be an enum."""
 _MOST_DECIMALS: Final = 6
 _MAX_DEPTH: Final = 8
+_LEAST_BOUND: Final = 100
+_COUNTER_BOUND: Final = 1_000_000
+_LARGEST: Final = 1e12
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-
-# Names with a common meaning: low, high, step, unit, whether the ends meet.
-_KNOWN: Final[dict[str, tuple[float, float, float, str, bool]]] = {
-    **dict.fromkeys(("lat", "latitude"), (-90.0, 90.0, 1e-6, "deg", False)),
-    **dict.fromkeys(("lon", "lng", "longitude"), (-180.0, 180.0, 1e-6, "deg", False)),
-    **dict.fromkeys(("heading", "yaw", "course", "bearing"), (0.0, 360.0, 0.1, "deg", True)),
-}
 
 
 class NoTypeError(Exception):
@@ -126,9 +127,9 @@ def _scalar(field: str, seen: list[Any]) -> tuple[dict[str, Any], str]:
     if kinds == {bool}:
         return {"type": "bool"}, ""
     if kinds == {int}:
-        return _integer(seen)
+        return _integer(field, seen)
     if kinds <= {int, float}:
-        return _float(field, [float(value) for value in seen])
+        return infer_number(field, [float(value) for value in seen])
     if kinds == {str}:
         return _text(seen)
     if kinds == {bytes}:
@@ -137,35 +138,86 @@ def _scalar(field: str, seen: list[Any]) -> tuple[dict[str, Any], str]:
     raise NoTypeError(f"{field} is of {len(kinds)} kinds, or of one that has no type")
 
 
-def _integer(seen: list[int]) -> tuple[dict[str, Any], str]:
+def _integer(field: str, seen: list[int]) -> tuple[dict[str, Any], str]:
     low, high = min(seen), max(seen)
-    largest = INTEGER_HEADROOM * max(abs(low), abs(high))
     remark = f"seen {_span(low, high)}"
-    if largest < 1 << 31:
-        return {"type": "int32"}, remark
-    if max(abs(low), abs(high)) < 1 << 63:
-        return {"type": "int64"}, remark
-    if low >= 0 and high < 1 << 64:
-        return {"type": "uint64"}, remark
-    raise NoTypeError(f"{high} does not fit 64 bits")
+    if max(abs(low), abs(high)) >= 1 << 63:
+        if low >= 0 and high < 1 << 64:
+            return {"type": "uint64"}, remark
+        raise NoTypeError(f"{high} does not fit 64 bits")
+    bound = max(_LEAST_BOUND, int(_nice(HEADROOM * max(abs(low), abs(high), 1))))
+    quantity = quantity_of(field, map(float, seen))
+    if quantity is not None and quantity.step <= 1 and not quantity.wraps:
+        ends = _ends(quantity, low, high)
+        keys = _bounded("int32", math.floor(ends[0]), math.ceil(ends[1]), 1)
+        if keys is not None:
+            return {**keys, **_unit(quantity)}, remark
+    if words_in(field)[-1:] in (["count"], ["seq"], ["sequence"], ["counter"], ["stamp"]):
+        bound = max(bound, _COUNTER_BOUND)  # it grows as long as the program runs
+    kind = "int32" if bound < 1 << 31 else "int64"
+    keys = _bounded(kind, 0 if low >= 0 else -bound, bound, None)
+    return keys or {"type": "int64"}, remark
 
 
-def _float(field: str, seen: list[float]) -> tuple[dict[str, Any], str]:
+def infer_number(field: str, seen: list[float]) -> tuple[dict[str, Any], str]:
+    """Return the keys of a number with a fraction, and a remark on its values.
+
+    Args:
+        field: Its name.
+        seen: Its observed values, at least one.
+    """
     if not all(math.isfinite(value) for value in seen):
         return {"type": "float64"}, "NaN or infinity seen: no range, no step"
     low, high = min(seen), max(seen)
     remark = f"seen {_span(low, high)}"
-    known = _KNOWN.get(field.lower())
-    if known is not None and known[0] <= low and high <= known[1]:
-        keys = {"type": "float64", "range": [known[0], known[1]], "step": known[2]}
-        return {**keys, "unit": known[3], **({"wraps": True} if known[4] else {})}, remark
+    quantity = quantity_of(field, seen)
+    if quantity is not None:
+        if quantity.wraps:
+            keys: dict[str, Any] | None = {
+                "type": "float64", "range": [quantity.low, quantity.high],
+                "step": quantity.step, "wraps": True,
+            }  # fmt: skip
+        else:
+            keys = _bounded("float64", *_ends(quantity, low, high), quantity.step)
+        if keys is not None:
+            return {**keys, **_unit(quantity)}, remark
     largest = max(abs(low), abs(high))
     decimals = _decimals(seen)
-    if largest == 0.0 or largest > 1e12 or decimals is None:
-        return {"type": "float64"}, f"{remark}: a range and a step make it smaller: EDIT"
-    bound = _nice(FLOAT_HEADROOM * largest)
-    step = 10.0**-decimals
-    return {"type": "float64", "range": [-bound, bound], "step": step}, f"{remark}: EDIT"
+    if decimals is not None and largest < _LARGEST:
+        step = 10.0**-decimals
+    elif high > low:
+        step = _nice_below((high - low) / RESOLUTION)
+        remark += f", step is {step:g} of what varied"
+    else:
+        return {"type": "float64"}, f"{remark}, it did not vary: no range, no step"
+    bound = _nice(HEADROOM * max(largest, step))
+    keys = _bounded("float64", 0.0 if low >= 0 else -bound, bound, step)
+    return keys or {"type": "float64"}, remark
+
+
+def _ends(quantity: Quantity, low: float, high: float) -> tuple[float, float]:
+    """Return the ends of a range: those of the quantity, or with headroom if they are too near."""
+    if quantity.is_firm:
+        return quantity.low, quantity.high
+    least = quantity.low if low >= quantity.low / 2 else -_nice(HEADROOM * abs(low))
+    greatest = quantity.high if high <= quantity.high / 2 else _nice(HEADROOM * abs(high))
+    return least, greatest
+
+
+def _bounded(kind: str, low: float, high: float, step: float | None) -> dict[str, Any] | None:
+    """Return the keys of a bounded number; None: the type has no such range."""
+    keys: dict[str, Any] = {"type": kind, "range": [low, high], "outside": "escape"}
+    if step is not None and not (step == 1 and kind != "float64"):
+        keys["step"] = step
+    try:
+        FieldSpec(name="x", **{**keys, "range": (low, high)})
+    except ConfigError:
+        return None
+    return keys
+
+
+def _unit(quantity: Quantity) -> dict[str, str]:
+    return {"unit": quantity.unit} if quantity.unit else {}
 
 
 def _text(seen: list[str]) -> tuple[dict[str, Any], str]:
@@ -190,6 +242,13 @@ def _nice(number: float) -> float:
     """Return the next of 1, 2, 5, 10, … that is not below."""
     power = 10.0 ** math.floor(math.log10(number))
     nice = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= number * 0.999999)
+    return float(f"{nice:.3g}")
+
+
+def _nice_below(number: float) -> float:
+    """Return the next of 1, 2, 5, 10, … that is not above."""
+    power = 10.0 ** math.floor(math.log10(number))
+    nice = max(factor * power for factor in (1, 2, 5) if factor * power <= number * 1.000001)
     return float(f"{nice:.3g}")
 
 

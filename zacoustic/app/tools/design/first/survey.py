@@ -7,8 +7,10 @@ key, and counts. Services are not samples; a router lists them in its admin spac
 
 import json
 import re
+import statistics
 import threading
 import time
+from collections import deque
 from typing import Final
 
 import msgspec
@@ -20,12 +22,15 @@ KEYS_LIMIT: Final = 1000
 """Most keys to examine; further ones are only counted."""
 PAYLOADS_LIMIT: Final = 64
 """Most stored payloads of a key."""
+GAPS_LIMIT: Final = 256
+"""Most times between samples that a period is the median of."""
 PAYLOAD_LIMIT_BYTES: Final = 4096
 """Larger payloads are only counted: they are not values of a type."""
 
 _ASK_LIMIT_S: Final = 2.0
 _CONNECT_LIMIT_MS: Final = 3000
-_QUERYABLE: Final = re.compile(r"@/[^/]+/[^/]+/queryable/(.+)")
+_LISTED: Final = re.compile(r"@/[^/]+/[^/]+/(?:queryable|subscriber)/(.+)")
+_ROS_TOKENS: Final = "@ros2_lv/**"
 
 
 class SeenTopic(msgspec.Struct, frozen=True, kw_only=True):
@@ -45,6 +50,8 @@ class SeenTopic(msgspec.Struct, frozen=True, kw_only=True):
     """Largest payload."""
     payloads: tuple[bytes, ...] = ()
     """The first payloads, in order."""
+    period_s: float | None = None
+    """Median time between two samples, s; None: there was only one."""
 
 
 class Survey(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,7 +66,11 @@ class Survey(msgspec.Struct, frozen=True, kw_only=True):
     services: tuple[str, ...]
     """Keys of queryables, by name."""
     tells_services: bool
-    """The router has an admin space; otherwise `services` is always empty."""
+    """The router has an admin space; otherwise `services` and `subscribed` are always empty."""
+    subscribed: tuple[str, ...] = ()
+    """Keys without wildcards to which somebody subscribes and nobody published."""
+    ros_tokens: tuple[str, ...] = ()
+    """Liveliness tokens of ROS nodes."""
     left_out: int = 0
     """Samples on keys beyond `KEYS_LIMIT`."""
 
@@ -83,12 +94,22 @@ def survey_network(endpoint: str, *, listen_s: float, expression: str = "**") ->
             reason = " ".join(str(error).split(" at ")[0].split())
             raise SessionError(f"{expression!r} is no key expression: {reason}") from error
         started_at = time.monotonic()
-        services, tells_services = _services(session)
+        services, tells_services = _listed(session, "queryable")
+        subscribed, _ = _listed(session, "subscriber")
+        tokens = _ros_tokens(session)
         threading.Event().wait(max(0.0, listen_s - (time.monotonic() - started_at)))
+    topics = ears.topics(listen_s)
+    published = {topic.key for topic in topics}
     return Survey(
         endpoint=endpoint,
         listened_s=listen_s,
-        topics=ears.topics(listen_s),
+        topics=topics,
+        subscribed=tuple(
+            key
+            for key in subscribed
+            if key not in published and zenoh.KeyExpr(expression).intersects(zenoh.KeyExpr(key))
+        ),
+        ros_tokens=tokens,
         services=services,
         tells_services=tells_services,
         left_out=ears.left_out,
@@ -114,7 +135,7 @@ class _Ears:
                 return
             if heard is None:
                 heard = self._heard[key] = _Heard()
-            heard.take(payload, str(sample.encoding).partition(";")[0])
+            heard.take(payload, str(sample.encoding).partition(";")[0], time.monotonic())
 
     def topics(self, listened_s: float) -> tuple[SeenTopic, ...]:
         with self._guard:
@@ -129,9 +150,14 @@ class _Heard:
         self._encodings: dict[str, int] = {}
         self._payloads: list[bytes] = []
         self._samples = 0
+        self._gaps_s: deque[float] = deque(maxlen=GAPS_LIMIT)
+        self._last_s: float | None = None
 
-    def take(self, payload: bytes, encoding: str) -> None:
+    def take(self, payload: bytes, encoding: str, instant_s: float) -> None:
         size = len(payload)
+        if self._last_s is not None:
+            self._gaps_s.append(instant_s - self._last_s)
+        self._last_s = instant_s
         self._samples += 1
         self._sizes = [min([size, *self._sizes]), max([size, *self._sizes])]
         self._encodings[encoding] = self._encodings.get(encoding, 0) + 1
@@ -147,6 +173,7 @@ class _Heard:
             smallest_bytes=self._sizes[0],
             largest_bytes=self._sizes[1],
             payloads=tuple(self._payloads),
+            period_s=statistics.median(self._gaps_s) if self._gaps_s else None,
         )
 
 
@@ -165,15 +192,29 @@ def _open(endpoint: str) -> zenoh.Session:
         ) from error
 
 
-def _services(session: zenoh.Session) -> tuple[tuple[str, ...], bool]:
-    """Return the queryables that the routers list, and whether any router lists something."""
+def _listed(session: zenoh.Session, kind: str) -> tuple[tuple[str, ...], bool]:
+    """Return what the routers list, and whether any router lists something.
+
+    Args:
+        session: The session.
+        kind: ``queryable`` or ``subscriber``.
+
+    Returns:
+        Keys without wildcards, and none of Zenoh's own; whether there is an admin space.
+    """
     keys: set[str] = set()
-    replies = list(session.get("@/*/*/queryable/**", timeout=_ASK_LIMIT_S))
+    replies = list(session.get(f"@/*/*/{kind}/**", timeout=_ASK_LIMIT_S))
     for reply in replies:
-        found = _QUERYABLE.fullmatch(str(reply.ok.key_expr)) if reply.ok is not None else None
-        if found is not None and not found[1].startswith("@"):
+        found = _LISTED.fullmatch(str(reply.ok.key_expr)) if reply.ok is not None else None
+        if found is not None and not (found[1].startswith("@") or {"*", "$"} & {*found[1]}):
             keys.add(found[1])
     tells = bool(keys) or any(
         reply.ok is not None for reply in session.get("@/*/router", timeout=_ASK_LIMIT_S)
     )
     return tuple(sorted(keys)), tells
+
+
+def _ros_tokens(session: zenoh.Session) -> tuple[str, ...]:
+    """Return the tokens of ROS nodes; they tell names, types and who only subscribes."""
+    replies = session.liveliness().get(_ROS_TOKENS, timeout=_ASK_LIMIT_S)
+    return tuple(sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None}))

@@ -1,91 +1,91 @@
-"""The file: a survey as a configuration, with a comment wherever the user knows more.
+"""The files: a survey as a configuration for both sides, with a comment where a user knows more.
 
 The text is read back before it is returned, and every observed payload must fit its type. A topic
 that fails becomes opaque bytes.
 """
 
-import json
-import math
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import msgspec
 
-from zacoustic.app.tools.crossing import room_bytes
-from zacoustic.app.tools.design.first.inference import (
-    InferredField,
-    InferredType,
-    NoTypeError,
-    infer_type,
+from zacoustic.app.tools.design.first.drafting import (
+    Overlaid,
+    RosDraft,
+    TopicDraft,
+    draft_topic,
+    type_names,
 )
-from zacoustic.app.tools.design.first.survey import PAYLOAD_LIMIT_BYTES, SeenTopic, Survey
+from zacoustic.app.tools.design.first.guessing import USUAL, priority_of
+from zacoustic.app.tools.design.first.inference import InferredType
+from zacoustic.app.tools.design.first.pacing import LIFESPAN_S, paced, sized
+from zacoustic.app.tools.design.first.rosdrafting import RosNetwork, ros_network
+from zacoustic.app.tools.design.first.survey import SeenTopic, Survey
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.config.json5 import parse_json5
 from zacoustic.core.streams.keys import fault_of_name
 from zacoustic.core.streams.specs import LAST_STREAM_ID
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.objects.limits import LARGEST_BYTES
-from zacoustic.core.values.encoding import CBOR, JSON, OPAQUE, TYPED_ENCODINGS, decode_application
-from zacoustic.core.values.payload import CborCodec
-from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.errors import ConfigError, PayloadInvalidError
+from zacoustic.core.values.encoding import CBOR, OPAQUE
+from zacoustic.errors import ConfigError
+from zacoustic.text.safetext import json_line
 
 FIRST_ID: Final = 10
 """Stream id of the first topic; lower ones are left for more important topics."""
-FAST_HZ: Final = 0.5
-"""A faster topic gets a least interval: a channel carries one or two frames per second in all."""
-INTERVAL_S: Final = 5.0
-"""That interval, s."""
-LIFESPAN_S: Final = 60.0
-"""Largest age of a sample, s, unless it takes longer to cross."""
-
-_HEAD_BYTES: Final = 1  # the stream id
-_PARTS_MARGIN: Final = 3
-_CDR_HEAD: Final = b"\x00\x01\x00\x00"
+DEFAULT_LINK: Final = "sim/127.0.0.1:7000"
+"""Locator of a modem that is not named."""
+_UNSEEN_BYTES: Final = 16
+"""Assumed size of a sample that nobody published."""
 
 
-class TopicDraft(msgspec.Struct, frozen=True, kw_only=True):
-    """The entry of one topic."""
+class Side(msgspec.Struct, frozen=True, kw_only=True):
+    """One end of the channel."""
 
-    seen: SeenTopic
-    """The observed samples."""
-    types: tuple[InferredType, ...] = ()
-    """Its types, the outermost last; none: opaque."""
-    encoding: str = OPAQUE
-    """Encoding of the application's payloads."""
-    remark: str = ""
-    """Why it has no type."""
-    parts_s: float | None = None
-    """Time of its largest sample to cross in parts, s; None: all samples fit a frame."""
+    address: int
+    """Acoustic address, 1…254."""
+    name: str
+    """Name of the node, one chunk of a key."""
+    locator: str | None = None
+    """Locator of its modem; None: not known yet."""
 
 
-def draft_topic(topic: SeenTopic, name: str) -> TopicDraft:
-    """Determine the type of a topic's payloads.
+HERE: Final = Side(address=1, name="here")
+THERE: Final = Side(address=2, name="there")
 
-    Args:
-        topic: The observed samples.
-        name: Name of its type.
-        name: Name of its type.
-    """
-    for encoding in _encodings_to_try(topic):
-        try:
-            values = [decode_application(payload, encoding) for payload in topic.payloads]
-            types = infer_type(name, values)
-            _check(types, values)
-        except NoTypeError as error:
-            return TopicDraft(seen=topic, encoding=topic.encoding, remark=f"as bytes: {error}")
-        except PayloadInvalidError:
-            continue
-        except ConfigError as error:
-            return TopicDraft(seen=topic, encoding=topic.encoding, remark=f"as bytes: {error}")
-        return TopicDraft(seen=topic, types=tuple(types), encoding=encoding)
-    remark = "as bytes: it looks like CDR, as ROS 2 writes it" if _is_cdr(topic) else "as bytes"
-    return TopicDraft(seen=topic, encoding=topic.encoding, remark=remark)
+
+class Files(msgspec.Struct, frozen=True, kw_only=True):
+    """What has been written."""
+
+    text: str
+    """The file of the side that was listened to."""
+    peer_text: str
+    """The file of the other side: the same streams, a router of its own."""
+    config: Config
+    """The configuration that the first defines."""
+    drafts: tuple[TopicDraft, ...]
+    """The topics in it."""
+    left_out: tuple[str, ...]
+    """What is not in it, with the reason."""
+
+
+class _Content(msgspec.Struct, frozen=True, kw_only=True):
+    """What both files have."""
+
+    survey: Survey
+    here: Side
+    there: Side
+    drafts: list[TopicDraft]
+    services: list[tuple[str, str | None]]
+    """Name and ROS type; None: it is not of ROS."""
+    left_out: list[str]
+    ros: RosNetwork | None
+    peer_listen: str
 
 
 def write_config(survey: Survey) -> tuple[str, Config]:
-    """Write a configuration.
+    """Write the file of the side that was listened to.
 
     Returns:
         The text, and the configuration that it defines.
@@ -93,59 +93,151 @@ def write_config(survey: Survey) -> tuple[str, Config]:
     Raises:
         ConfigError: Nothing was observed that could be a stream.
     """
-    left_out = [
-        f"{topic.key}: {fault}"
-        for topic in survey.topics
-        if (fault := _fault_of(topic.key)) is not None
+    files = write_files(survey)
+    return files.text, files.config
+
+
+def write_files(
+    survey: Survey,
+    *,
+    here: Side = HERE,
+    there: Side = THERE,
+    peer: Survey | None = None,
+    peer_listen: str = "tcp/127.0.0.1:7447",
+    profile: str = DEFAULT_PROFILE,
+    choose: Callable[[Sequence[TopicDraft]], Sequence[TopicDraft]] = lambda drafts: drafts,
+) -> Files:
+    """Write the files of both sides.
+
+    Args:
+        survey: What was observed on this side.
+        here: This side.
+        there: The other side.
+        peer: What was observed on the other side; None: it was not listened to.
+        peer_listen: Where the other side's router listens.
+        profile: The modem.
+        choose: Changes the drafts before they are written, as a user does who is asked.
+
+    Raises:
+        ConfigError: Nothing was observed that could be a stream.
+    """
+    modem = profile_named(profile)
+    content = _content(survey, here, there, peer, peer_listen)
+    config = _read(_own_text(content))  # without intervals: for the sizes
+    sizes = [
+        _largest_bytes(draft, config.table.by_id(stream_id), content.ros)
+        for stream_id, draft in enumerate(content.drafts, FIRST_ID)
     ]
+    drafts = [sized(each, size, modem) for each, size in zip(content.drafts, sizes, strict=True)]
+    drafts = list(choose(paced(drafts, sizes, modem)))
+    if not (drafts or content.services):
+        raise ConfigError("nothing is left", hint="keep a topic")
+    content = msgspec.structs.replace(content, drafts=drafts)
+    text, peer_text = _own_text(content), _peer_text(content)
+    _read(peer_text)
+    return Files(
+        text=text,
+        peer_text=peer_text,
+        config=_read(text),
+        drafts=tuple(drafts),
+        left_out=tuple(content.left_out),
+    )
+
+
+def _content(
+    survey: Survey, here: Side, there: Side, peer: Survey | None, peer_listen: str
+) -> _Content:
+    ros = ros_network(survey)
+    accounted = ros.keys if ros is not None else frozenset()
+    topics = [topic for topic in survey.topics if topic.key not in accounted]
+    own = {topic.key for topic in topics}
+    from_peer = [] if peer is None else [each for each in peer.topics if each.key not in own]
+    known = own | {topic.key for topic in from_peer} | accounted
+    from_peer += [_unseen(key) for key in survey.subscribed if key not in known]
+    everything = [*topics, *from_peer]
+    left_out = [f"{topic.key}: {fault}" for topic in everything if (fault := _fault_of(topic.key))]
     left_out += [
         f"{topic.key}: {topic.largest_bytes} bytes; allowed: {LARGEST_BYTES}"
-        for topic in survey.topics
+        for topic in everything
         if _fault_of(topic.key) is None and topic.largest_bytes > LARGEST_BYTES
     ]
     usable = [
         topic
-        for topic in survey.topics
+        for topic in everything
         if _fault_of(topic.key) is None and topic.largest_bytes <= LARGEST_BYTES
     ]
+    foreign = {topic.key for topic in from_peer}
+    names = type_names([topic.key for topic in usable])
+    drafts = [
+        msgspec.structs.replace(draft_topic(topic, name), is_from_peer=topic.key in foreign)
+        for topic, name in zip(usable, names, strict=True)
+    ]
+    drafts += [] if ros is None else ros.drafts
+    left_out += [] if ros is None else ros.left_out
     taken = {topic.key for topic in usable}
-    services = [key for key in survey.services if _fault_of(key) is None and key not in taken]
+    services: list[tuple[str, str | None]] = [
+        (key, None)
+        for key in survey.services
+        if _fault_of(key) is None and key not in taken and key not in accounted
+    ]
+    services += [] if ros is None else list(ros.services)
     room = LAST_STREAM_ID - FIRST_ID + 1
-    left_out += [f"{topic.key}: no stream id left" for topic in usable[room:]]
-    usable, services = usable[:room], services[: max(0, room - len(usable))]
-    if not (usable or services):
+    left_out += [f"{draft.name}: no stream id left" for draft in drafts[room:]]
+    drafts, services = drafts[:room], services[: max(0, room - len(drafts))]
+    if not (drafts or services):
         raise ConfigError(
             f"{survey.endpoint}: nothing was published within {survey.listened_s:g} s",
             hint="start the nodes first, or listen longer: --listen-s 30",
         )
-    names = _type_names(usable)
-    drafts = [_sized(draft_topic(topic, name)) for topic, name in zip(usable, names, strict=True)]
-    text = "\n".join(_lines(survey, drafts, services, left_out)) + "\n"
+    return _Content(
+        survey=survey, here=here, there=there, drafts=drafts, services=services,
+        left_out=left_out, ros=ros, peer_listen=peer_listen,
+    )  # fmt: skip
+
+
+def _unseen(key: str) -> SeenTopic:
+    return SeenTopic(
+        key=key, samples=0, rate_hz=0.0, encoding=OPAQUE, smallest_bytes=0, largest_bytes=0
+    )
+
+
+def _read(text: str) -> Config:
     whole: Any = parse_json5(text, source="the first configuration")
-    config = config_from_mapping(whole["plugins"]["acoustic"], source="the first configuration")
-    return text, config
+    return config_from_mapping(whole["plugins"]["acoustic"], source="the first configuration")
 
 
-def _sized(draft: TopicDraft) -> TopicDraft:
-    """Determine whether the largest sample fits a frame, and how long it takes if it does not."""
-    profile = profile_named(DEFAULT_PROFILE)
-    payload_bytes = _largest_payload(draft)
-    if _HEAD_BYTES + payload_bytes <= room_bytes(profile.mtu_bytes):
-        return draft
-    frames = 1 + payload_bytes // (profile.mtu_bytes // 2)  # with headers, answers and repair
-    frame_s = profile.airtime_s(profile.mtu_bytes) + profile.gap_s
-    parts_s = math.ceil(_PARTS_MARGIN * frames * frame_s / INTERVAL_S) * INTERVAL_S
-    return msgspec.structs.replace(draft, parts_s=max(LIFESPAN_S, parts_s))
-
-
-def _largest_payload(draft: TopicDraft) -> int:
+def _largest_bytes(draft: TopicDraft, stream: Stream, ros: RosNetwork | None) -> int:
     """Return the largest transmitted payload of the observed values, bytes."""
     seen = draft.seen
-    if not draft.types or seen.largest_bytes > PAYLOAD_LIMIT_BYTES:
-        return seen.largest_bytes
-    codec = CborCodec(_type_of(draft.types))
-    values = (decode_application(payload, draft.encoding) for payload in seen.payloads)
-    return max(len(codec.encode(value)) for value in values)
+    if not draft.values:
+        return seen.largest_bytes or _UNSEEN_BYTES
+    values: Sequence[Any] = draft.values
+    if draft.ros is not None and ros is not None:
+        values = _overlaid(draft.ros, draft, ros)
+    largest = max(len(stream.codec.encode(value)) for value in values)
+    # Larger payloads than the kept ones were only counted.
+    kept = max(map(len, seen.payloads), default=0)
+    return max(largest, seen.largest_bytes) if seen.largest_bytes > kept else largest
+
+
+def _overlaid(said: RosDraft, draft: TopicDraft, ros: RosNetwork) -> list[Any]:
+    """Return the observed values of a ROS topic as they cross with its overlays."""
+    from zacoustic.ros.interfaces import Interfaces
+    from zacoustic.ros.mapping import TypeMapper
+    from zacoustic.ros.messages import HeaderStamp, RosMessage
+    from zacoustic.ros.overlays import Overlay, OverlayField
+
+    overlays = [
+        Overlay(
+            type=each.interface,
+            fields=tuple(msgspec.convert(rule.keys, OverlayField) for rule in each.rules),
+        )
+        for each in ros.overlays
+    ]
+    interfaces = Interfaces(ros.distro)
+    stamp = HeaderStamp.AGE if said.has_header else HeaderStamp.EXACT
+    message = RosMessage(interfaces, TypeMapper(interfaces, overlays), said.interface, stamp)
+    return [message.read(payload)[0] for payload in draft.seen.payloads]
 
 
 def _fault_of(key: str) -> str | None:
@@ -153,110 +245,76 @@ def _fault_of(key: str) -> str | None:
     return "has a brace, which stands for a placeholder" if "{" in key else fault_of_name(key)
 
 
-def _encodings_to_try(topic: SeenTopic) -> Sequence[str]:
-    if not topic.payloads:
-        return ()
-    if topic.encoding in TYPED_ENCODINGS:
-        return (topic.encoding,)
-    if topic.encoding != OPAQUE or _is_cdr(topic):
-        return ()
-    # Programs often do not declare the encoding of their payloads.
-    return (JSON, CBOR)
-
-
-def _is_cdr(topic: SeenTopic) -> bool:
-    return bool(topic.payloads) and all(payload[:4] == _CDR_HEAD for payload in topic.payloads)
-
-
-def _check(types: Sequence[InferredType], values: Sequence[object]) -> None:
-    """Make the types, and check every value.
-
-    Raises:
-        ConfigError: A type contradicts itself.
-        NoTypeError: A value does not fit.
-    """
-    outermost = _type_of(types)
-    for value in values:
-        try:
-            outermost.validate(value)
-        except PayloadInvalidError as error:
-            raise NoTypeError(str(error)) from error
-
-
-def _type_of(types: Sequence[InferredType]) -> TypeSpec:
-    """Return the outermost of the types of a topic.
-
-    Raises:
-        ConfigError: A type contradicts itself.
-    """
-    specs = [
-        TypeSpec(name=each.name, fields=tuple(_spec(field) for field in each.fields))
-        for each in types
+def _own_text(content: _Content) -> str:
+    endpoint = _text(content.survey.endpoint)
+    zenoh = [
+        '  mode: "client",',
+        f"  connect: {{ endpoints: [{endpoint}] }},",
+        "  scouting: { multicast: { enabled: false } },",
     ]
-    return TypeTable(specs)[types[-1].name]
+    return _file(content, content.here, content.there, zenoh)
 
 
-def _spec(field: InferredField) -> FieldSpec:
-    keys = dict(field.keys)
-    if "range" in keys:
-        keys["range"] = tuple(keys["range"])
-    return FieldSpec(**keys)
+def _peer_text(content: _Content) -> str:
+    zenoh = [
+        '  mode: "router", // programs on this side connect to it',
+        f"  listen: {{ endpoints: [{_text(content.peer_listen)}] }},",
+        "  scouting: { multicast: { enabled: false } },",
+    ]
+    return _file(content, content.there, content.here, zenoh)
 
 
-def _type_names(topics: Sequence[SeenTopic]) -> list[str]:
-    """Return a name for the type of each topic: its last chunk, or all of them if that is taken."""
-    names: list[str] = []
-    for topic in topics:
-        chunks = [re.sub(r"[^A-Za-z0-9]", " ", chunk).title() for chunk in topic.key.split("/")]
-        words = ["".join(chunk.split()) for chunk in chunks]
-        name = f"T{words[-1]}" if words[-1][:1].isdigit() or not words[-1] else words[-1]
-        if name in names:
-            name = f"T{''.join(words)}"
-        while name in names:
-            name += "X"
-        names.append(name)
-    return names
+def _file(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> str:
+    return "\n".join(_lines(content, own, other, zenoh)) + "\n"
 
 
-def _lines(
-    survey: Survey,
-    drafts: Sequence[TopicDraft],
-    services: Sequence[str],
-    left_out: Sequence[str],
-) -> Iterator[str]:
+def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> Iterator[str]:
+    survey = content.survey
     yield f"// Written by zacoustic config init after {survey.listened_s:g} s at {survey.endpoint}."
     yield "// A first draft: look for EDIT. `zacoustic config check FILE` shows what each costs."
     yield "{"
-    yield '  mode: "client",'
-    yield f"  connect: {{ endpoints: [{_text(survey.endpoint)}] }},"
-    yield "  scouting: { multicast: { enabled: false } },"
+    yield from zenoh
     yield "  plugins_loading: { enabled: false },"
     yield "  plugins: { acoustic: {"
     yield "    __required__: false,"
-    yield "    address: 1, // EDIT: acoustic address of this gateway, 1..254"
-    yield "    // EDIT: everybody who takes part, the same list in every file."
-    yield '    nodes: [ { address: 1, name: "here" }, { address: 2, name: "there" } ],'
-    yield "    // EDIT: the modem; `zacoustic links` lists what is installed."
-    yield '    links: [ { locator: "sim/127.0.0.1:7000" } ],'
+    yield f"    address: {own.address}, // acoustic address of this gateway, 1..254"
+    yield "    // Everybody who takes part, the same list in every file."
+    nodes = sorted([own, other], key=lambda side: side.address)
+    listed = ", ".join(f"{{ address: {n.address}, name: {_text(n.name)} }}" for n in nodes)
+    yield f"    nodes: [ {listed} ],"
+    if own.locator is None:
+        yield "    // EDIT: the modem; `zacoustic links` lists what is installed."
+    yield f"    links: [ {{ locator: {_text(own.locator or DEFAULT_LINK)} }} ],"
+    if content.ros is not None:
+        distro = _text(content.ros.distro)
+        yield f"    ros: {{ distro: {distro}, domain: {content.ros.domain} }},"
     yield ""
     yield "    types: ["
-    for draft in drafts:
+    for draft in content.drafts:
         for each in draft.types:
             yield from _type_lines(each)
     yield "    ],"
+    interfaces = {draft.ros.interface for draft in content.drafts if draft.ros is not None}
+    overlays = [] if content.ros is None else content.ros.overlays
+    if used := [each for each in overlays if each.interface in interfaces]:
+        yield "    // What the definitions of ROS do not say: ranges and steps, as they were seen."
+        yield "    overlays: ["
+        for overlay in used:
+            yield from _overlay_lines(overlay)
+        yield "    ],"
     yield ""
-    yield "    // EDIT: delete what need not cross. Sound carries a frame or two per second in all."
+    yield "    // Delete what need not cross: the others may then be faster."
     yield "    streams: ["
-    for stream_id, draft in enumerate(drafts, FIRST_ID):
-        yield from _topic_lines(stream_id, draft)
-    for stream_id, key in enumerate(services, FIRST_ID + len(drafts)):
-        yield "      // EDIT: the types of request and response; without, both are bytes."
-        yield f"      {{ id: {stream_id}, service: {_text(key)}, server: 1, timeout_s: 60 }},"
-    if not services and not survey.tells_services:
-        yield "      // Services cannot be seen: this router has no admin space. EDIT, as in:"
+    for stream_id, draft in enumerate(content.drafts, FIRST_ID):
+        yield from _topic_lines(stream_id, draft, content)
+    first = FIRST_ID + len(content.drafts)
+    for stream_id, (key, interface) in enumerate(content.services, first):
+        yield _service_line(stream_id, key, interface, content.here.address)
+    if not content.services and not survey.tells_services:
+        yield "      // Services cannot be seen: this router has no admin space. As in:"
         yield '      // { id: 100, service: "auv1/arm", server: 1, timeout_s: 60 },'
     yield "    ],"
-    yield from (f"    // left out: {_comment(reason)}" for reason in left_out)
+    yield from (f"    // left out: {_comment(reason)}" for reason in content.left_out)
     yield "  } },"
     yield "}"
 
@@ -264,37 +322,67 @@ def _lines(
 def _type_lines(each: InferredType) -> Iterator[str]:
     yield f"      {{ name: {_text(each.name)}, fields: ["
     for field in each.fields:
-        keys = ", ".join(f"{key}: {_written(value)}" for key, value in field.keys.items())
         remark = f" // {_comment(field.remark)}" if field.remark else ""
-        yield f"        {{ {keys} }},{remark}"
+        yield f"        {{ {_keys(field.keys)} }},{remark}"
     yield "      ] },"
 
 
-def _topic_lines(stream_id: int, draft: TopicDraft) -> Iterator[str]:
+def _overlay_lines(overlay: Overlaid) -> Iterator[str]:
+    yield f"      {{ type: {_text(overlay.interface)}, fields: ["
+    for rule in overlay.rules:
+        remark = f" // {_comment(rule.remark)}" if rule.remark else ""
+        yield f"        {{ {_keys(rule.keys)} }},{remark}"
+    yield "      ] },"
+
+
+def _service_line(stream_id: int, key: str, interface: str | None, server: int) -> str:
+    keys: dict[str, object] = {"id": stream_id, "service": key}
+    if interface is not None:
+        keys["type"] = interface
+    keys |= {"server": server, "timeout_s": 60}
+    ros = ", ros: {}" if interface is not None else ""
+    priority = priority_of(key)
+    if priority in ("real_time", "interactive_high"):
+        keys["priority"] = priority
+    return f"      {{ {_keys(keys)}{ros} }},"
+
+
+def _topic_lines(stream_id: int, draft: TopicDraft, content: _Content) -> Iterator[str]:
     topic = draft.seen
     sizes = f"{topic.smallest_bytes}..{topic.largest_bytes} bytes of {topic.encoding}"
     said = f"{topic.samples} samples, {topic.rate_hz:.3g} per second, {sizes}"
+    if not topic.samples:
+        said = f"subscribed at {content.here.name}, nobody published it"
     yield f"      // {_comment(said)}{'; ' + _comment(draft.remark) if draft.remark else ''}"
-    keys: dict[str, object] = {"id": stream_id, "topic": topic.key}
-    if draft.types:
-        keys["type"] = draft.types[-1].name
+    if draft.parts_s is not None:
+        yield "      // Larger than a frame: in parts, which only reliable topics are."
+    publisher = content.there if draft.is_from_peer else content.here
+    keys: dict[str, object] = {"id": stream_id, "topic": draft.name}
+    if draft.ros is not None:
+        keys |= {"type": draft.ros.interface, "codec": "packed"}
+    elif draft.types:
+        keys |= {"type": draft.types[-1].name, "codec": "packed"}
         if draft.encoding != CBOR:
             keys["encoding"] = draft.encoding
     elif draft.encoding != OPAQUE:
         keys["encoding"] = draft.encoding
-    keys |= {"publishers": [1], "lifespan_s": LIFESPAN_S}
-    interval_s = INTERVAL_S if topic.rate_hz > FAST_HZ else None
+    keys |= {"publishers": [publisher.address], "lifespan_s": draft.parts_s or LIFESPAN_S}
+    if draft.priority != USUAL:
+        keys["priority"] = draft.priority
+    if draft.is_reliable:
+        keys["reliability"] = "reliable"
     if draft.parts_s is not None:
-        yield "      // Larger than a frame: in parts, which only reliable topics are."
-        most_bytes = min(LARGEST_BYTES, 2 * topic.largest_bytes)
-        keys |= {"reliability": "reliable", "max_bytes": most_bytes, "lifespan_s": draft.parts_s}
-        if topic.rate_hz * draft.parts_s > 1:
-            interval_s = draft.parts_s
-    if interval_s is not None:
-        keys["min_interval_s"] = interval_s
-    written = ", ".join(f"{key}: {_written(value)}" for key, value in keys.items())
-    edit = " // EDIT: how often" if interval_s is not None else ""
-    yield f"      {{ {written} }},{edit}"
+        keys["max_bytes"] = min(LARGEST_BYTES, 2 * topic.largest_bytes)
+    if draft.interval_s:
+        keys["min_interval_s"] = draft.interval_s
+    ros = ""
+    if draft.ros is not None:
+        ros = ', ros: { stamp: "age" }' if draft.ros.has_header else ", ros: {}"
+    yield f"      {{ {_keys(keys)}{ros} }},"
+
+
+def _keys(keys: dict[str, Any]) -> str:
+    return ", ".join(f"{key}: {_written(value)}" for key, value in keys.items())
 
 
 def _written(value: object) -> str:
@@ -309,7 +397,8 @@ def _written(value: object) -> str:
 
 
 def _text(text: str) -> str:
-    return json.dumps(text)
+    # Not in ASCII: readers exist that join two escapes to another letter.
+    return json_line(text)
 
 
 def _comment(text: str) -> str:

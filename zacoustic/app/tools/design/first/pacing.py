@@ -1,0 +1,106 @@
+"""How often each topic crosses, so that all of them together leave room on the channel.
+
+A topic keeps the period at which it was published, if that is slow enough. The others get a common
+least interval, shorter for urgent ones and longer for those in the background, and it grows until
+the airtime of all topics is within the budget: half of what carrier sense carries well.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import msgspec
+
+from zacoustic.app.tools.crossing import room_bytes
+from zacoustic.app.tools.design.first.drafting import TopicDraft
+from zacoustic.channel.profiles import ModemProfile
+
+BUDGET: Final = 0.25
+"""Share of the time that all topics together may take."""
+INTERVAL_S: Final = 5.0
+"""Least interval of a usual topic, s: a channel carries one or two frames per second in all."""
+LIFESPAN_S: Final = 60.0
+"""Largest age of a sample, s, unless it takes longer to cross."""
+LONGEST_S: Final = 3600.0
+"""Longest interval that is proposed, s."""
+
+_WEIGHTS: Final = {"real_time": 0.2, "interactive_high": 0.4, "data_low": 2.0, "background": 4.0}
+_HEAD_BYTES: Final = 8  # id, number, SYNC and the like
+_PARTS_MARGIN: Final = 3
+_MOST_TURNS: Final = 60
+
+
+def sized(draft: TopicDraft, payload_bytes: int, profile: ModemProfile) -> TopicDraft:
+    """Determine whether the largest sample fits a frame, and how long it takes if it does not."""
+    if 1 + payload_bytes <= room_bytes(profile.mtu_bytes):
+        return draft
+    frames = 1 + payload_bytes // (profile.mtu_bytes // 2)  # with headers, answers and repair
+    frame_s = profile.airtime_s(profile.mtu_bytes) + profile.gap_s
+    parts_s = math.ceil(_PARTS_MARGIN * frames * frame_s / INTERVAL_S) * INTERVAL_S
+    return msgspec.structs.replace(draft, parts_s=max(LIFESPAN_S, parts_s))
+
+
+def paced(
+    drafts: Sequence[TopicDraft], sizes: Sequence[int], profile: ModemProfile
+) -> list[TopicDraft]:
+    """Give each topic its interval.
+
+    Args:
+        drafts: The topics.
+        sizes: Largest payload of each, bytes.
+        profile: The modem.
+    """
+    costs = [_cost_s(draft, size, profile) for draft, size in zip(drafts, sizes, strict=True)]
+    stretch = 1.0
+    for _ in range(_MOST_TURNS):
+        intervals = [_interval_s(draft, stretch) for draft in drafts]
+        load = sum(
+            cost / interval
+            for cost, interval in zip(costs, intervals, strict=True)
+            if interval is not None
+        )
+        if load <= BUDGET:
+            break
+        stretch *= 1.15
+    return [
+        msgspec.structs.replace(draft, interval_s=interval)
+        for draft, interval in zip(drafts, intervals, strict=True)
+    ]
+
+
+def _cost_s(draft: TopicDraft, size_bytes: int, profile: ModemProfile) -> float:
+    """Return the airtime of a sample, with the answer to a reliable one, s."""
+    if draft.parts_s is not None:
+        return draft.parts_s / _PARTS_MARGIN
+    frame_s = profile.airtime_s(min(profile.mtu_bytes, size_bytes + _HEAD_BYTES))
+    answer_s = profile.airtime_s(_HEAD_BYTES) if draft.is_reliable else 0.0
+    return frame_s + answer_s
+
+
+def _interval_s(draft: TopicDraft, stretch: float) -> float | None:
+    """Return the least time between two samples, s; None: it was published once or never."""
+    seen = draft.seen
+    period_s = seen.period_s
+    if period_s is None:
+        # A rate of a single sample is that of the listening; of something large it still counts.
+        period_s = 1 / seen.rate_hz if seen.samples > 1 and seen.rate_hz > 0 else None
+    if period_s is None and (draft.parts_s is None or not seen.samples):
+        return None
+    least_s = INTERVAL_S * _WEIGHTS.get(draft.priority, 1.0) * stretch
+    if draft.parts_s is not None:
+        least_s = max(least_s, draft.parts_s)
+    return min(LONGEST_S, max(_rounded(least_s), _near(period_s or 0.0)))
+
+
+def _near(period_s: float) -> float:
+    """Return a measured period in two digits, not above: each sample of it crosses."""
+    if period_s <= 0:
+        return 0.0
+    unit = 10.0 ** (math.floor(math.log10(period_s)) - 1)
+    return float(f"{math.floor(period_s * 1.02 / unit) * unit:.6g}")
+
+
+def _rounded(seconds: float) -> float:
+    """Return the next interval with two digits that is not below."""
+    unit = 10.0 ** (math.floor(math.log10(seconds)) - 1)
+    return float(f"{math.ceil(seconds / unit - 1e-9) * unit:.6g}")
