@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help demo auv test test-browser screenshot soak bench shape compiled clean distclean
-.PHONY: release sbom bundle container
+.PHONY: release sbom bundle container frictions
 .PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -30,6 +30,7 @@ help:
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
 	@echo "make compiled  a wheel whose engine and medium are compiled: the same bytes, faster (ten minutes)"
 	@echo "make shape   rings, upward imports, code lines by room: the structure in numbers"
+	@echo "make frictions  what annoyed people at first use, each tried as they did"
 	@echo "make release what an index gets, into dist/; refused while the commit is not ready for it"
 	@echo "make sbom    what a vessel installs, as a bill of materials: dist/zacoustic.cdx.json"
 	@echo "make bundle  all wheels for a ship without internet, and one command: dist/bundle/"
@@ -65,6 +66,9 @@ bench: venv-test
 	    test -f "$$script" || { echo "no benchmarks yet"; break; }; \
 	    echo; echo "== $$script"; $(VENV_PYTHON) "$$script"; \
 	done
+
+frictions: venv-test
+	@$(VENV_PYTHON) .ci/frictions.py
 
 shape: venv-test
 	@$(VENV_PYTHON) .ci/shape.py

@@ -18,6 +18,8 @@ PUBLISHED: Final = (
     "SECURITY.md",
     "examples/deploy/Containerfile",
     "examples/deploy/blueos/metadata.json",
+    "examples/ros2/zacoustic_bringup/package.xml",
+    "examples/ros2/zacoustic_bringup/setup.py",
 )
 """Files whose addresses others will follow."""
 

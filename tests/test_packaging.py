@@ -4,6 +4,7 @@ An editable install forgives what a wheel does not: a data file that is left out
 is not declared.
 """
 
+import ast
 import json
 import os
 import re
@@ -11,6 +12,7 @@ import subprocess
 import sys
 import venv
 import zipfile
+from collections.abc import Callable
 from email import message_from_string
 from email.message import Message
 from pathlib import Path
@@ -30,6 +32,29 @@ import zacoustic.core
 for module in pkgutil.walk_packages(zacoustic.core.__path__, "zacoustic.core."):
     importlib.import_module(module.name)
 print(importlib.util.find_spec("zenoh"), importlib.util.find_spec("serial"))
+"""
+LARGEST_BYTES: Final = 1_600_000
+MOST_PACKAGES: Final = 5
+LONGEST_IMPORT_S: Final = 0.1
+API: Final = ROOT / "tests" / "golden" / "public_api.txt"
+EXPLAIN: Final = """
+import importlib, inspect, sys, time
+from pathlib import Path
+
+sys.path[:0] = sys.argv[2:]
+began = time.perf_counter()
+import zacoustic
+print(time.perf_counter() - began, file=sys.stderr)
+assert zacoustic.__file__.startswith(sys.argv[2]), zacoustic.__file__
+for name in Path(sys.argv[1]).read_text().split():
+    module, _, last = name.rpartition(".")
+    found = getattr(importlib.import_module(module), last)
+    print(name, inspect.getdoc(found))
+    for each in vars(found) if inspect.isclass(found) else ():
+        print(name, each, inspect.getdoc(getattr(found, each)))
+from zacoustic.app.cli import main
+main(["schema", "--markdown"])
+main(["links"])
 """
 LOAD_ENTRY_POINTS: Final = """
 from importlib.metadata import distribution
@@ -55,10 +80,65 @@ def test_wheel_contains_every_file_of_the_packages(wheel: Path) -> None:
         for folder in FOLDERS
         for path in folder.rglob("*")
         if path.is_file() and path.suffix != ".pyc"
+        if path.name != "py.typed" or path.parent in FOLDERS  # one for each package: PEP 561
     }
     with zipfile.ZipFile(wheel) as archive:
         contained = {name for name in archive.namelist() if ".dist-info/" not in name}
     assert contained == expected
+
+
+def test_wheel_is_small_and_needs_little(wheel: Path) -> None:
+    assert wheel.stat().st_size <= LARGEST_BYTES
+    assert len(requirements(wheel)) <= MOST_PACKAGES
+
+
+def test_modules_of_the_wheel_are_those_of_the_checkout_line_by_line(
+    wheel: Path, sized: Callable[..., int]
+) -> None:
+    """Some lack their docstrings (`.ci/lean.py`), and nothing moves."""
+    places = [(folder.parent, path) for folder in FOLDERS for path in sorted(folder.rglob("*.py"))]
+    with zipfile.ZipFile(wheel) as archive:
+        for parent, path in places[:: sized(1, share=8)]:
+            name = path.relative_to(parent).as_posix()
+            assert bare(archive.read(name).decode()) == bare(path.read_text("utf-8")), name
+
+
+def test_what_a_user_can_ask_the_wheel_is_what_the_checkout_answers(
+    wheel: Path, tmp_path: Path
+) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path)
+    answers = [
+        subprocess.run(
+            [sys.executable, "-c", EXPLAIN, str(API), *map(str, places)],
+            cwd=tmp_path, capture_output=True, text=True, check=False,
+        )
+        for places in ([tmp_path], [ROOT, ROOT / "links"])
+    ]  # fmt: skip
+    assert answers[0].stdout == answers[1].stdout, answers[0].stderr
+    assert len(answers[0].stdout) > 100_000
+    assert min(map(float, answers[0].stderr.split())) <= LONGEST_IMPORT_S
+
+
+def bare(source: str) -> list[str]:
+    """Give the parts of a module with their lines, without texts that only explain."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [each for each in body if not explains(each)]  # type: ignore[attr-defined]
+    return [
+        f"{type(node).__name__} {getattr(node, 'lineno', 0)} {getattr(node, 'value', '')!r:.20}"
+        if isinstance(node, ast.Constant)
+        else f"{type(node).__name__} {getattr(node, 'lineno', 0)}"
+        for node in ast.walk(tree)
+    ]
+
+
+def explains(node: ast.stmt) -> bool:
+    """Tell whether a statement is a text, or the dots of a body that had nothing else."""
+    value = node.value if isinstance(node, ast.Expr) else None
+    return isinstance(value, ast.Constant) and (isinstance(value.value, str) or value.value is ...)
 
 
 def test_wheel_contains_the_licence(wheel: Path) -> None:

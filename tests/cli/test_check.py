@@ -127,6 +127,25 @@ def test_lost_contact_is_shown_with_what_would_surprise(
     assert "lost contact" not in capsys.readouterr().out
 
 
+def test_topics_of_ros_that_keep_one_message_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = {"type": "std_msgs/msg/Int32", "ros": {}}
+    topics = [
+        text | {"id": 1, "topic": "/one"},
+        text | {"id": 2, "topic": "/ten", "depth": 10},
+        text | {"id": 3, "topic": "/latched", "durability": "transient_local"},
+        {"id": 4, "topic": "plain"},
+    ]
+    section = changed("streams", topics) | {"ros": {}}
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    written = capsys.readouterr().out
+    assert "depth 1 (a node's default is 10), streams 1: a newer message replaces" in written
+    section["streams"] = topics[1:]
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert "depth 1" not in capsys.readouterr().out
+
+
 def test_another_modem_gives_another_airtime(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -331,3 +331,20 @@ def test_replay_of_the_calls_gives_the_same_events() -> None:
 def test_a_recording_has_the_rules() -> None:
     written = rules(1, 2)
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(written), type=TransmitRules) == written
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_flapping_contact_acts_once_for_each_silence_that_lasts(seed: int) -> None:
+    draw = random.Random(seed)
+    end, at_s, expected = start({}, 0), 0.0, 0
+    for _ in range(40):
+        gap_s = draw.choice([0.5, AFTER_S - 1, AFTER_S + 1, 5 * AFTER_S])
+        at_s += gap_s
+        expected += gap_s > AFTER_S
+        run(end, at_s)
+        assert len(end.got(ContactLost)) == expected
+        if draw.random() < 0.5:  # the program was as fast as the flapping, or not
+            end.engine.lost_contact.acted(NAME, end.now)
+        hear(end, 1, at_s)
+        assert phase(end) is ContactPhase.COUNTING
+    assert len(end.got(ContactRestored)) == expected

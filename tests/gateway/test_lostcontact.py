@@ -12,6 +12,7 @@ import pytest
 import zenoh
 
 from tests.gateway.networks import (
+    LIMIT_S,
     SECTION,
     Channel,
     LocalNetwork,
@@ -26,10 +27,12 @@ from tests.gateway.networks import (
     zenoh_config,
 )
 from tests.gateway.rosnode import Node, ros_session
-from zacoustic.config import config_from_mapping
+from zacoustic.app.tools.field.doctor.network import Running
+from zacoustic.app.tools.field.doctor.running import judge
+from zacoustic.config import Config, config_from_mapping
 from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.gateway import Gateway, read_marker
-from zacoustic.link.contract import LinkReceiver
+from zacoustic.link.contract import Finding, LinkReceiver
 from zacoustic.run.hostclock import HostClock
 from zacoustic.run.journal import SqliteJournal, journal_in
 from zacoustic.zenoh.gateway import lostcontact
@@ -200,6 +203,44 @@ def test_key_is_published_until_somebody_subscribes() -> None:
     run(scene())
 
 
+@pytest.mark.parametrize("word", ["call", "publish"])
+def test_it_is_known_before_the_loss_whether_somebody_would_act(word: str) -> None:
+    async def scene() -> None:
+        rule = section(**{word: KEY}, lost_after_s=3600)
+        async with local_network(2, Channel(), section=rule) as auv:
+            with auv.client() as client:
+
+                async def until_served(expected: bool) -> dict[str, Any]:
+                    async with asyncio.timeout(LIMIT_S):
+                        while (found := await document(client))["served"] is not expected:
+                            pass
+                    return found
+
+                found = await until_served(False)
+                assert (found["state"], found["attempts"]) == ("counting", 0)
+                config = config_of(2, zenoh_config("client", connect=auv.port), rule)
+                health = {"contact/up": found, "node": {}}
+                (finding,) = of_doctor(config, health)
+                assert KEY in finding.what
+                if word == "call":
+                    there: Any = client.declare_queryable(KEY, lambda _: None)
+                else:
+                    there = client.declare_subscriber(KEY, lambda _: None)
+                health["contact/up"] = await until_served(True)
+                assert of_doctor(config, health) == []
+                there.undeclare()
+                await until_served(False)
+                assert states(auv) == []
+
+    run(scene())
+
+
+def of_doctor(config: Config, health: dict[str, Any]) -> list[Finding]:
+    """Return what the doctor says of the actions at lost contact."""
+    said = judge(config, Running(health=health))
+    return [each for each in said if "lost_contact" in each.what]
+
+
 def test_restart_acts_again_only_if_nobody_has_answered(tmp_path: Path) -> None:
     def journal() -> SqliteJournal:
         return journal_in(tmp_path, 2)
@@ -269,8 +310,6 @@ def test_gateway_acts_while_its_modem_opens(monkeypatch: pytest.MonkeyPatch) -> 
         opens.set()
         await starting
         await gateway.close()
-
-    run(scene())
 
     run(scene())
 

@@ -82,7 +82,7 @@ def test_what_it_copies_is_there_and_no_pattern_keeps_it_out() -> None:
         if name == "COPY" and not arguments.startswith("--from=")
         for source in shlex.split(arguments)[:-1]
     ]
-    assert {"pyproject.toml", "README.md", "LICENSE", "zacoustic", "links"} == {*copied}
+    assert {".ci", "pyproject.toml", "README.md", "LICENSE", "zacoustic", "links"} == {*copied}
     for source in copied:
         assert (ROOT / source).exists(), source
         assert not is_ignored(source), source

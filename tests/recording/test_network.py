@@ -25,6 +25,7 @@ from tests.gateway.networks import (
     zenoh_config,
     zenoh_router,
 )
+from tests.recording.test_foxglove import JPEG
 from zacoustic.app.tools.inspect.recordings.replaying.frames import decode_recording
 from zacoustic.app.tools.inspect.recordings.replaying.playing import Played, play
 from zacoustic.app.tools.inspect.recordings.zenohrecord import RecordedKeys, record_network
@@ -115,20 +116,28 @@ def test_topics_documents_and_frames_of_a_running_gateway(tmp_path: Path) -> Non
                 there.put("auv1/nav", cbor(depth=7.0, mode="idle"))
                 await heard.next()
                 here.put("auv1/text", b"\xff\x00")
-                here.put("free/key", '{"a": 1}', encoding="application/json")
+                here.put("auv1/text", JPEG)
+                here.put("free/key", '{"lat": 1, "lon": 2}', encoding="application/json")
+                measured = '{"propagation_s": 0.5, "range_m": null}'
+                here.put("@acoustic/1/peer/2/range", measured, encoding="application/json")
                 await recording.until(
-                    "auv1/nav", "auv1/text", "free/key", "@acoustic/1/frames",
-                    "@acoustic/1/reports", "@acoustic/1/ledger",
+                    "auv1/nav", "auv1/text", "free/key", "@acoustic/1/peer/2/range",
+                    "@acoustic/1/frames", "@acoustic/1/reports", "@acoustic/1/ledger",
                 )  # fmt: skip
             return await recording.end()
 
     found = run(main())
     messages = read(path)
-    assert found.messages["auv1/nav"] == found.messages["auv1/text"] == 1
+    assert (found.messages["auv1/nav"], found.messages["auv1/text"]) == (1, 2)
     (nav,) = messages["/auv1/nav"]
     assert json.loads(nav.data) == {"depth": 7.0, "mode": "idle"}
     (free,) = messages["/free/key"]
-    assert json.loads(free.data) == {"a": 1}
+    assert json.loads(free.data) == {"lat": 1, "lon": 2}
+    (place,) = messages["/foxglove/free/key/location"]
+    assert json.loads(place.data)["longitude"] == 2
+    (image,) = messages["/foxglove/auv1/text/image"]
+    assert json.loads(image.data)["format"] == "jpeg"
+    assert "/foxglove/1/range_to_2" not in messages  # nobody knows where the nodes are
     samples = {each["key"]: each for each in map(data_of, messages["/samples"])}
     assert samples["auv1/nav"]["source"] == 2
     assert "source" not in samples["auv1/text"]

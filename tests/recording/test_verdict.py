@@ -61,6 +61,22 @@ def test_what_an_interval_leaves_out_is_no_loss(depth: int) -> None:
     assert whole in figures.verdict
 
 
+@pytest.mark.parametrize("depth", [1, 4])
+@pytest.mark.parametrize("period_s", [5.0, 7.0, 60.0, 61.0])
+def test_what_still_waits_at_the_end_is_no_loss(depth: int, period_s: float) -> None:
+    qos = Qos(min_interval_s=60.0, depth=depth)
+    table = StreamTable([TopicSpec(stream_id=1, name="seldom", qos=qos)])
+    recorder, sink = recorded()
+    network = VirtualNetwork(line(0, 800, channel="none"), table, build=recorder.make)
+    network.every(period_s, lambda: network.publish(1, 1, b"%d" % network.now))
+    network.run(until_s=RUN_S + 2)
+    recorder.finish()
+    facts = Facts()
+    add_messages(facts, sink.messages)
+    (line_of_verdict, *_) = figures_of(facts).verdict
+    assert line_of_verdict.startswith("everything arrived"), line_of_verdict
+
+
 def test_loss_is_told_from_thinning() -> None:
     figures = reported(loss={"frame": 0.4})
     seldom, often = figures.streams

@@ -87,8 +87,8 @@ def test_the_way_to_the_first_message_is_short(tmp_path: Path) -> None:
     commands = re.findall(r"^(?:pip|zacoustic) .*$", way, re.MULTILINE)
     assert [command.split()[:2] for command in commands] == [
         ["pip", "install"],
-        ["zacoustic", "check"],
-        ["zacoustic", "gateway"],
+        ["zacoustic", "config"],
+        ["zacoustic", "run"],
     ]
     path = tmp_path / "fleet.json5"
     path.write_text(file)

@@ -13,6 +13,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final
 
+from zacoustic.text.helptext import HelpFormatter
+
 EXIT_OK: Final = 0
 """The verb has done its work."""
 EXIT_FAILED: Final = 1
@@ -105,7 +107,7 @@ def add_command(choices: "argparse._SubParsersAction[Any]", name: str, command: 
         name,
         help=summary.replace("%", "%%"),
         description=f"{summary[:1].upper()}{summary[1:]}.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=HelpFormatter,
         allow_abbrev=False,
     )
     command.add_arguments(parser)

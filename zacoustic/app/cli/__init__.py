@@ -18,6 +18,7 @@ The work of a verb is done in `zacoustic.app.tools`, `zacoustic.zenoh.gateway` o
 import argparse
 import contextlib
 import logging
+import shutil
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -28,6 +29,7 @@ from zacoustic.app.cli.support.printing import print_note, print_text
 from zacoustic.app.cli.support.streams import UNREAD, flush_output
 from zacoustic.app.cli.tree import check_words, renamed, tree_of, whole_tree
 from zacoustic.app.cli.verbs import ALIASES, HEADINGS
+from zacoustic.app.tools.columns import within
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.link.command import (
     EXIT_FAILED,
@@ -39,6 +41,7 @@ from zacoustic.link.command import (
     CommandGroup,
     add_command,
 )
+from zacoustic.text.helptext import HelpFormatter
 from zacoustic.text.installing import with_extra
 from zacoustic.text.safetext import one_line, some_lines, without_secrets
 
@@ -89,10 +92,11 @@ def _run(program: str, arguments: Sequence[str]) -> int:
     try:
         verb, parsed = parse(arguments)
         _start_logging(verbose=parsed.verbose)
-        if not verb.prints_late:
-            return verb.run(parsed)
-        with AT_WORK.begin(program):
-            return verb.run(parsed)
+        with within(shutil.get_terminal_size().columns if sys.stdout.isatty() else None):
+            if not verb.prints_late:
+                return verb.run(parsed)
+            with AT_WORK.begin(program):
+                return verb.run(parsed)
     except SystemExit as end:  # argparse, after it has printed help, version or an error
         return end.code if isinstance(end.code, int) else EXIT_USAGE
     except ModuleNotFoundError as error:
@@ -241,7 +245,7 @@ def _parser(verbs: Mapping[str, Command]) -> Parser:
         prog="zacoustic",
         description="Zenoh over sound: joins Zenoh networks through acoustic modems.",
         epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=HelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")

@@ -1,8 +1,28 @@
-"""Text in columns, for a terminal or a log: no frames, no colours, no width limit."""
+"""Text in columns, for a terminal or a log: no frames, no colours.
 
-from collections.abc import Sequence
+A log has a row in one line, however long. On a terminal a broken row cannot be read, so there a
+table that is too wide has its further columns below, each part with the first column.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Final
 
 from zacoustic.text.safetext import one_line
+
+_GAP: Final = "  "
+_limit: ContextVar[int | None] = ContextVar("limit", default=None)
+
+
+@contextmanager
+def within(columns: int | None) -> Iterator[None]:
+    """Keep tables to a width; None: there is no limit."""
+    token = _limit.set(columns)
+    try:
+        yield
+    finally:
+        _limit.reset(token)
 
 
 def align(
@@ -16,21 +36,42 @@ def align(
         right: Names of the right-aligned columns, such as numbers.
 
     Returns:
-        Lines without trailing blanks, joined by line ends; the header is the first.
+        Lines without trailing blanks, joined by line ends; the header is the first. `within` a
+        width, a table that is wider is several, with an empty line between them.
     """
     lines = [header, *([one_line(cell) for cell in row] for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
-    return "\n".join(_line(header, line, widths, right) for line in lines)
+    return "\n\n".join(
+        "\n".join(_line(header, line, widths, right, part) for line in lines)
+        for part in _parts(widths, _limit.get())
+    )
+
+
+def _parts(widths: Sequence[int], limit: int | None) -> list[list[int]]:
+    """Return the columns of each part of a table; all parts have the first one."""
+    parts = [[0]] if widths else [[]]
+    for column in range(1, len(widths)):
+        taken = sum(widths[each] + len(_GAP) for each in parts[-1])
+        if limit is not None and taken + widths[column] > limit and len(parts[-1]) > 1:
+            parts.append([0])
+        parts[-1].append(column)
+    return parts
 
 
 def _line(
-    header: Sequence[str], cells: Sequence[str], widths: Sequence[int], right: Sequence[str]
+    header: Sequence[str],
+    cells: Sequence[str],
+    widths: Sequence[int],
+    right: Sequence[str],
+    columns: Sequence[int],
 ) -> str:
     aligned = (
-        cell.rjust(width) if name in right else cell.ljust(width)
-        for name, cell, width in zip(header, cells, widths, strict=True)
+        cells[each].rjust(widths[each])
+        if header[each] in right
+        else cells[each].ljust(widths[each])
+        for each in columns
     )
-    return "  ".join(aligned).rstrip()
+    return _GAP.join(aligned).rstrip()
 
 
 def shortened(text: str, letters: int) -> str:

@@ -32,6 +32,7 @@ from zacoustic.run.recording.channels import (
     reports_channel,
     sent_frame,
 )
+from zacoustic.run.recording.foxglove import NOMINAL_M_S
 from zacoustic.run.recording.life import encode_life
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.recording.values import ValueWriter, key_of
@@ -140,6 +141,7 @@ class _LifeRecorder:
         self._batch: list[bytes] = []
         self._batch_bytes = 0
         self._is_whole = True
+        self._measured: dict[int, tuple[int | None, int | None]] = {}
 
     def take(self, call: EngineCall) -> None:
         """Record a call."""
@@ -190,6 +192,10 @@ class _LifeRecorder:
                 self._put_record(self._frames, replace(sent, link=link))
             case "handle_frame", {"frame": ReceivedFrame() as frame}:
                 self._put_record(self._frames, replace(received_frame(node, frame), link=link))
+                if frame.metrics.propagation_s is not None:
+                    self._show_measured()
+            case "handle_measurement", _:
+                self._show_measured()
             case "handle_transmit_report", {"report": TransmitReport() as report}:
                 self._put_record(self._reports, replace(report_record(node, report), link=link))
             case "handle_link_state", {"state": LinkState() as state}:
@@ -202,6 +208,26 @@ class _LifeRecorder:
                     self._values.received(result, self._utc_ns)
             case "publish", _ if not arguments.get("delete"):
                 self._values.published(arguments, self._utc_ns)
+
+    def _show_measured(self) -> None:
+        """Show ranges and positions of peers that are new."""
+        known, panels = self._engine.measurements, self._values.panels
+        for address in known.addresses():
+            distance, position = known.range(address), known.position(address)
+            newest = (
+                None if distance is None else distance.measured_at,
+                None if position is None else position.measured_at,
+            )
+            if self._measured.get(address) == newest:
+                continue
+            was = self._measured.get(address, (None, None))
+            self._measured[address] = newest
+            if distance is not None and was[0] != newest[0]:
+                range_m = distance.range_m or distance.propagation_s * NOMINAL_M_S
+                panels.measured_range(self._node, address, range_m, self._utc_ns)
+            if position is not None and was[1] != newest[1]:
+                at = (position.east_m, position.north_m, position.up_m)
+                panels.measured_position(self._node, address, *at, self._utc_ns)
 
     def _key_of(self, event: object) -> str:
         stream_id, instance = getattr(event, "stream_id", None), getattr(event, "instance", ())

@@ -10,6 +10,7 @@ from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.ros.streams import RosStream, RosTopic
 from zacoustic.run.recording.calls import plain
 from zacoustic.run.recording.channels import CDR, ROS_SCHEMA, Channel, value_channel
+from zacoustic.run.recording.foxglove import FoxgloveWriter, made_at
 from zacoustic.run.recording.schemas import OpaqueValue, as_json
 from zacoustic.run.recording.writing import MessageSink
 
@@ -42,12 +43,17 @@ class ValueWriter:
         self._table = table
         self._ros = ros
         self._channels: dict[str, Channel] = {}
+        self.panels = FoxgloveWriter(sink.put)
+        """Writes what Foxglove's panels show."""
 
     def received(self, event: SampleReceived, utc_ns: int) -> None:
         """Write a received sample."""
         stream = self._table.by_id(event.stream_id)
         key = key_of(stream, event.source, event.instance)
-        self._write("received", stream, key, event.value, event.encoding, utc_ns)
+        self._write(
+            "received", stream, key, event.value, event.encoding, utc_ns,
+            node=event.source, made_ns=made_at(utc_ns, event.age_s),
+        )  # fmt: skip
 
     def published(self, arguments: Mapping[str, Any], utc_ns: int) -> None:
         """Write a published sample; `arguments` are those of `Engine.publish`."""
@@ -57,11 +63,14 @@ class ValueWriter:
         value = arguments.get("value")
         if stream.type is not None:
             value = stream.type.validate(value)
-        self._write("published", stream, key, value, encoding, utc_ns)
+        self._write(
+            "published", stream, key, value, encoding, utc_ns, node=self._node, made_ns=utc_ns
+        )
 
     def _write(
-        self, word: str, stream: Stream, key: str, value: object, encoding: str, utc_ns: int
-    ) -> None:
+        self, word: str, stream: Stream, key: str, value: object, encoding: str, utc_ns: int,
+        *, node: int, made_ns: int,
+    ) -> None:  # fmt: skip
         topic = f"/{self._node}/{word}/{key}"
         ros = self._ros.get(stream.stream_id)
         if isinstance(ros, RosTopic):
@@ -79,6 +88,8 @@ class ValueWriter:
             made = ros_channel(topic, stream, ros) if ros else value_channel(topic, stream)
             channel = self._channels[topic] = made
         self._sink.put(channel, utc_ns, data)
+        if ros is None:  # Foxglove knows those of ROS
+            self.panels.value(topic, value, utc_ns, made_ns=made_ns, node=node, spec=stream.type)
 
 
 def encode_value(stream: Stream, value: object, encoding: str = "") -> bytes:

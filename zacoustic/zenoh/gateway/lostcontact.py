@@ -70,6 +70,8 @@ class _Attempts:
         self.loss = ""
         self.question: Question | None = None
         self.timer: asyncio.TimerHandle | None = None
+        self.is_served: bool | None = None
+        """Whether somebody serves the service or subscribes to the key; None: not known yet."""
 
     def stop(self) -> Question | None:
         """Begin no further attempt; return the question that waits."""
@@ -114,16 +116,35 @@ class LostContactActions:
         self._loop = asyncio.get_running_loop()
         self._attempts = {each.rule.name: _Attempts(each) for each in actions}
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._watchers: list[zenoh.Querier | zenoh.MatchingListener[None]] = []
         self._is_closed = False
 
     def declare(self) -> None:
-        """Declare the keys that may be published; in the worker."""
+        """Declare the keys that may be published, and watch who would act; in the worker.
+
+        Whether there is somebody is known before contact is lost, when it can still be mended.
+        """
         for each in self._attempts.values():
-            if not each.action.is_call:
-                self._publisher(each.action)
+            declared: zenoh.Publisher | zenoh.Querier
+            if each.action.is_call:
+                declared = self._zenoh_session.session.declare_querier(
+                    zenoh.KeyExpr(self._key(each.action)),
+                    allowed_destination=zenoh.Locality.REMOTE,
+                )
+                self._watchers.append(declared)
+            else:
+                declared = self._publisher(each.action)
+            listener = declared.declare_matching_listener(
+                self._zenoh_session.callback(partial(self._served, each))
+            )
+            self._watchers.append(listener)
+            status: Any = declared.matching_status  # an object, not the bool that the stub says
+            self._served(each, status, is_first=True)
 
     def undeclare(self) -> None:
         """Undeclare them; in the worker."""
+        while self._watchers:
+            self._watchers.pop().undeclare()  # type: ignore[no-untyped-call]
         while self._publishers:
             self._publishers.popitem()[1].undeclare()  # type: ignore[no-untyped-call]
 
@@ -175,10 +196,30 @@ class LostContactActions:
             "silent_since_unix_s": self._dates.of(countdown.silent_since),
             "acts_at_unix_s": None if is_lost else self._dates.of(countdown.acts_at),
             "call" if action.is_call else "publish": action.key,
+            "served": each.is_served,
             "attempts": each.count,
             "failure": each.failure,
             "answer": each.answer,
         }
+
+    def _key(self, action: LostContactAction) -> str:
+        """Return the key of a service on the local network."""
+        return action.key if action.stream_id is None else self._dialects[action.stream_id].key
+
+    def _served(
+        self, each: _Attempts, status: zenoh.MatchingStatus, *, is_first: bool = False
+    ) -> None:
+        """Note whether somebody is there; on a thread of Zenoh's, or in the worker."""
+        is_served = bool(status.matching)
+
+        def note() -> None:
+            if is_first and each.is_served is not None:
+                return  # the listener was faster, and knows better
+            if not self._is_closed and each.is_served is not is_served:
+                each.is_served = is_served
+                self._tell_engine(lambda engine, now: None)  # the health report has changed
+
+        tell_loop(self._loop, note)
 
     def _attempt(self, each: _Attempts) -> None:
         """Act once; on the loop."""

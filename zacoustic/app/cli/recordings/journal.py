@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _EXAMPLE: Final = """examples:
   zacoustic journal check journal/node-2.sqlite              in order? exit code 1: in doubt
-  zacoustic journal backup journal/node-2.sqlite copy.sqlite also while its node runs
+  zacoustic journal backup journal/node-2.sqlite copy.sqlite   also while its node runs
   zacoustic journal check copy.sqlite --json
 
 To put a copy back: stop the node, delete node-2.sqlite and node-2.sqlite-wal, put the copy in the

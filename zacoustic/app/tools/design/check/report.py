@@ -18,6 +18,7 @@ from zacoustic.app.tools.design.check import desert
 from zacoustic.app.tools.design.check.bits import SampleBits, sample_bits
 from zacoustic.channel.profiles import DEFAULT_PROFILE, ModemProfile, profile_named
 from zacoustic.config import Config
+from zacoustic.config.ros import RosConfig
 from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Stamp
@@ -38,6 +39,8 @@ from zacoustic.core.values.payload import CborCodec, PayloadCodec, TypedCodec
 from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.link import registry
+from zacoustic.ros.qos import RosDurability
+from zacoustic.ros.streams import RosTopic
 from zacoustic.run.journal import journal_in
 from zacoustic.run.journal.forgotten import forgotten
 from zacoustic.text.safetext import without_secrets
@@ -341,6 +344,26 @@ def _notes(
     if config.ros is not None:
         ids = ", ".join(map(str, sorted(config.ros.streams)))
         yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
+        yield from _depth_notes(config.ros, rows)
+
+
+def _depth_notes(ros: RosConfig, rows: tuple[StreamRow, ...]) -> Iterator[str]:
+    """Say which topics of ROS keep one message only, where a node of ROS expects ten."""
+    latest = [
+        row
+        for row in rows
+        if row.depth == 1
+        and isinstance(topic := ros.streams.get(row.stream_id), RosTopic)
+        and topic.qos.durability is RosDurability.VOLATILE
+    ]
+    if latest:
+        ids = ", ".join(str(row.stream_id) for row in latest)
+        every_s = max(row.airtime_s for row in latest)
+        yield (
+            f"ROS 2 topics with depth 1 (a node's default is 10), streams {ids}: a newer message "
+            f"replaces the one that waits, so of messages closer than {every_s:.2g} s, or than "
+            "other traffic lets through, only the newest crosses; depth: 10 keeps ten"
+        )
 
 
 def _route_notes(config: Config) -> Iterator[str]:

@@ -49,6 +49,9 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
     for key, bond in health.items():
         if key.startswith("bond/") and isinstance(bond, Mapping):
             yield from _bond(key.removeprefix("bond/"), bond, health)
+    for key, contact in health.items():
+        if key.startswith("contact/") and isinstance(contact, Mapping):
+            yield from _lost_contact(key.removeprefix("contact/"), contact)
     doubt = _part(health, "journal").get("doubt")
     if doubt:
         yield Finding(
@@ -126,6 +129,20 @@ def _routes(health: Mapping[str, Any]) -> Iterator[Finding]:
             why="a relay that has another path transmits nothing of it",
             cure="give all nodes the same routes",
         )
+
+
+def _lost_contact(name: str, contact: Mapping[str, Any]) -> Iterator[Finding]:
+    """Name an action at lost contact that nobody here would do."""
+    if contact.get("served") is not False:
+        return
+    is_call = "call" in contact
+    nobody = "nobody serves" if is_call else "nobody subscribes to"
+    yield Finding(
+        what=f"lost_contact {name}: {nobody} {contact.get('call' if is_call else 'publish')} here",
+        why="when contact is lost, nothing happens until somebody does",
+        cure="start the program that acts, and look at its key: "
+        f"zacoustic monitor shows contact/{name}",
+    )
 
 
 def _bond(name: str, bond: Mapping[str, Any], health: Mapping[str, Any]) -> Iterator[Finding]:

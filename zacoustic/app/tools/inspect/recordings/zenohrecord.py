@@ -7,7 +7,9 @@ restart.
 """
 
 import asyncio
+import contextlib
 import logging
+import re
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -31,6 +33,7 @@ from zacoustic.run.recording.channels import (
     records_channel,
     value_channel,
 )
+from zacoustic.run.recording.foxglove import NOMINAL_M_S, FoxgloveWriter, made_at
 from zacoustic.run.recording.life import Table
 from zacoustic.run.recording.samples import (
     SampleRecord,
@@ -48,8 +51,24 @@ from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, ZenohSession
 
 _ASK_S = 2.0
+_PEER = re.compile(rf"{PREFIX}/(\d{{1,3}})/peer/(\d{{1,3}})/(range|position)")
 
 _logger = logging.getLogger(__name__)
+
+
+class _Range(msgspec.Struct):
+    """What a document has of a range."""
+
+    propagation_s: float
+    range_m: float | None = None
+
+
+class _Position(msgspec.Struct):
+    """What a document has of a position."""
+
+    east_m: float
+    north_m: float
+    up_m: float
 
 
 class RecordedKeys(msgspec.Struct, kw_only=True):
@@ -88,6 +107,7 @@ class NetworkRecorder:
         self._guard = threading.Lock()
         self._channels: dict[str, Channel] = {}
         self._samples = samples_channel()
+        self._panels = FoxgloveWriter(file.put)
         self.counts: dict[str, int] = {}
         """Number of samples, by key."""
         self.gaps = 0
@@ -134,7 +154,9 @@ class NetworkRecorder:
         key = str(sample.key_expr)
         with self._guard:
             self.counts[key] = self.counts.get(key, 0) + 1
-            self._file.put(self._document(key), time.time_ns(), sample.payload.to_bytes())
+            now_ns, document = time.time_ns(), sample.payload.to_bytes()
+            self._file.put(self._document(key), now_ns, document)
+            self._show_measured(key, document, now_ns)
         self._tell(key)
 
     def note_connection(self, is_up: bool) -> None:
@@ -171,11 +193,40 @@ class NetworkRecorder:
                 return  # the unchanged sample is recorded
             channel = self._channel(topic, partial(value_channel, topic, stream))
             self._file.put(channel, now_ns, encode_value(stream, value, record.encoding))
+            self._show_on_panels(topic, stream, value, record, now_ns)
         elif record.encoding.startswith(("application/json", "text/json")) and _is_object(
             record.payload
         ):
             channel = self._channel(topic, partial(document_channel, key))
             self._file.put(channel, now_ns, record.payload)
+            self._show_on_panels(topic, None, msgspec.json.decode(record.payload), record, now_ns)
+
+    def _show_on_panels(
+        self, topic: str, stream: Stream | None, value: object, record: SampleRecord, now_ns: int
+    ) -> None:
+        """Write what Foxglove's panels show of a sample."""
+        node = record.source
+        if node is None and stream is not None and isinstance(stream.spec, TopicSpec):
+            publishers = stream.spec.publishers or ()
+            node = next(iter(publishers)) if len(publishers) == 1 else None
+        made_ns = made_at(now_ns, record.age_s)
+        spec = None if stream is None else stream.type
+        self._panels.value(topic, value, now_ns, made_ns=made_ns, node=node, spec=spec)
+
+    def _show_measured(self, key: str, document: bytes, now_ns: int) -> None:
+        """Write where a range or a position of a peer is, if the document has one."""
+        found = _PEER.fullmatch(key)
+        if found is None:
+            return
+        node, peer, what = int(found[1]), int(found[2]), found[3]
+        with contextlib.suppress(msgspec.DecodeError, msgspec.ValidationError):
+            if what == "range":
+                told = msgspec.json.decode(document, type=_Range)
+                range_m = told.range_m or told.propagation_s * NOMINAL_M_S
+                self._panels.measured_range(node, peer, range_m, now_ns)
+            else:
+                at = msgspec.json.decode(document, type=_Position)
+                self._panels.measured_position(node, peer, at.east_m, at.north_m, at.up_m, now_ns)
 
     def _channel(self, topic: str, make: Callable[[], Channel]) -> Channel:
         known = self._channels.get(topic)

@@ -2,7 +2,8 @@
 
 A topic with a least interval sends at most one sample of a key in it. Of those published meanwhile
 the newest `depth` wait, and older ones are replaced. They are not lost, and the link was not bad.
-Which they are follows from the times of publication and from the arrivals.
+Neither are those that still wait when the recording of their publisher ends. Which they are follows
+from the times of publication and from the arrivals.
 """
 
 import bisect
@@ -20,7 +21,7 @@ _SLACK: Final = 0.02
 
 
 def left_out(facts: Facts) -> list[Published]:
-    """Return the replaced samples.
+    """Return the samples that were replaced, or still waited at the end.
 
     Args:
         facts: The events, already matched, so that arrivals are known.
@@ -34,15 +35,19 @@ def left_out(facts: Facts) -> list[Published]:
             key = (published.node, published.stream_id, published.instance)
             keys.setdefault(key, []).append(published)
     found: list[Published] = []
-    for (_, stream_id, _), samples in keys.items():
+    for (node, stream_id, _), samples in keys.items():
         qos = facts.streams[stream_id].qos
         interval_ns = round(qos.min_interval_s * (1 - _SLACK) * NS_PER_S)
-        found += _of_key(samples, interval_ns, qos.depth)
+        _, ends_ns = facts.spans_ns.get(node, (0, facts.ended_ns))
+        slack_ns = round(qos.min_interval_s * _SLACK * NS_PER_S)
+        found += _of_key(samples, interval_ns, qos.depth, ends_ns - slack_ns)
     return found
 
 
-def _of_key(samples: Iterable[Published], interval_ns: int, depth: int) -> Iterator[Published]:
-    """Yield the replaced samples of one key."""
+def _of_key(
+    samples: Iterable[Published], interval_ns: int, depth: int, ends_ns: int
+) -> Iterator[Published]:
+    """Yield those of one key; what is due at `ends_ns` or later is not sent any more."""
     waiting: deque[Published] = deque()
     next_ns = 0
     ordered = sorted(samples, key=lambda each: each.at_ns)
@@ -50,7 +55,9 @@ def _of_key(samples: Iterable[Published], interval_ns: int, depth: int) -> Itera
     for sample in ordered:
         while waiting and (sent_ns := max(next_ns, waiting[0].at_ns)) <= sample.at_ns:
             first = waiting.popleft()
-            if first.arrived or not _is_overtaken(first, sent_ns + interval_ns, arrived):
+            if sent_ns >= ends_ns and not first.arrived:
+                yield first
+            elif first.arrived or not _is_overtaken(first, sent_ns + interval_ns, arrived):
                 next_ns = sent_ns + interval_ns
             else:  # the channel was busy when it was due, and a newer one replaced it
                 yield first
@@ -59,6 +66,11 @@ def _of_key(samples: Iterable[Published], interval_ns: int, depth: int) -> Itera
             oldest = waiting.popleft()
             if not oldest.arrived:
                 yield oldest
+    for sample in waiting:
+        sent_ns = max(next_ns, sample.at_ns)
+        next_ns = sent_ns + interval_ns
+        if sent_ns >= ends_ns and not sample.arrived:
+            yield sample
 
 
 def _is_overtaken(sample: Published, until_ns: int, arrived: Sequence[Published]) -> bool:

@@ -1,0 +1,1 @@
+"""What stands beside zacoustic's gateway in a ROS 2 system."""
