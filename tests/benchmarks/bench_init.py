@@ -112,7 +112,10 @@ async def tried(system: System, folder: Path, seconds: float) -> Outcome:
         report = await asyncio.to_thread(
             zacoustic, folder, "config", "plan", "auv1.json5", "--hours", "1", "--json"
         )
-        planned = json.loads(report)["utilisation"]
+        plan = json.loads(report)
+        planned = plan["utilisation"]
+        for misfit in plan["misfits"]:
+            print(f"{system.name}: {misfit}")
         medium = ("run", "medium", "water.json5", "--listen", f"127.0.0.1:{medium_port}")
         stack.enter_context(running(folder, *medium))
         await asyncio.sleep(5)
@@ -127,6 +130,9 @@ async def tried(system: System, folder: Path, seconds: float) -> Outcome:
         spent_s = airtime_s(vehicle_port, shore_port) - before
         measured = spent_s / (time.monotonic() - began)
         crossed = shore() | vehicle()
+    missing = [topic.name for topic in system.topics if topic.name not in crossed]
+    if missing:
+        print(f"{system.name}: not crossed: {', '.join(missing)}")
     return Outcome(
         name=system.name, edited=edited, crossed=len(crossed), topics=len(system.topics),
         planned=planned, measured=measured,

@@ -47,6 +47,8 @@ _VOLTS: Final = Quantity(unit="V", step=0.01, low=0, high=100)
 _AMPERES: Final = Quantity(unit="A", step=0.01, low=-100, high=100)
 _PRESSURE: Final = Quantity(unit="", step=0.01, low=0, high=10_000)
 _SALT: Final = Quantity(unit="", step=0.001, low=0, high=100)
+_PART_OF_ONE: Final = Quantity(unit="", step=0.001, low=-1, high=1, is_firm=True)
+_TURNING: Final = Quantity(unit="rad/s", step=0.001, low=-_TURN, high=_TURN)
 _TURNS: Final = Quantity(unit="rpm", step=1, low=-10_000, high=10_000)
 
 # By word, the first that matches; angles twice: in degrees, and in radians.
@@ -64,6 +66,9 @@ _QUANTITIES: Final[tuple[tuple[frozenset[str], Quantity, Quantity | None], ...]]
     (frozenset({"pressure"}), _PRESSURE, None),
     (frozenset({"salinity", "conductivity", "turbidity", "oxygen", "chlorophyll"}), _SALT, None),
     (frozenset({"rpm"}), _TURNS, None),
+    (frozenset({"orientation", "quaternion"}), _PART_OF_ONE, None),
+    (frozenset({"linear"}), _SPEED, None),
+    (frozenset({"angular"}), _TURNING, None),
     (frozenset({"x", "y", "z", "north", "east", "down"}), _PLACE, None),
 )
 
