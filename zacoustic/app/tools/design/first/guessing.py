@@ -39,6 +39,7 @@ _COURSE: Final = Quantity(unit="deg", step=0.1, low=0, high=360, is_firm=True, w
 _COURSE_RAD: Final = Quantity(unit="rad", step=0.001, low=-_TURN, high=_TURN, is_firm=True)
 _TILT: Final = Quantity(unit="deg", step=0.1, low=-180, high=180, is_firm=True)
 _PERCENT: Final = Quantity(unit="%", step=0.5, low=0, high=100, is_firm=True)
+_SHARE: Final = Quantity(unit="", step=0.001, low=0, high=100, is_firm=True)
 _METRES: Final = Quantity(unit="m", step=0.01, low=0, high=1000)
 _PLACE: Final = Quantity(unit="m", step=0.01, low=-1000, high=1000)
 _SPEED: Final = Quantity(unit="m/s", step=0.01, low=-10, high=10)
@@ -115,6 +116,8 @@ def quantity_of(name: str, values: Iterable[float]) -> Quantity | None:
     _, quantity, in_radians = found
     if in_radians is not None and _is_in_radians(words, seen):
         quantity = in_radians
+    if quantity is _PERCENT and all(value <= 1 for value in seen):
+        return _SHARE  # ROS, for one, calls a share a percentage
     if quantity.is_firm and not all(quantity.low <= value <= quantity.high for value in seen):
         # A course may be told from -180 to 180.
         return (
