@@ -37,7 +37,7 @@ MOST_EDITED: Final = 3
 SETTLING_S: Final = 60.0
 """How long the gateways run before it counts: they meet first."""
 PROGRAM: Final = (sys.executable, "-m", "zacoustic")
-WATER: Final = {
+CHANNEL: Final = {
     "channel": "none",
     "nodes": [{"address": 1, "name": "auv1", "position": [1000, 0, 30]},
               {"address": 2, "name": "shore", "position": [0, 0, 10]}],
@@ -108,7 +108,7 @@ async def tried(system: System, folder: Path, seconds: float) -> Outcome:
             name_modem(folder / name, f"sim/127.0.0.1:{medium_port}")
             for name in ("auv1.json5", "shore.json5")
         )
-        (folder / "water.json5").write_text(json.dumps(WATER), encoding="utf-8")
+        (folder / "water.json5").write_text(json.dumps(CHANNEL), encoding="utf-8")
         report = await asyncio.to_thread(
             zacoustic, folder, "config", "plan", "auv1.json5", "--hours", "1", "--json"
         )
