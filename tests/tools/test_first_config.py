@@ -318,3 +318,10 @@ def test_a_user_who_is_asked_leaves_out_and_slows_down() -> None:
     assert "auv1/b" in asked[1]
     with pytest.raises(ConfigError, match="nothing is left"):
         write_files(survey(topics[0]), choose=lambda drafts: [])
+
+
+def test_a_text_that_grew_by_a_letter_after_the_kept_payloads_still_fits_a_frame() -> None:
+    payload = json.dumps({"n": 1, "text": "x" * 40}).encode()
+    grown = msgspec.structs.replace(seen("auv1/nav", payload), largest_bytes=len(payload) + 1)
+    _, config = write_config(survey(grown))
+    assert topics_of(config)["auv1/nav"].qos.reliability is Reliability.BEST_EFFORT
