@@ -37,7 +37,7 @@ MOST_EDITED: Final = 3
 SETTLING_S: Final = 60.0
 """How long the gateways run before it counts: they meet first."""
 PROGRAM: Final = (sys.executable, "-m", "zacoustic")
-WATER: Final = {
+CHANNEL: Final = {
     "channel": "none",
     "nodes": [{"address": 1, "name": "auv1", "position": [1000, 0, 30]},
               {"address": 2, "name": "shore", "position": [0, 0, 10]}],
@@ -108,11 +108,14 @@ async def tried(system: System, folder: Path, seconds: float) -> Outcome:
             name_modem(folder / name, f"sim/127.0.0.1:{medium_port}")
             for name in ("auv1.json5", "shore.json5")
         )
-        (folder / "water.json5").write_text(json.dumps(WATER), encoding="utf-8")
+        (folder / "water.json5").write_text(json.dumps(CHANNEL), encoding="utf-8")
         report = await asyncio.to_thread(
             zacoustic, folder, "config", "plan", "auv1.json5", "--hours", "1", "--json"
         )
-        planned = json.loads(report)["utilisation"]
+        plan = json.loads(report)
+        planned = plan["utilisation"]
+        for misfit in plan["misfits"]:
+            print(f"{system.name}: {misfit}")
         medium = ("run", "medium", "water.json5", "--listen", f"127.0.0.1:{medium_port}")
         stack.enter_context(running(folder, *medium))
         await asyncio.sleep(5)
@@ -127,6 +130,9 @@ async def tried(system: System, folder: Path, seconds: float) -> Outcome:
         spent_s = airtime_s(vehicle_port, shore_port) - before
         measured = spent_s / (time.monotonic() - began)
         crossed = shore() | vehicle()
+    missing = [topic.name for topic in system.topics if topic.name not in crossed]
+    if missing:
+        print(f"{system.name}: not crossed: {', '.join(missing)}")
     return Outcome(
         name=system.name, edited=edited, crossed=len(crossed), topics=len(system.topics),
         planned=planned, measured=measured,

@@ -85,6 +85,7 @@ def test_a_measurement_with_many_digits_gets_a_thousandth_of_what_varied() -> No
         ("yaw", [-90.0, 12.5], "deg", 0.1),
         ("heading_deg", [1.5707963, 0.1], "deg", 0.1),
         ("water_temp", [4.123456, 4.2], "degC", 0.01),
+        ("percentage", [87.25, 86.0], "%", 0.5),
     ],
 )
 def test_units_and_steps_are_guessed_from_names(
@@ -92,6 +93,10 @@ def test_units_and_steps_are_guessed_from_names(
 ) -> None:
     found = fields(*({name: value} for value in values))[name]
     assert (found["unit"], found["step"]) == (unit, step)
+
+
+def test_a_percentage_that_is_a_share_keeps_its_digits() -> None:
+    assert fields({"percentage": 0.87}, {"percentage": 0.86})["percentage"]["step"] == 0.001
 
 
 def test_what_a_vehicle_does_later_is_not_refused() -> None:
@@ -313,3 +318,10 @@ def test_a_user_who_is_asked_leaves_out_and_slows_down() -> None:
     assert "auv1/b" in asked[1]
     with pytest.raises(ConfigError, match="nothing is left"):
         write_files(survey(topics[0]), choose=lambda drafts: [])
+
+
+def test_a_text_that_grew_by_a_letter_after_the_kept_payloads_still_fits_a_frame() -> None:
+    payload = json.dumps({"n": 1, "text": "x" * 40}).encode()
+    grown = msgspec.structs.replace(seen("auv1/nav", payload), largest_bytes=len(payload) + 1)
+    _, config = write_config(survey(grown))
+    assert topics_of(config)["auv1/nav"].qos.reliability is Reliability.BEST_EFFORT

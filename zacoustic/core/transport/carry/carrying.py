@@ -554,7 +554,7 @@ class Carrying:
 
     def _wanted_samples(self, ends: set[tuple[int, int]], now: int) -> Iterator[Wanted]:
         """Yield the samples and who should get them; add the subscribers of their topics."""
-        for held in sorted(self._custody, key=self._rank):
+        for held in self._in_order():
             bundle = held.envelope.bundle
             if held.is_stored and bundle.stream_id in self._carries:
                 ends.add((bundle.stream_id, bundle.destination))
@@ -573,8 +573,21 @@ class Carrying:
             elif until is not None:
                 self._instants.append(until)
 
-    def _rank(self, held: Held) -> int:
-        return self._table.by_id(held.envelope.bundle.stream_id).qos.priority.value
+    def _in_order(self) -> list[Held]:
+        """Return the samples, the most urgent first, each count as a whole and in its order.
+
+        They may have come in another one: a hop that is cut off by a restart has gaps.
+        """
+        firsts: dict[Bundle, int] = {}
+        for held in self._custody:
+            firsts.setdefault(held.envelope.bundle, held.number)
+
+        def rank(held: Held) -> tuple[int, int, int]:
+            bundle = held.envelope.bundle
+            priority = self._table.by_id(bundle.stream_id).qos.priority.value
+            return priority, firsts[bundle], held.envelope.number
+
+        return sorted(self._custody, key=rank)
 
     def _sample_for(self, held: Held, now: int, receiver: int) -> bytes:
         """Return a sample as a node gets it."""

@@ -39,6 +39,7 @@ _COURSE: Final = Quantity(unit="deg", step=0.1, low=0, high=360, is_firm=True, w
 _COURSE_RAD: Final = Quantity(unit="rad", step=0.001, low=-_TURN, high=_TURN, is_firm=True)
 _TILT: Final = Quantity(unit="deg", step=0.1, low=-180, high=180, is_firm=True)
 _PERCENT: Final = Quantity(unit="%", step=0.5, low=0, high=100, is_firm=True)
+_SHARE: Final = Quantity(unit="", step=0.001, low=0, high=100, is_firm=True)
 _METRES: Final = Quantity(unit="m", step=0.01, low=0, high=1000)
 _PLACE: Final = Quantity(unit="m", step=0.01, low=-1000, high=1000)
 _SPEED: Final = Quantity(unit="m/s", step=0.01, low=-10, high=10)
@@ -47,6 +48,8 @@ _VOLTS: Final = Quantity(unit="V", step=0.01, low=0, high=100)
 _AMPERES: Final = Quantity(unit="A", step=0.01, low=-100, high=100)
 _PRESSURE: Final = Quantity(unit="", step=0.01, low=0, high=10_000)
 _SALT: Final = Quantity(unit="", step=0.001, low=0, high=100)
+_PART_OF_ONE: Final = Quantity(unit="", step=0.001, low=-1, high=1, is_firm=True)
+_TURNING: Final = Quantity(unit="rad/s", step=0.001, low=-_TURN, high=_TURN)
 _TURNS: Final = Quantity(unit="rpm", step=1, low=-10_000, high=10_000)
 
 # By word, the first that matches; angles twice: in degrees, and in radians.
@@ -64,6 +67,9 @@ _QUANTITIES: Final[tuple[tuple[frozenset[str], Quantity, Quantity | None], ...]]
     (frozenset({"pressure"}), _PRESSURE, None),
     (frozenset({"salinity", "conductivity", "turbidity", "oxygen", "chlorophyll"}), _SALT, None),
     (frozenset({"rpm"}), _TURNS, None),
+    (frozenset({"orientation", "quaternion"}), _PART_OF_ONE, None),
+    (frozenset({"linear"}), _SPEED, None),
+    (frozenset({"angular"}), _TURNING, None),
     (frozenset({"x", "y", "z", "north", "east", "down"}), _PLACE, None),
 )
 
@@ -110,6 +116,8 @@ def quantity_of(name: str, values: Iterable[float]) -> Quantity | None:
     _, quantity, in_radians = found
     if in_radians is not None and _is_in_radians(words, seen):
         quantity = in_radians
+    if quantity is _PERCENT and all(value <= 1 for value in seen):
+        return _SHARE  # ROS, for one, calls a share a percentage
     if quantity.is_firm and not all(quantity.low <= value <= quantity.high for value in seen):
         # A course may be told from -180 to 180.
         return (

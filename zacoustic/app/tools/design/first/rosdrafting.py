@@ -175,7 +175,9 @@ def _rules(values: Sequence[Mapping[str, Any]]) -> Iterator[InferredField]:
         elif "covariance" in name and numbers and not any(numbers):
             rule, remark = {"omit": True}, "always zero: does not cross"
         elif numbers and len(numbers) == len(flat) and any(isinstance(n, float) for n in numbers):
-            keys, remark = infer_number(name, [float(each) for each in numbers])
+            # `x` alone is a place; of an orientation or a velocity it is something else.
+            named = "_".join(path.split(".")[-2:])
+            keys, remark = infer_number(named, [float(each) for each in numbers])
             rule = {key: keys[key] for key in _RULE_KEYS if key in keys}
         if rule:
             yield InferredField(keys={"field": path, **rule}, remark=remark)

@@ -20,7 +20,7 @@ from zacoustic.app.tools.design.first.guessing import COMMANDING, USUAL, priorit
 from zacoustic.app.tools.design.first.inference import InferredType
 from zacoustic.app.tools.design.first.pacing import LIFESPAN_S, paced, sized
 from zacoustic.app.tools.design.first.rosdrafting import RosNetwork, ros_network
-from zacoustic.app.tools.design.first.survey import SeenTopic, Survey
+from zacoustic.app.tools.design.first.survey import PAYLOAD_LIMIT_BYTES, SeenTopic, Survey
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.config.json5 import parse_json5
@@ -215,9 +215,8 @@ def _largest_bytes(draft: TopicDraft, stream: Stream, ros: RosNetwork | None) ->
     if draft.ros is not None and ros is not None:
         values = _overlaid(draft.ros, draft, ros)
     largest = max(len(stream.codec.encode(value)) for value in values)
-    # Larger payloads than the kept ones were only counted.
-    kept = max(map(len, seen.payloads), default=0)
-    return max(largest, seen.largest_bytes) if seen.largest_bytes > kept else largest
+    # What is too large to be a value of a type was only counted.
+    return max(largest, seen.largest_bytes) if seen.largest_bytes > PAYLOAD_LIMIT_BYTES else largest
 
 
 def _overlaid(said: RosDraft, draft: TopicDraft, ros: RosNetwork) -> list[Any]:
