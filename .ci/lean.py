@@ -1,12 +1,14 @@
-"""Leaves out of the wheel what nobody reads there: the docstrings of internal modules.
+"""Leaves out of the wheel what nobody reads there: docstrings and comments of internal modules.
 
 A third of the wheel would be prose about the inside, which belongs to the repository. What a user
-can ask for stays: the docstrings of all modules that list or define public names (`__all__`), and
-of the rooms named below. Lines keep their numbers, so a traceback leads to the right place of the
-repository. The source distribution and an editable install have everything.
+can ask for stays: the docstrings of modules that list or define public names (`__all__`), and of
+the rooms named below, but for their private parts. Lines keep their numbers, so a traceback leads
+to the right place of the repository. The source distribution and an editable install have
+everything.
 """
 
 import ast
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from shutil import rmtree
 from tempfile import mkdtemp
@@ -44,11 +46,10 @@ class LeanHook(BuildHookInterface[Any]):
         sources = {place: path.read_text(encoding="utf-8") for place, path in places.items()}
         explained = explained_modules(sources)
         for place, source in sources.items():
-            if place in explained or place.startswith(KEPT):
-                continue
             copy = copies / place
             copy.parent.mkdir(parents=True, exist_ok=True)
-            copy.write_text(lean(source), encoding="utf-8", newline="\n")
+            keeps = place in explained or place.startswith(KEPT)
+            copy.write_text(lean(source, keeps=keeps), encoding="utf-8", newline="\n")
             included[str(copy)] = place
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
@@ -73,10 +74,18 @@ def explained_modules(sources: dict[str, str]) -> set[str]:
     return found & {*sources}
 
 
-def lean(source: str) -> str:
-    """Return a module without its docstrings; the lines keep their numbers."""
-    lines = source.splitlines(keepends=True)
-    for span, filler in sorted(_strings(ast.parse(source), lines), reverse=True):
+def lean(source: str, *, keeps: bool = False) -> str:
+    """Return a module without its docstrings and lines of comments; the lines keep their numbers.
+
+    Args:
+        source: The module.
+        keeps: Only private functions and classes lose their docstrings.
+    """
+    lines, tree = source.splitlines(keepends=True), ast.parse(source)
+    if not keeps:
+        for number in _comments(lines, tree):
+            lines[number] = "\n"
+    for span, filler in sorted(_strings(tree, lines, private=keeps), reverse=True):
         first, column, last, behind = span
         blank = ["\n"] * (last - first)
         head, tail = lines[first - 1][:column] + filler, lines[last - 1][behind:]
@@ -110,10 +119,22 @@ def _defining(tree: ast.Module, public: set[str], place: str) -> set[str]:
     return found
 
 
-def _strings(tree: ast.Module, lines: list[str]) -> list[tuple[Span, str]]:
-    """Return the statements that are only a text, and what a body needs in their place."""
-    found = []
-    for node in ast.walk(tree):
+def _comments(lines: list[str], tree: ast.Module) -> Iterator[int]:
+    """Yield the indices of lines that are a comment: a sign of number within a text is none."""
+    texts = {
+        number
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant | ast.JoinedStr) and node.end_lineno
+        for number in range(node.lineno, node.end_lineno)
+    }
+    for index, line in enumerate(lines):
+        if line.lstrip().startswith("#") and index not in texts:
+            yield index
+
+
+def _strings(tree: ast.Module, lines: list[str], *, private: bool) -> Iterator[tuple[Span, str]]:
+    """Yield the statements that are only a text, and what a body needs in their place."""
+    for node in _private_parts(tree) if private else ast.walk(tree):
         body = getattr(node, "body", None)
         if not isinstance(body, list):
             continue
@@ -123,8 +144,19 @@ def _strings(tree: ast.Module, lines: list[str]) -> list[tuple[Span, str]]:
             start = len(lines[each.lineno - 1].encode()[: each.col_offset].decode())
             behind = len(lines[last - 1].encode()[: each.end_col_offset].decode())
             is_all = len(texts) == len(body) and each is body[0] and node is not tree
-            found.append(((each.lineno, start, last, behind), "..." if is_all else ""))
-    return found
+            yield (each.lineno, start, last, behind), "..." if is_all else ""
+
+
+def _private_parts(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield private functions and classes, and all that is in them."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        name = getattr(node, "name", None) or ""
+        if name.startswith("_") and not name.endswith("__"):
+            yield from ast.walk(node)
+        else:
+            waiting += ast.iter_child_nodes(node)
 
 
 def _is_text(node: ast.stmt) -> bool:

@@ -51,6 +51,8 @@ for name in Path(sys.argv[1]).read_text().split():
     found = getattr(importlib.import_module(module), last)
     print(name, inspect.getdoc(found))
     for each in vars(found) if inspect.isclass(found) else ():
+        if each[0] == "_":
+            continue
         print(name, each, inspect.getdoc(getattr(found, each)))
 from zacoustic.app.cli import main
 main(["schema", "--markdown"])
