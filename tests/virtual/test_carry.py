@@ -373,7 +373,7 @@ def test_sealed_voyages(count: Callable[[int], int]) -> None:
             at_s = rng.uniform(5, 700)
             voyage.network.at(at_s, partial(voyage.network.crash, address))
             voyage.network.at(at_s + 20, partial(voyage.network.start, address))
-        voyage.network.run(until_s=3600)
+        voyage.network.run(until_s=7200)
         report(voyage, across_starts=False)
 
 

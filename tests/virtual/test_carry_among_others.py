@@ -22,6 +22,7 @@ from zacoustic.core.engine.events import (
     DeliveryEnded,
     DeliveryOutcome,
     Event,
+    GoalFailed,
     GoalReceived,
     GoalStatus,
     RequestReceived,
@@ -30,6 +31,8 @@ from zacoustic.core.engine.events import (
     SampleReceived,
 )
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.peers.agreementpolicy import AgreementMethod
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
@@ -47,6 +50,8 @@ class Busy(Voyage):
     def __init__(self, seed: int, **more: Any) -> None:
         self.told: Counter[str] = Counter()
         """How often each kind of end was told."""
+        self.executed: Counter[object] = Counter()
+        """How often each request and goal was executed."""
         super().__init__(seed, **more)
 
     def _happened(self, address: int, event: Event) -> None:
@@ -54,13 +59,15 @@ class Busy(Voyage):
             super()._happened(address, event)
         if isinstance(event, RequestReceived | GoalReceived):
             now_s = self.now_s
-            self.told["executed"] += 1
+            self.executed[event.call if isinstance(event, RequestReceived) else event.goal] += 1
             self.network.at(now_s, partial(self.network.apply, address, partial(_answer, event)))
         elif isinstance(event, ResponseReceived | CallFailed):
             what = "call" if event.stream_id == ARM else "command"
             self.told[f"{what} {type(event).__name__}"] += 1
         elif isinstance(event, ResultReceived):
             self.told[f"goal {event.status.name}"] += 1
+        elif isinstance(event, GoalFailed):
+            self.told["goal failed"] += 1
         elif isinstance(event, SampleReceived) and event.stream_id == NEWS:
             self.told["news"] += 1
 
@@ -93,6 +100,7 @@ def busy_table() -> StreamTable:
 def test_samples_are_carried_beside_calls_goals_and_news_of_the_same_nodes(
     modem: Modem, count: Callable[[int], int]
 ) -> None:
+    answered = asked = 0
     for seed in range(count(200)):
         rng = random.Random(seed)
         loss = rng.choice((0.0, 0.2, 0.4))
@@ -109,10 +117,17 @@ def test_samples_are_carried_beside_calls_goals_and_news_of_the_same_nodes(
             network.at(at_s + rng.uniform(0, 5), partial(network.apply, MULE, _command))
         network.run(until_s=SETTLED_S)
         report(voyage)
-        assert voyage.told == {
-            "executed": 2 * given, "call ResponseReceived": given, "goal SUCCEEDED": given,
-            "command ResponseReceived": given, "news": given,
-        }, f"seed {seed}"  # fmt: skip
+        told = voyage.told
+        # At a loss of 40 % and with a pass in five minutes some time out, which is an end as well.
+        for what in ("call", "command"):
+            ends = told[f"{what} ResponseReceived"] + told[f"{what} CallFailed"]
+            assert ends == given, f"seed {seed}"
+        assert sum(times for each, times in told.items() if each.startswith("goal")) == given
+        assert told["news"] == given, f"seed {seed}"
+        assert max(voyage.executed.values()) == 1, f"seed {seed}: executed twice"
+        answered += told["call ResponseReceived"] + told["goal SUCCEEDED"]
+        asked += 2 * given
+    assert answered > 0.9 * asked
 
 
 def _call(engine: Engine, now: int) -> None:
@@ -162,10 +177,14 @@ def _others() -> list[StreamSpec]:
 def test_carried_samples_of_another_fleet_in_reach_change_nothing(
     count: Callable[[int], int],
 ) -> None:
+    """With "tag" each frame says whose it is; with "confirm" an ACK of the others may count."""
     for seed in range(count(200)):
         rng = random.Random(seed)
         strange = foreign_frames(1000 + seed % 8)
-        voyage = Voyage(seed, loss=0.1, hears=quickly, table=table(after_s=30.0))
+        voyage = Voyage(
+            seed, loss=0.1, hears=quickly, table=table(after_s=30.0),
+            rules=TransmitRules(agreement=AgreementMethod.TAG),
+        )  # fmt: skip
         for index in range(20):
             voyage.publish_at(10.0 + 25 * index, b"%d" % index)
         at_s = 0.0
