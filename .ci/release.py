@@ -18,6 +18,7 @@ PUBLISHED: Final = (
     "SECURITY.md",
     "examples/deploy/Containerfile",
     "examples/deploy/blueos/metadata.json",
+    "mkdocs.yml",
 )
 """Files whose addresses others will follow."""
 

@@ -1,12 +1,19 @@
-"""What the site does to a page of docs/: a link out of docs/ leads to the project's source.
+"""What the site does to a page of docs/, and what it refuses.
 
-The pages are read in the repository as well, where such links are relative.
+- A link out of docs/ leads to the project's source: in the repository such links are relative.
+- A page that would load anything from another host fails the build.
 """
 
 import posixpath
 import re
 from typing import Any, Final
 
+from mkdocs.exceptions import PluginError
+
+_LOADED: Final = re.compile(
+    r"""<(?:script|img|iframe|source)\b[^>]*\bsrc=["']?(?:https?:)?//[^>]*>"""
+    r"""|<link\b(?![^>]*\brel=["']?(?:canonical|prev|next))[^>]*\bhref=["']?(?:https?:)?//[^>]*>"""
+)
 _OUTWARD: Final = re.compile(r"\]\(((?:\.\./)+[^)#\s]+)((?:#[^)]*)?)\)")
 
 
@@ -21,3 +28,15 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, **_: Any) -> str:
         return f"]({config['repo_url']}/{target}{found[2]})"
 
     return _OUTWARD.sub(whole, markdown)
+
+
+def on_post_page(output: str, *, page: Any, **_: Any) -> str:
+    """Return the page as it is.
+
+    Raises:
+        PluginError: It loads something from another host.
+    """
+    foreign = _LOADED.findall(output)
+    if foreign:
+        raise PluginError(f"{page.file.src_uri} loads from another host: {foreign[0]}")
+    return output
