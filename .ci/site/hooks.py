@@ -31,7 +31,7 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, **_: Any) -> str:
 
 
 def on_post_page(output: str, *, page: Any, **_: Any) -> str:
-    """Return the page as it is.
+    """Return the page, its search with a name for those who do not see it.
 
     Raises:
         PluginError: It loads something from another host.
@@ -39,4 +39,5 @@ def on_post_page(output: str, *, page: Any, **_: Any) -> str:
     foreign = _LOADED.findall(output)
     if foreign:
         raise PluginError(f"{page.file.src_uri} loads from another host: {foreign[0]}")
-    return output
+    unnamed = '<div class="md-search" data-md-component="search" role="dialog"'
+    return output.replace(unnamed, f'{unnamed} aria-label="search"')

@@ -4,6 +4,7 @@ if (location.protocol === "file:") {
   window.Worker = class extends EventTarget {
     constructor(url) {
       super();
+      const base = new URL(url, location.href);
       const frame = document.createElement("iframe");
       frame.hidden = true;
       frame.title = "search";
@@ -15,7 +16,7 @@ if (location.protocol === "file:") {
       page.close();
       const load = (source) => new Promise((resolve, reject) => {
         const script = page.createElement("script");
-        script.src = new URL(source, url);
+        script.src = new URL(source, base);
         script.onload = resolve;
         script.onerror = reject;
         page.body.append(script);
@@ -24,7 +25,7 @@ if (location.protocol === "file:") {
       inside.importScripts = (...sources) =>
         sources.reduce((before, source) => before.then(() => load(source)), Promise.resolve());
       this.inside = inside;
-      this.loaded = load(url);
+      this.loaded = load(base);
     }
 
     postMessage(data) {

@@ -139,7 +139,7 @@ class Page:
             self._heard = ui.html(sanitize=False).classes("chip za-live").mark("heard")
             self._trouble = ui.label().classes("trouble")
             self._notice = ui.label().classes("hint").mark("notice")
-            self._stop_button = ui.button("STOP", color="red").classes("stop text-h6")
+            self._stop_button = ui.button("STOP", color="#b3261e").classes("stop text-h6")
             self._stop_button.on(
                 "click", self._stop, js_handler="() => window.auvStop((id) => emit(id))"
             )

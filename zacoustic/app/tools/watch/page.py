@@ -121,7 +121,7 @@ class Page:
         self._banner = Banner("NOT CURRENT")
         ui.add_css(STYLE)
         ui.dark_mode(value=None)  # as set in the browser
-        ui.colors(primary="#155e7c")
+        ui.colors(primary="#155e7c", positive="#1b7a34", negative="#b3261e")  # 4.5 : 1
         with ui.header().classes("items-center q-py-sm"):
             ui.label("zacoustic").classes("text-h6")
             self._where = ui.label().classes("opacity-80")
