@@ -16,7 +16,9 @@ from typing import Final
 ROOT: Final = Path(__file__).parents[2]
 PAGES: Final = ("README.md", "docs/features.md", "docs/api/*.md", "docs/howto/*.md")
 
-_BLOCK: Final = re.compile(r"^```python\n((?:#[^\n]*\n)?(?:import|from) .*?)^```$", re.DOTALL | re.MULTILINE)
+_BLOCK: Final = re.compile(
+    r"^```python\n((?:#[^\n]*\n)?(?:import|from) .*?)^```$", re.DOTALL | re.MULTILINE
+)
 
 
 def main() -> int:

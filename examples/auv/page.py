@@ -133,7 +133,7 @@ class Page:
 
     def _head(self) -> None:
         with ui.element("div").classes("head"):
-            ui.label("auv1").classes("name")
+            ui.label("auv1").classes("name").props("role=heading aria-level=1")
             self._mode = ui.label().classes("chip mode za-live").mark("mode")
             self._age = ui.html(sanitize=False).classes("chip za-live").mark("age")
             self._heard = ui.html(sanitize=False).classes("chip za-live").mark("heard")

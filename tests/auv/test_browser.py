@@ -72,7 +72,7 @@ def test_sliders_and_keys_move_the_vehicle_and_stop_stops_it() -> None:
 def test_nothing_at_the_console_is_a_serious_barrier() -> None:
     with console() as running, visit(running) as (_, visitor):
         visitor.see("^disarmed$")
-        assert findings(visitor.page) == [], findings(visitor.page)
+        assert findings(visitor.page) == []
 
 
 def click_on_map(visitor: Visitor, across: float, down: float) -> None:

@@ -16,7 +16,15 @@ from tests.pages.walk import Walk
 
 BROWSER: Final = shutil.which("chromium") or shutil.which("google-chrome")
 SITE: Final = ROOT / "dist" / "site"
-SHOWN: Final = ("index", "tutorial", "comparison", "config", "howto/arrived", "api/node", "api/link")
+SHOWN: Final = (
+    "index",
+    "tutorial",
+    "comparison",
+    "config",
+    "howto/arrived",
+    "api/node",
+    "api/link",
+)
 
 pytestmark = [
     pytest.mark.skipif("ZACOUSTIC_BROWSER" not in os.environ, reason="make test-browser"),
