@@ -14,9 +14,12 @@ from typing import Any, Final
 PACKAGE: Final = "axe-core@4"
 LIMIT_S: Final = 120.0
 RUN: Final = """async () => {
+  const grave = (each) => ["serious", "critical"].includes(each.impact);
+  const place = (node) => `${node.target.join(" ")}: ${node.failureSummary}`;
   const found = await axe.run(document, { resultTypes: ["violations"] });
-  return JSON.stringify(found.violations.filter((each) => ["serious", "critical"].includes(each.impact))
-    .map((each) => [each.id, each.nodes.map((node) => node.target.join(" ") + ": " + node.failureSummary)]));
+  return JSON.stringify(
+    found.violations.filter(grave).map((each) => [each.id, each.nodes.map(place)])
+  );
 }"""
 
 

@@ -6,9 +6,11 @@
 
 import posixpath
 import re
-from typing import Any, Final
+from typing import Final
 
+from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
+from mkdocs.structure.pages import Page
 
 _LOADED: Final = re.compile(
     r"""<(?:script|img|iframe|source)\b[^>]*\bsrc=["']?(?:https?:)?//[^>]*>"""
@@ -17,7 +19,7 @@ _LOADED: Final = re.compile(
 _OUTWARD: Final = re.compile(r"\]\(((?:\.\./)+[^)#\s]+)((?:#[^)]*)?)\)")
 
 
-def on_page_markdown(markdown: str, *, page: Any, config: Any, **_: Any) -> str:
+def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, **_: object) -> str:
     """Return the page's text with whole addresses for what is not on the site."""
 
     def whole(found: re.Match[str]) -> str:
@@ -30,7 +32,7 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, **_: Any) -> str:
     return _OUTWARD.sub(whole, markdown)
 
 
-def on_post_page(output: str, *, page: Any, **_: Any) -> str:
+def on_post_page(output: str, *, page: Page, **_: object) -> str:
     """Return the page, its search with a name for those who do not see it.
 
     Raises:

@@ -1,7 +1,7 @@
 """Check the types of every program that the pages of docs/ and the README show: mypy and pyright.
 
-A block of Python counts if it is whole: it begins with an import. Both tools run as strictly as they
-can. Run it: `make docs`, or .venv-docs/bin/python .ci/site/snippets.py
+A block of Python counts if it is whole: it begins with an import. Both tools run strictly.
+Run it: `make docs`, or .venv-docs/bin/python .ci/site/snippets.py
 """
 
 import json

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import pytest
 
-from tests.axe import findings
 from tests.auv.browsers import BROWSER, LIMIT_MS, Visitor, console, visit
+from tests.axe import findings
 
 PICTURE: Final = os.environ.get("ZACOUSTIC_SCREENSHOT", "")
 SOAK_S: Final = 600.0

@@ -27,7 +27,7 @@ from zacoustic.app.tools.pages.visitors import Gatekeeper, Visitors, own_names
 CURRENT_S: Final = 4.0
 """Clicks older than this are ignored, s."""
 _BEATS_KEPT: Final = 64
-# NiceGUI gives its pages no language, and the bar of what it loads no name: screen readers want both.
+# NiceGUI gives its pages no language, and its loading bar no name: screen readers want both.
 _FOR_READERS: Final = """
 document.documentElement.lang = "en";
 addEventListener("DOMContentLoaded", () => {
