@@ -4,8 +4,8 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help demo auv test test-browser screenshot soak bench shape compiled clean distclean
-.PHONY: release sbom bundle container frictions
-.PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
+.PHONY: release sbom bundle container frictions docs tutorial
+.PHONY: venv-run venv-console venv-test venv-docs format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
 unexport PYTHONPATH PYTHONHOME
@@ -25,6 +25,8 @@ help:
 	@echo "make auv     steer a vehicle through the water; ARGS=--headless: a scripted dive that checks itself"
 	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
 	@echo "make test-browser   the console of make auv in a headless Chromium, if there is one"
+	@echo "make docs    the pages of docs/ and the API reference as a site: dist/site; its snippets' types"
+	@echo "make tutorial  walk docs/tutorial.md in a fresh clone, with the seconds of each step"
 	@echo "make screenshot     the picture of that console in the README, taken anew (ten minutes)"
 	@echo "make soak    the tests of which make test runs a share, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
@@ -47,11 +49,11 @@ test: format lint types contracts unit
 	@echo
 	@echo "make test: every step passed"
 
-test-browser: venv-test
+test-browser: venv-test docs
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
 	    echo "test-browser: NOT RUN, no Chromium found"
 	ZACOUSTIC_BROWSER=1 $(PYTEST) tests/auv/test_browser.py tests/auv/test_browser_truth.py \
-	    tests/tools/test_dashboard_browser.py -rs $(ARGS)
+	    tests/tools/test_dashboard_browser.py tests/pages/test_site_browser.py -rs $(ARGS)
 
 screenshot: venv-test
 	@mkdir -p docs/images
@@ -76,6 +78,15 @@ shape: venv-test
 release: venv-test
 	@$(VENV_PYTHON) .ci/release.py
 
+# Its own environment: what builds a site has nothing to do with what runs at sea.
+docs: venv-docs
+	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict --quiet
+	@.venv-docs/bin/python .ci/site/snippets.py
+	@echo "dist/site/index.html"
+
+tutorial: venv-test
+	@$(VENV_PYTHON) tests/benchmarks/bench_tutorial.py $(ARGS)
+
 sbom: venv-run
 	@$(VENV_PYTHON) .ci/sbom.py $(ARGS)
 
@@ -97,10 +108,10 @@ container:
 
 clean:
 	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
-	find . -path ./.venv -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+	find . -path './.venv*' -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
-	rm -rf .venv
+	rm -rf .venv .venv-docs
 
 # The steps of make test, in their order, and two parts of the last one; each can be run alone.
 
@@ -140,3 +151,6 @@ venv-console:
 
 venv-test:
 	@sh .ci/bootstrap test
+
+venv-docs:
+	@sh .ci/bootstrap docs

@@ -20,6 +20,7 @@ PUBLISHED: Final = (
     "examples/deploy/blueos/metadata.json",
     "examples/ros2/zacoustic_bringup/package.xml",
     "examples/ros2/zacoustic_bringup/setup.py",
+    "mkdocs.yml",
 )
 """Files whose addresses others will follow."""
 

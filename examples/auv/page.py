@@ -133,13 +133,13 @@ class Page:
 
     def _head(self) -> None:
         with ui.element("div").classes("head"):
-            ui.label("auv1").classes("name")
+            ui.label("auv1").classes("name").props("role=heading aria-level=1")
             self._mode = ui.label().classes("chip mode za-live").mark("mode")
             self._age = ui.html(sanitize=False).classes("chip za-live").mark("age")
             self._heard = ui.html(sanitize=False).classes("chip za-live").mark("heard")
             self._trouble = ui.label().classes("trouble")
             self._notice = ui.label().classes("hint").mark("notice")
-            self._stop_button = ui.button("STOP", color="red").classes("stop text-h6")
+            self._stop_button = ui.button("STOP", color="#b3261e").classes("stop text-h6")
             self._stop_button.on(
                 "click", self._stop, js_handler="() => window.auvStop((id) => emit(id))"
             )

@@ -13,6 +13,7 @@ from typing import Any, Final
 import pytest
 
 from tests.auv.browsers import BROWSER, LIMIT_MS, Visitor, console, visit
+from tests.axe import findings
 
 PICTURE: Final = os.environ.get("ZACOUSTIC_SCREENSHOT", "")
 SOAK_S: Final = 600.0
@@ -65,6 +66,13 @@ def test_sliders_and_keys_move_the_vehicle_and_stop_stops_it() -> None:
         visitor.see("the vehicle reports that it has stopped")
         orders = page.locator(".orders").inner_text()
         assert (orders.count("arm\n"), orders.count("STOP\n")) == (1, 1)
+
+
+@pytest.mark.skipif(bool(PICTURE), reason="the picture is wanted alone")
+def test_nothing_at_the_console_is_a_serious_barrier() -> None:
+    with console() as running, visit(running) as (_, visitor):
+        visitor.see("^disarmed$")
+        assert findings(visitor.page) == []
 
 
 def click_on_map(visitor: Visitor, across: float, down: float) -> None:

@@ -17,7 +17,7 @@ import msgspec
 
 ROOT: Final = Path(__file__).parents[2]
 PAGES: Final = sorted(
-    str(page.relative_to(ROOT)) for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    str(page.relative_to(ROOT)) for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
 )
 """README.md and all of docs/."""
 

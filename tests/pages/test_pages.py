@@ -110,9 +110,20 @@ def test_the_link_that_a_page_writes_passes_the_conformance_battery(tmp_path: Pa
     assert process.returncode == 0, process.stdout
 
 
-def test_every_verb_is_in_the_table_of_the_front_page() -> None:
+def test_the_front_page_is_short_and_each_cell_of_its_figures_has_one() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    table = text.partition("## Commands")[2].partition("## ")[0]
+    assert len(text.splitlines()) <= 150
+    rows = [
+        row.split("|")[2].strip()
+        for row in text.partition("| what | measured |")[2].splitlines()[2:]
+        if row.startswith("|")
+    ]
+    assert len(rows) == 10
+    assert [cell for cell in rows if len(re.findall(r"\d+(?:\.\d+)?", cell)) != 1] == []
+
+
+def test_every_verb_is_in_the_table_of_commands() -> None:
+    table = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     for verb in (*VERBS, "run medium", "run modems"):
         assert re.search(rf"`(zacoustic )?{verb}\b", table), verb
 

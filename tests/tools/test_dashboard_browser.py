@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import pytest
 
+from tests.axe import findings_async
 from tests.cli.watched import pair
 from tests.gateway.networks import LIMIT_S, cbor, run
 
@@ -80,6 +81,7 @@ def test_page_follows_the_gateway_says_what_is_dead_and_loads_nothing_from_elsew
             await page.get_by_text("quiet streams as well").click()
             await see(r"\{sensor\}/raw/\{node\}")
             await picture(page, "dashboard-1200")
+            assert await findings_async(page) == []
             banner = page.locator("#za-banner")
             assert await banner.is_hidden()
 

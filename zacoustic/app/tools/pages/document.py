@@ -78,7 +78,7 @@ def _table(sheet: Sheet) -> str:
         for row in sheet.rows
     )
     return (
-        f'<h2>{html_text(sheet.title)}</h2><div class="wide"><table>'
+        f'<h2>{html_text(sheet.title)}</h2><div class="wide" tabindex="0"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>\n{rows}</tbody></table></div>"
     )
 

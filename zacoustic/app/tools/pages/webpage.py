@@ -27,6 +27,16 @@ from zacoustic.app.tools.pages.visitors import Gatekeeper, Visitors, own_names
 CURRENT_S: Final = 4.0
 """Clicks older than this are ignored, s."""
 _BEATS_KEPT: Final = 64
+# NiceGUI gives its pages no language, and its loading bar no name: screen readers want both.
+_FOR_READERS: Final = """
+document.documentElement.lang = "en";
+addEventListener("DOMContentLoaded", () => {
+  const name = () => document.querySelectorAll(".q-loading-bar:not([aria-label])")
+    .forEach((bar) => bar.setAttribute("aria-label", "loading"));
+  new MutationObserver(name).observe(document.body, { childList: true });
+  name();
+});
+"""
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -87,6 +97,7 @@ class Banner:
     def __init__(self, what: str) -> None:
         ui.add_css(STYLE)
         ui.add_body_html(f"<script>{SCRIPT}</script>")
+        ui.add_head_html(f"<script>{_FOR_READERS}</script>")
         self._what = what
         self._number = 0
         self._sent_at_s: dict[int, float] = {}

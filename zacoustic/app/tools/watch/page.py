@@ -122,9 +122,9 @@ class Page:
         self._banner = Banner("NOT CURRENT")
         ui.add_css(STYLE)
         ui.dark_mode(value=None)  # as set in the browser
-        ui.colors(primary="#155e7c")
+        ui.colors(primary="#155e7c", positive="#1b7a34", negative="#b3261e")  # 4.5 : 1
         with ui.header().classes("items-center q-py-sm"):
-            ui.label("zacoustic").classes("text-h6")
+            ui.label("zacoustic").classes("text-h6").props("role=heading aria-level=1")
             self._where = ui.label().classes("opacity-80")
         with ui.column().classes("za w-full gap-6"):
             self._trouble = ui.label().classes("text-h6 bad").mark("trouble")

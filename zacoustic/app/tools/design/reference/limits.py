@@ -7,7 +7,7 @@ allows the same values, and that each limit is written once.
 import re
 from typing import Any, Final
 
-_NUMBER: Final = r"(-?[0-9]+(?:\.[0-9]+)?)"
+_NUMBER: Final = r"(-?[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?)"
 _LIMITS: Final = (
     (re.compile(rf"{_NUMBER}\.\.{_NUMBER}"), ("minimum", "maximum")),
     (re.compile(rf"above {_NUMBER}"), ("exclusiveMinimum",)),
