@@ -10,6 +10,7 @@ import pytest
 
 from tests.conftest import SOAK
 from tests.virtual.mule import LOG, MODEM, MOORING, MULE, SHIP, Voyage, table
+from tests.virtual.sealed import SealedFleet
 from tests.virtual.test_carry import quickly, report
 from tests.virtual.twolinks import medium
 from zacoustic.core.base.journal import EPOCH_KEY
@@ -31,8 +32,6 @@ from zacoustic.core.engine.events import (
     SampleReceived,
 )
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.peers.agreementpolicy import AgreementMethod
-from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
@@ -41,7 +40,7 @@ from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 ARM, GOTO, NEWS = 20, 30, 40
 DEAF = Modem(senses_carrier=False)
-SETTLED_S = 2400.0
+SETTLED_S = 7200.0
 
 
 class Busy(Voyage):
@@ -174,16 +173,18 @@ def _others() -> list[StreamSpec]:
     return [TopicSpec(stream_id=each, name=f"other{each}") for each in (10, 11, 12)]
 
 
-def test_carried_samples_of_another_fleet_in_reach_change_nothing(
-    count: Callable[[int], int],
+@pytest.mark.parametrize("sealed", [False, True])
+def test_carried_samples_of_another_fleet_in_reach(
+    sealed: bool, count: Callable[[int], int]
 ) -> None:
-    """With "tag" each frame says whose it is; with "confirm" an ACK of the others may count."""
+    """A sealed fleet notices nothing. Another one may take an ACK of the others for its own, and
+    then a sample is not carried: its publisher is never told that it was delivered."""
     for seed in range(count(200)):
         rng = random.Random(seed)
         strange = foreign_frames(1000 + seed % 8)
         voyage = Voyage(
-            seed, loss=0.1, hears=quickly, table=table(after_s=30.0),
-            rules=TransmitRules(agreement=AgreementMethod.TAG),
+            seed, loss=0.1, hears=quickly, table=table(after_s=30.0, expires_s=7200.0),
+            build=SealedFleet() if sealed else Engine,
         )  # fmt: skip
         for index in range(20):
             voyage.publish_at(10.0 + 25 * index, b"%d" % index)
@@ -200,8 +201,21 @@ def test_carried_samples_of_another_fleet_in_reach_change_nothing(
             )  # fmt: skip
             hear = partial(voyage.network.apply, to, partial(_hear, heard))
             voyage.network.at(at_s, hear)
-        voyage.network.run(until_s=at_s + SETTLED_S)
-        report(voyage)
+        voyage.network.run(until_s=at_s + 2 * SETTLED_S)
+        if sealed:
+            report(voyage)
+            continue
+        got = [value for value, _ in voyage.got if value in voyage.given]
+        assert len(got) == len(set(got)), f"seed {seed}: doubled"
+        ends = {DeliveryOutcome.DELIVERED, DeliveryOutcome.EXPIRED, DeliveryOutcome.REFUSED}
+        assert set(voyage.outcomes.values()) <= ends
+        told = {
+            value
+            for value, outcome in voyage.outcomes.items()
+            if outcome is DeliveryOutcome.DELIVERED
+        }
+        assert told <= set(got), f"seed {seed}: told delivered, and is not"
+        assert set(voyage.outcomes) == set(voyage.given), f"seed {seed}: without an end"
 
 
 def _hear(frame: ReceivedFrame, engine: Engine, now: int) -> None:
