@@ -226,10 +226,15 @@ class VirtualNetwork:
 
     def stats(self) -> Iterator[EngineStats]:
         """Yield the statistics of all engines, former boot epochs included."""
-        for node in self._nodes.values():
-            yield from node.past
-            if node.engine is not None:
-                yield node.engine.stats
+        for address in self._nodes:
+            yield from self.stats_of(address)
+
+    def stats_of(self, address: int) -> Iterator[EngineStats]:
+        """Yield the statistics of a node's engines, former boot epochs included."""
+        node = self._nodes[address]
+        yield from node.past
+        if node.engine is not None:
+            yield node.engine.stats
 
     def journal(self, address: int) -> VirtualJournal:
         """Return the journal of a node, for its getters."""

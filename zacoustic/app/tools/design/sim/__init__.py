@@ -1,5 +1,6 @@
 """`zacoustic sim`: a scenario with its traffic, in virtual time.
 
-`simulation` is a run and its result, `randomscenario` a random one, `recorder` records the engines
-of a run, `text` shows results to people.
+`fleetrun` runs the engines of a fleet, `simulation` those of a scenario with its traffic and
+result, `randomscenario` those of a random one, `recorder` records them, `text` shows results to
+people.
 """
