@@ -278,7 +278,7 @@ def test_node_that_does_not_answer_in_time_is_exit_code_3(
         (["resume", "--timeout", "601"], "--timeout 601; allowed: at most 600"),
         (["silence", "--for", "400d"], "for_s is 3.456e+07; allowed: 0.1..31622400"),
         (["stream", "--id", "12"], "the following arguments are required: --node"),
-        (["stream", "--node", "2"], "the following arguments are required: --id"),
+        (["stream", "--node", "2"], "STREAM; allowed: one, by its name or id"),
         (["stream", "--node", "2", "--id", "300"], "stream_id is 300; allowed: 1..175"),
         (["stream", "--node", "2", "--id", "3", "--on", "--off"], "not allowed with argument"),
         (["stream", "--node", "2", "--id", "3", "--rate", "0"], "--rate 0.0; allowed: above 0"),

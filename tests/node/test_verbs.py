@@ -175,8 +175,8 @@ def test_no_router_is_exit_code_1() -> None:
     assert "no Zenoh router at" in ended.stderr
 
 
-@pytest.mark.parametrize("verb", ["pub", "sub", "call"])
+@pytest.mark.parametrize("verb", ["topic pub", "topic echo", "service call"])
 def test_help_has_an_example(verb: str) -> None:
-    ended = run(verb, "--help")
+    ended = run(*verb.split(), "--help")
     assert ended.returncode == 0
     assert f"zacoustic {verb} " in ended.stdout.partition("examples:")[2]
