@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help demo auv test test-browser screenshot soak bench shape compiled clean distclean
-.PHONY: release sbom bundle container frictions docs tutorial
+.PHONY: release sbom bundle container frictions site docs tutorial
 .PHONY: venv-run venv-console venv-test venv-docs format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -49,7 +49,7 @@ test: format lint types contracts unit
 	@echo
 	@echo "make test: every step passed"
 
-test-browser: venv-test docs
+test-browser: venv-test site
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
 	    echo "test-browser: NOT RUN, no Chromium found"
 	ZACOUSTIC_BROWSER=1 $(PYTEST) tests/auv/test_browser.py tests/auv/test_browser_truth.py \
@@ -79,8 +79,10 @@ release: venv-test
 	@$(VENV_PYTHON) .ci/release.py
 
 # Its own environment: what builds a site has nothing to do with what runs at sea.
-docs: venv-docs
+site: venv-docs
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict --quiet
+
+docs: site
 	@.venv-docs/bin/python .ci/site/snippets.py
 	@echo "dist/site/index.html"
 
