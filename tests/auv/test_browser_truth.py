@@ -123,7 +123,7 @@ def test_a_page_server_that_is_gone(how: signal.Signals) -> None:
 def test_a_link_that_is_down() -> None:
     with dive(LAPTOP) as (running, visitor):
         page = visitor.page
-        running.harm(running.child("emulate evologics"), signal.SIGKILL)
+        running.harm(running.child("run modems evologics"), signal.SIGKILL)
         took_s = see_banner(visitor, r"^NOT SENT: link (down|opening) since \d+ s$")
         print(f"link: said after {took_s:.1f} s")
         page.locator(".stop").click()
