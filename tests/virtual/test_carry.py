@@ -99,6 +99,7 @@ def test_mule_brings_what_two_nodes_say_that_never_hear_each_other(
 def test_nothing_is_lost_or_doubled_when_a_node_is_killed(
     address: int, count: Callable[[int], int]
 ) -> None:
+    swapped = 0
     for point in range(count(200)):
         rng = random.Random(1000 * address + point)
         voyage = Voyage(point, loss=0.2, hears=quickly, table=quick_table())
@@ -110,7 +111,11 @@ def test_nothing_is_lost_or_doubled_when_a_node_is_killed(
             voyage.network.at(at_s, crash)
             voyage.network.at(at_s + rng.uniform(1, 40), partial(voyage.network.start, address))
         voyage.network.run(until_s=2400)
-        report(voyage)
+        # A restart of the publisher may cut a hand-over off: then one count waits for the other.
+        report(voyage, across_starts=address != MOORING)
+        got = list(dict.fromkeys(value for value, _ in voyage.got))
+        swapped += got != sorted(got, key=voyage.given.index)
+    assert swapped <= 0.03 * count(200) + 1
 
 
 def test_straight_way_that_opens_now_and_then_doubles_nothing(count: Callable[[int], int]) -> None:
