@@ -23,7 +23,7 @@ from zacoustic.core.engine.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.linktypes import BROADCAST, LinkState, ReceivedFrame
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.relay.flood import FLOOD_NAME, Flood
@@ -275,6 +275,22 @@ def test_nodes_in_the_middle_are_killed_and_nothing_is_handed_on_twice(
             sea.network.at(at_s, partial(sea.network.restart, node))
         sea.network.run(until_s=3600)
         assert sea.got[NODES] == [b"%d" % index for index in range(5)]
+
+
+def test_end_of_a_frame_is_reported_once_though_it_is_repeated_and_the_link_goes_down() -> None:
+    sea = Sea(lambda source, target: False)
+    sea.publish(60.0, b"stop")
+    for at_s, state in ((62.0, LinkState.DOWN), (70.0, LinkState.UP)):
+        down = partial(_set_link, state)
+        sea.network.at(at_s, partial(sea.network.apply, 1, down))
+    sea.publish(100.0, b"stop again")
+    sea.network.run(until_s=600)
+    assert sea.dropped("stray_report") == 0
+    assert sea.network.engine(1).is_idle
+
+
+def _set_link(state: LinkState, engine: Engine, now: int) -> None:
+    engine.handle_link_state(state, now, engine.capabilities_of("link"))
 
 
 def test_silent_node_passes_nothing_on() -> None:

@@ -24,7 +24,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `relay`         frames of routes over other nodes: a `route`, a `flow` for each direction of it with
                 the frames in `custody`, the `gate` that gives its turns; `relay` is a source of the
                 composer; `prober` measures who hears whom, `paths` has changed paths; `flooding`
-                passes frames on without a route, as `flood` says
+                passes frames on without a route, as `flood` says; a `tunnel` is what both are
+                as links
 `bond`          several links used as one: `spec` lists them, `bonding` chooses for each frame,
                 `reach` tells whether a link reaches a node, `outbox` is a source of the composer
 `schedule`      `context` is what components share in a node, and on each link; `queue` to

@@ -11,8 +11,6 @@ from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkState,
     ReceivedFrame,
-    TransmitOutcome,
-    TransmitReport,
 )
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.profiles.rules import LinkRules
@@ -65,7 +63,7 @@ class FloodPort:
             return
         while (made := self._stack.make_ranked(now)) is not None:
             frame, is_urgent = made
-            ended = partial(_ended, self._stack, frame.transmission_id, now)
+            ended = partial(self._stack.sent, frame.transmission_id, now)
             self._flooding.submit(
                 frame.destination, frame.frame_bytes, now, ended, is_urgent=is_urgent
             )
@@ -109,14 +107,3 @@ def _checks(node: NodeContext) -> Check:
         return node.seal.examine(content, way, node.handshake.digest)
 
     return check
-
-
-def _ended(stack: LinkStack, transmission_id: int, started_at: int, now: int) -> None:
-    """Report the end of a transmission."""
-    report = TransmitReport(
-        transmission_id=transmission_id,
-        outcome=TransmitOutcome.SENT,
-        started_at=started_at,
-        finished_at=now,
-    )
-    stack.handle_report(report, now)

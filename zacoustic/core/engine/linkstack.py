@@ -17,6 +17,7 @@ from zacoustic.core.base.linktypes import (
     LinkState,
     ReceivedFrame,
     Transmission,
+    TransmitOutcome,
     TransmitReport,
 )
 from zacoustic.core.base.qos import Priority
@@ -132,6 +133,22 @@ class LinkStack:
             self._trace.note(now, "report", detail=report.outcome.value, link=self.name)
         else:
             self.stats.drop("stray_report")
+
+    def sent(self, transmission_id: int, started_at: int, now: int) -> None:
+        """Take the end of a transmission that went inside the frames of another link.
+
+        Args:
+            transmission_id: Its id.
+            started_at: When it was handed over, ns.
+            now: The instant, ns.
+        """
+        report = TransmitReport(
+            transmission_id=transmission_id,
+            outcome=TransmitOutcome.SENT,
+            started_at=started_at,
+            finished_at=now,
+        )
+        self.handle_report(report, now)
 
     def handle_state(
         self, state: LinkState, capabilities: LinkCapabilities | None, now: int

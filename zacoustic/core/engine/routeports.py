@@ -10,13 +10,12 @@ up, and only a few may be under way. So a route fills no relay.
 """
 
 from collections.abc import Iterator
+from functools import partial
 
 from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkState,
     ReceivedFrame,
-    TransmitOutcome,
-    TransmitReport,
 )
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
@@ -124,7 +123,7 @@ class RoutePorts:
         for route, stack, relay in self._ends.values():
             while (made := stack.make_ranked(now)) is not None:
                 frame, is_urgent = made
-                ended = _Ended(stack, frame.transmission_id, now)
+                ended = partial(stack.sent, frame.transmission_id, now)
                 relay.submit(route, frame.frame_bytes, now, ended, is_urgent=is_urgent)
 
     def handle_state(
@@ -155,21 +154,3 @@ class RoutePorts:
             frame_bytes=frame_bytes, received_at=now, source=source, destination=self._address
         )
         stack.handle_frame(frame, now)
-
-
-class _Ended:
-    """Reports the end of a transmission on a route."""
-
-    def __init__(self, stack: LinkStack, transmission_id: int, started_at: int) -> None:
-        self._stack = stack
-        self._transmission_id = transmission_id
-        self._started_at = started_at
-
-    def __call__(self, now: int) -> None:
-        report = TransmitReport(
-            transmission_id=self._transmission_id,
-            outcome=TransmitOutcome.SENT,
-            started_at=self._started_at,
-            finished_at=now,
-        )
-        self._stack.handle_report(report, now)

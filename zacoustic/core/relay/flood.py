@@ -5,7 +5,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.linktypes import LinkCapabilities
-from zacoustic.core.relay.route import LEAST_ROOM_BYTES
+from zacoustic.core.relay.tunnel import capabilities_through
 from zacoustic.core.wire.flood import HEADER_BYTES, MOST_HOPS
 from zacoustic.errors import ConfigError
 
@@ -63,17 +63,9 @@ class Flood(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: Frames of that link are too short.
         """
-        room_bytes -= HEADER_BYTES
-        if room_bytes < LEAST_ROOM_BYTES:
-            raise ConfigError(
-                f"flood: frames of {self.link} have room for {room_bytes} bytes; allowed: at least "
-                f"{LEAST_ROOM_BYTES}"
-            )
-        return LinkCapabilities(
-            mtu_bytes=room_bytes,
-            bit_rate_bps=hop.bit_rate_bps,
-            preamble_s=hop.preamble_s,
-            propagation_s=self.unit_s(hop),
-            half_duplex=False,
-            controls_access=True,
+        return capabilities_through(
+            hop,
+            room_bytes - HEADER_BYTES,
+            unit_s=self.unit_s(hop),
+            of=f"flood: frames of {self.link}",
         )

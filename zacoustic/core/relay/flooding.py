@@ -69,13 +69,10 @@ class _Waiting(msgspec.Struct):
     from_at: int
     until: int
     is_urgent: bool
+    is_own: bool = False
     ended: Callable[[int], None] | None = None
-    """Called at the end of its first transmission; None: it is another node's."""
+    """Called at the end of the first transmission of an own frame; None: it was, or never is."""
     tries: int = 0
-
-    @property
-    def is_own(self) -> bool:
-        return self.ended is not None
 
 
 class Flooding:
@@ -147,7 +144,7 @@ class Flooding:
         self._next_seq = (seq + 1) % NUMBERS
         flooded = Flooded(self._address, destination, seq, self._flood.hops - 1, content)
         until = now + self._longest_ns
-        self._waiting.append(_Waiting(flooded, now, until, is_urgent, ended))
+        self._waiting.append(_Waiting(flooded, now, until, is_urgent, True, ended))
 
     def handle(self, source: int, content: bytes, now: int) -> str | None:
         """Take a frame of a neighbour; return why it is dropped, or None.
@@ -267,8 +264,7 @@ class Flooding:
 
     def _reported(self, waiting: _Waiting, report: TransmitReport, now: int) -> None:
         """Take the end of a transmission; wait for a neighbour to pass the frame on."""
-        if waiting.tries == 1:
-            self._end(waiting, now)
+        self._end(waiting, now)
         if self._hop is None or waiting.tries >= _MOST_TRIES:
             return
         pause_ns = self._spread_ns(self._hop) + _DECIDES_NS
@@ -288,8 +284,10 @@ class Flooding:
         ]
 
     def _end(self, waiting: _Waiting, now: int) -> None:
-        if waiting.ended is not None and waiting.tries <= 1:
-            waiting.ended(now)
+        """Report the end of an own frame, once."""
+        ended, waiting.ended = waiting.ended, None
+        if ended is not None:
+            ended(now)
 
     def _is_known(self, flooded: Flooded, now: int) -> bool:
         seen_at = self._seen.get(_identity(flooded))

@@ -6,6 +6,7 @@ import msgspec
 
 from zacoustic.core.base.clock import DURATIONS, is_duration
 from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.relay.tunnel import capabilities_through
 from zacoustic.core.wire.relay import HEADER_BYTES, LAST_ROUTE
 from zacoustic.errors import ConfigError
 
@@ -13,8 +14,6 @@ MOST_NODES: Final = 16
 """The most nodes of a path."""
 HOP_LIFETIME_S: Final = 60.0
 """How long a frame may take for each hop, s, if the route says nothing."""
-LEAST_ROOM_BYTES: Final = 32
-"""A route has room for at least this much in a frame, bytes."""
 _PARTS_OF_LIFETIME: Final = 4
 """A duplicate comes within four units of a link, so that a unit of a route is this part of its
 lifetime."""
@@ -92,17 +91,9 @@ class Route(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: Frames of that link are too short.
         """
-        room_bytes -= HEADER_BYTES
-        if room_bytes < LEAST_ROOM_BYTES:
-            raise ConfigError(
-                f"route {self.route_id}: frames of {self.link} have room for {room_bytes} bytes; "
-                f"allowed: at least {LEAST_ROOM_BYTES}"
-            )
-        return LinkCapabilities(
-            mtu_bytes=room_bytes,
-            bit_rate_bps=hop.bit_rate_bps,
-            preamble_s=hop.preamble_s,
-            propagation_s=self.unit_s(hop),
-            half_duplex=False,
-            controls_access=True,
+        return capabilities_through(
+            hop,
+            room_bytes - HEADER_BYTES,
+            unit_s=self.unit_s(hop),
+            of=f"route {self.route_id}: frames of {self.link}",
         )

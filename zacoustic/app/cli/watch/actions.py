@@ -1,9 +1,6 @@
 """The verb `zacoustic action list`: the actions of gateways."""
 
-import argparse
-
-from zacoustic.app.cli.watch.topics import add_watch_arguments, list_streams
-from zacoustic.link.command import Command
+from zacoustic.app.cli.watch.topics import StreamsCommand
 
 _EXAMPLE = """It costs no airtime.
 
@@ -12,23 +9,9 @@ example:
 """
 
 
-class ActionsCommand(Command):
+class ActionsCommand(StreamsCommand):
     """Lists the actions of gateways, once."""
 
-    name = "list"
     summary = "the actions that cross the channel: how often, what waits"
-    prints_late = True
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare gateways, their network, and the form of the output."""
-        parser.epilog = _EXAMPLE
-        add_watch_arguments(parser)
-
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Query the gateways and print.
-
-        Raises:
-            SessionError: No router can be reached.
-            DeliveryError: No gateway is there.
-        """
-        return list_streams(arguments, "action")
+    kind = "action"
+    example = _EXAMPLE

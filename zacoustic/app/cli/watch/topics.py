@@ -25,17 +25,40 @@ examples:
 """
 
 
-class TopicsCommand(Command):
-    """Lists the topics of gateways, once."""
+class StreamsCommand(Command):
+    """Lists the streams of one kind of gateways, once."""
 
     name = "list"
-    summary = "the topics that cross the channel: how often, how old, what waits"
     prints_late = True
+    kind = "topic"
+    """``topic``, ``service`` or ``action``."""
+    example = ""
+    """The end of its help."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare gateways, their network, and the form of the output."""
-        parser.epilog = _EXAMPLE
+        parser.epilog = self.example
         add_watch_arguments(parser)
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Query the gateways and print.
+
+        Raises:
+            SessionError: No router can be reached.
+            DeliveryError: No gateway is there.
+        """
+        return list_streams(arguments, self.kind)
+
+
+class TopicsCommand(StreamsCommand):
+    """Lists the topics of gateways, once."""
+
+    summary = "the topics that cross the channel: how often, how old, what waits"
+    example = _EXAMPLE
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare gateways, their network, and the form of the output."""
+        super().add_arguments(parser)
         parser.add_argument(
             "--wide", action="store_true",
             help="services and actions as well, in one line each, wider than a terminal",
