@@ -6,6 +6,10 @@ first of a life or key to its destination; it is strong; its composer asks for i
 than `LONG_EVERY_S`. So nobody has to ask for anything: after any outage a receiver is in step again
 within 16 frames or five minutes.
 
+Fragments of objects fill their frames, so each long head between them costs a frame of its own.
+Where the only hearer has answered those before, it is in step, and one of `LONG_EVERY_IF_ANSWERED`
+is enough: a window follows short heads over more lost frames than that.
+
 An incoming frame is opened, or refused with a word for the statistics. **A refused frame never
 causes a transmission**: otherwise a stranger could drain a battery.
 
@@ -45,6 +49,8 @@ from zacoustic.core.wire.seal import (
 )
 
 LONG_EVERY: Final = 16
+LONG_EVERY_IF_ANSWERED: Final = 96
+"""The same among the fragments of an object, for a node that has answered those before."""
 LONG_EVERY_S: Final = 300.0
 _LONG_EVERY_NS: Final = seconds_to_ns(LONG_EVERY_S)
 _HELLO_DIGEST: Final = slice(4, 8)
@@ -176,9 +182,18 @@ class Seal:
             if way.destination in (address, BROADCAST):
                 sending.long_at = None
 
-    def needs_long(self, destination: int, now: int, *, port: int = 0) -> bool:
-        """Return whether the next frame needs a long head, whatever its contents."""
-        return self._needs_long(Way(self._address, destination, port), now)
+    def needs_long(
+        self, destination: int, now: int, *, port: int = 0, every: int = LONG_EVERY
+    ) -> bool:
+        """Return whether the next frame needs a long head, whatever its contents.
+
+        Args:
+            destination: 1…254, or 255.
+            now: The instant.
+            port: The link or route.
+            every: One of so many frames has one.
+        """
+        return self._needs_long(Way(self._address, destination, port), now, every)
 
     def seal(
         self,
@@ -190,6 +205,7 @@ class Seal:
         port: int = 0,
         strong: bool = False,
         long: bool = False,
+        long_every: int = LONG_EVERY,
     ) -> bytes:
         """Make a sealed frame; it uses up its counter, even if the frame is never transmitted.
 
@@ -201,12 +217,13 @@ class Seal:
             port: The link or route.
             strong: With the long tag.
             long: With the long head.
+            long_every: One of so many frames has it in any case.
 
         Raises:
             OverflowError: The seal `is_exhausted`.
         """
         way = Way(self._address, destination, port, strong)
-        is_long = strong or long or self._needs_long(way, now)
+        is_long = strong or long or self._needs_long(way, now, long_every)
         sending = self._sending.setdefault(way, _Sending())
         counter = sending.counter
         if counter > LAST_COUNTER:
@@ -335,9 +352,9 @@ class Seal:
 
     # Below the methods above
 
-    def _needs_long(self, way: Way, now: int) -> bool:
+    def _needs_long(self, way: Way, now: int, every: int) -> bool:
         sending = self._sending.get(way)
-        if sending is None or sending.long_at is None or sending.since_long >= LONG_EVERY - 1:
+        if sending is None or sending.long_at is None or sending.since_long >= every - 1:
             return True
         is_other_key = sending.generation != self._cipher.generation
         return is_other_key or now - sending.long_at >= _LONG_EVERY_NS

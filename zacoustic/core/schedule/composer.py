@@ -358,7 +358,8 @@ class Composer:
         room_bytes = port.envelope.room_bytes - self._seal.fragment_overhead_bytes
         tells_all = self._has_others(destination) and port.reaches_all(port.envelope.room_bytes)
         for hearers in (destination, BROADCAST) if tells_all else (destination,):
-            if not self._seal.is_known(hearers, now):
+            answered = offer.is_answered and hearers == destination != BROADCAST
+            if not self._seal.is_known(hearers, now, answered=answered):
                 hello = self._introductions.introduction(self._link, hearers, room_bytes, now)
                 return self._controls(port, hearers, [(Cause.HELLO, hello)], now)
         # The last fragment of a run announces the pause to all nodes, so it goes first.
@@ -385,7 +386,13 @@ class Composer:
             destination,
             taken.record,
             now,
-            closing=self._seal.settle(destination, None, None, now),
+            closing=self._seal.settle(
+                destination,
+                None,
+                None,
+                now,
+                answered=offer.is_answered and destination != BROADCAST,
+            ),
             object_stream=taken.stream_id,
             parts=[taken.part],
         )

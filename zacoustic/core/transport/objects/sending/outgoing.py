@@ -262,6 +262,12 @@ class OutgoingObject:
         return unanswered
 
     @property
+    def is_answered(self) -> bool:
+        """Whether the only receiver left has answered, and the last request was not in vain."""
+        waiting = self.waiting
+        return self._is_answered and len(waiting) == 1 and not self.views[waiting[0]].unanswered
+
+    @property
     def destination(self) -> int:
         """Address of its frames: that of the only receiver left, so that no other one answers."""
         waiting = [each for each, view in self.views.items() if not view.is_finished]
