@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.peers.sealing import LONG_EVERY, LONG_EVERY_IF_ANSWERED, Inside, Refusal, Seal
+from zacoustic.core.peers.sealing import ANSWERED, USUAL, Inside, LongHeads, Refusal, Seal
 from zacoustic.core.wire.seal import (
     LAST_COUNTER,
     LAST_LIFE,
@@ -272,10 +272,10 @@ def test_a_hearer_in_step_stays_so_among_rare_long_heads(count: Callable[[int], 
         receiver, seal, way = Receiver(2, rng), sender(), Way(1, 2)
         loss = rng.choice((0.0, 0.3, 0.6, 0.9))
         long_heads = lost_in_a_row = 0
-        for number in range(4 * LONG_EVERY_IF_ANSWERED):
-            frame = seal.seal(b"fragment", 2, DIGEST, 0, long_every=LONG_EVERY_IF_ANSWERED)
+        for number in range(4 * ANSWERED.every):
+            frame = seal.seal(b"fragment", 2, DIGEST, 0, long_heads=ANSWERED)
             long_heads += len(frame) == 5 + 8 + 4
-            if number and rng.random() < loss and lost_in_a_row < LONG_EVERY_IF_ANSWERED:
+            if number and rng.random() < loss and lost_in_a_row < ANSWERED.every:
                 lost_in_a_row += 1
                 continue
             heard, lost_in_a_row = len(receiver.handed_on), 0
@@ -285,22 +285,24 @@ def test_a_hearer_in_step_stays_so_among_rare_long_heads(count: Callable[[int], 
         assert long_heads == 4
 
 
-@pytest.mark.parametrize("every", [LONG_EVERY, LONG_EVERY_IF_ANSWERED])
-def test_in_step_again_soon_after_any_blackout(every: int, count: Callable[[int], int]) -> None:
+@pytest.mark.parametrize("heads", [USUAL, ANSWERED])
+def test_in_step_again_soon_after_any_blackout(
+    heads: LongHeads, count: Callable[[int], int]
+) -> None:
     for seed in range(count(1000)):
         rng = random.Random(seed)
         receiver, seal, way = Receiver(2, rng), sender(), Way(1, 2)
         receiver.take(seal.seal(b"first", 2, DIGEST, 0), way)
         receiver.commit()
         for _ in range(rng.choice((1, 15, 64, 100, 1000))):
-            seal.seal(b"lost", 2, DIGEST, 0, long_every=every)
+            seal.seal(b"lost", 2, DIGEST, 0, long_heads=heads)
         heard = len(receiver.handed_on)
-        for _ in range(every):
-            receiver.take(seal.seal(b"after", 2, DIGEST, 0, long_every=every), way)
+        for _ in range(heads.every):
+            receiver.take(seal.seal(b"after", 2, DIGEST, 0, long_heads=heads), way)
             receiver.commit()
         assert len(receiver.handed_on) > heard, seed
         heard = len(receiver.handed_on)
         for _ in range(50):
-            receiver.take(seal.seal(b"then", 2, DIGEST, 0, long_every=every), way)
+            receiver.take(seal.seal(b"then", 2, DIGEST, 0, long_heads=heads), way)
             receiver.commit()
         assert len(receiver.handed_on) == heard + 50

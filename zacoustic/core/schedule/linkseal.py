@@ -16,7 +16,7 @@ import msgspec
 
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import Cause
-from zacoustic.core.peers.sealing import LONG_EVERY, LONG_EVERY_IF_ANSWERED, Seal
+from zacoustic.core.peers.sealing import ANSWERED, IN_VAIN, USUAL, LongHeads, Seal
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.replybudget import REPLY_SHARE
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
@@ -81,8 +81,8 @@ class Closing(msgspec.Struct, frozen=True):
     """Whether it gets the long tag."""
     long: bool = False
     """Whether it gets the long head."""
-    long_every: int = LONG_EVERY
-    """One of so many frames has a long head in any case."""
+    long_heads: LongHeads = USUAL
+    """How far apart long heads may be."""
 
 
 _OPEN: Final = Closing()
@@ -107,7 +107,7 @@ class Unsealed:
         now: int,
         *,
         introduces: bool = False,
-        answered: bool = False,
+        answered: bool | None = None,
     ) -> Closing:
         """Decide how the next frame will be closed.
 
@@ -117,7 +117,7 @@ class Unsealed:
             priority: The priority of that payload.
             now: The instant.
             introduces: It introduces this node's table to nodes that may not be in step.
-            answered: Its only hearer has answered the fragments before.
+            answered: Its only hearer has answered the fragments before, or was asked in vain.
         """
         return _OPEN
 
@@ -129,13 +129,13 @@ class Unsealed:
         """Return whether a record is refused from a frame with a tag of this length."""
         return False
 
-    def is_known(self, destination: int, now: int, *, answered: bool = False) -> bool:
+    def is_known(self, destination: int, now: int, *, answered: bool | None = None) -> bool:
         """Return whether a fragment may go: each of its hearers can be in step.
 
         Args:
             destination: Address, or `BROADCAST`.
             now: The instant.
-            answered: Its only hearer has answered the fragments before.
+            answered: Its only hearer has answered the fragments before, or was asked in vain.
         """
         return True
 
@@ -204,7 +204,7 @@ class LinkSeal(Unsealed):
         now: int,
         *,
         introduces: bool = False,
-        answered: bool = False,
+        answered: bool | None = None,
     ) -> Closing:
         """Decide how the next frame will be closed; see `Unsealed.settle`."""
         if first is not None and self._is_strong(first):
@@ -213,7 +213,7 @@ class LinkSeal(Unsealed):
         is_pressing |= first is not None and first.cause is Cause.REPEAT
         if is_pressing or not self.is_known(destination, now, answered=answered):
             return Closing(LONG_HEAD_BYTES + TAG_BYTES, long=True)
-        return Closing(SHORT_HEAD_BYTES + TAG_BYTES, long_every=_long_every(answered))
+        return Closing(SHORT_HEAD_BYTES + TAG_BYTES, long_heads=_long_heads(answered))
 
     def admits(self, item: Waiting, closing: Closing) -> bool:
         """Return whether a payload may be in a frame with this closing."""
@@ -223,10 +223,10 @@ class LinkSeal(Unsealed):
         """Return whether a record is refused from a frame with a tag of this length."""
         return not strong and self._kind(stream) in self._rules.strong
 
-    def is_known(self, destination: int, now: int, *, answered: bool = False) -> bool:
+    def is_known(self, destination: int, now: int, *, answered: bool | None = None) -> bool:
         """Return whether a fragment may go; see `Unsealed.is_known`."""
-        every = _long_every(answered)
-        return not self._seal.needs_long(destination, now, port=self._port, every=every)
+        heads = _long_heads(answered)
+        return not self._seal.needs_long(destination, now, port=self._port, long_heads=heads)
 
     def close(
         self,
@@ -254,7 +254,7 @@ class LinkSeal(Unsealed):
             port=self._port,
             strong=closing.strong,
             long=closing.long,
-            long_every=closing.long_every,
+            long_heads=closing.long_heads,
         )
 
     # Below the methods above
@@ -277,5 +277,7 @@ class LinkSeal(Unsealed):
         return "topics"
 
 
-def _long_every(answered: bool) -> int:
-    return LONG_EVERY_IF_ANSWERED if answered else LONG_EVERY
+def _long_heads(answered: bool | None) -> LongHeads:
+    if answered is None:
+        return USUAL
+    return ANSWERED if answered else IN_VAIN

@@ -262,10 +262,17 @@ class OutgoingObject:
         return unanswered
 
     @property
-    def is_answered(self) -> bool:
-        """Whether the only receiver left has answered, and the last request was not in vain."""
+    def is_answered(self) -> bool | None:
+        """Whether the only receiver left has answered the last request.
+
+        None if it was not asked, or if there are more.
+        """
         waiting = self.waiting
-        return self._is_answered and len(waiting) == 1 and not self.views[waiting[0]].unanswered
+        if len(waiting) != 1:
+            return None
+        if self.views[waiting[0]].unanswered:
+            return False
+        return True if self._is_answered else None
 
     @property
     def destination(self) -> int:
