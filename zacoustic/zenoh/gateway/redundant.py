@@ -30,6 +30,7 @@ When a token disappears from the list, the next lowest gateway takes over. When 
 higher one stands by.
 """
 
+from collections.abc import Container
 from typing import Final
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
@@ -109,6 +110,16 @@ class RedundantGateways:
     def attends(self, stream: Stream) -> bool:
         """Return whether received goals are for this gateway's network."""
         return isinstance(stream.spec, ActionSpec) and stream.spec.server == self.address
+
+    def asks(self, node: int, nodes: Container[int]) -> bool:
+        """Return whether this gateway asks a remote node for the local network.
+
+        Args:
+            node: Address of the node.
+            nodes: All that are listed; none: every address may be there.
+        """
+        is_known = 1 <= node <= 254 and (not nodes or node in nodes)
+        return is_known and self.address == min(self._alive)
 
     def publishers_beyond(self, stream: Stream) -> tuple[int, ...] | None:
         """Return the remote nodes that may publish a topic; None: any."""

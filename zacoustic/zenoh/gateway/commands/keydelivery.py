@@ -1,8 +1,6 @@
 """Deliveries of keys that the local network asks for; the gateway sends them."""
 
-from collections.abc import Iterable
 from functools import partial
-from typing import cast
 
 import msgspec
 
@@ -14,6 +12,7 @@ from zacoustic.core.values.encoding import JSON
 from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
 from zacoustic.errors import LocalError
 from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.commands.sentqueries import SentQueries, refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.keydelivery import (
     DELIVERIES,
@@ -39,7 +38,7 @@ class KeyHandler:
     def __init__(self, runner: LinkRunner, redundant: RedundantGateways) -> None:
         self._runner = runner
         self._redundant = redundant
-        self._sent: dict[int, tuple[HeldQuery, KeyAnswer]] = {}
+        self._sent = SentQueries[KeyAnswer]()
 
     @property
     def key(self) -> str:
@@ -48,15 +47,12 @@ class KeyHandler:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        # Zenoh's stubs do not declare that parameters can be iterated over.
-        parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
-        key = str(held.query.key_expr)
-        node = receiving_node(key)
-        if node is None or not self._is_ours(node):
+        node = receiving_node(held.key)
+        if node is None or not self._redundant.asks(node, self._runner.engine.table.nodes):
             held.answer([])
             return
         try:
-            asked = read_delivery(key, dict(parameters))
+            asked = read_delivery(held.key, held.parameters)
             assert asked is not None
             if asked.node in self._redundant.alive:
                 raise ValueError(f"node {node} is on this local network: copy the list to it")
@@ -66,27 +62,17 @@ class KeyHandler:
 
     def answered(self, event: ResponseReceived | CallFailed) -> bool:
         """Take the answer of a node, or its absence; False: it belongs to no delivery."""
-        sent = self._sent.pop(event.call_id, None)
+        sent = self._sent.take(event)
         if sent is None:
             return False
         held, answer = sent
         if isinstance(event, ResponseReceived):
-            key = str(held.query.key_expr)
-            held.answer([Answer(key=key, payload=msgspec.json.encode(answer), encoding=JSON)])
-            return True
-        text = event.text
-        if event.failure is CallFailure.TIMED_OUT:
-            text = f"node {answer.address} has not answered in time, and may have the key"
-        held.refuse(event.failure, text)
+            held.answer([Answer(key=held.key, payload=msgspec.json.encode(answer), encoding=JSON)])
+        else:
+            refuse_failed(held, event, answer.address, maybe="may have the key")
         return True
 
     # Below the methods above
-
-    def _is_ours(self, node: int) -> bool:
-        """Return whether this one of the local gateways sends the key."""
-        nodes = self._runner.engine.table.nodes
-        is_known = 1 <= node <= 254 and (not nodes or node in nodes)
-        return is_known and self._redundant.address == self._redundant.alive[0]
 
     def _send(self, held: HeldQuery, asked: KeyAsked, engine: Engine, now: int) -> None:
         call_id = engine.keys.send(asked.node, asked.source, now, timeout_s=asked.within_s)
@@ -99,4 +85,4 @@ class KeyHandler:
             by=engine.address,
             airtime_s=round(ns_to_seconds(airtime_ns), 2),
         )
-        self._sent[call_id] = held, answer
+        self._sent.add(call_id, held, answer)

@@ -8,9 +8,8 @@ receive it. A wire profile without remote commands gives only the range. With `s
 asks for the node's status instead of its silence (`zacoustic.core.transport.status`).
 """
 
-from collections.abc import Iterable
 from functools import partial
-from typing import Final, cast
+from typing import Final
 
 import msgspec
 
@@ -23,6 +22,7 @@ from zacoustic.core.streams.status import STATUS_STREAM_ID, NodeStatus
 from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.commands.sentqueries import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.pings import (
     PINGS,
@@ -68,15 +68,12 @@ class PingHandler:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        # Zenoh's stubs do not declare that parameters can be iterated over.
-        parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
-        key = str(held.query.key_expr)
-        target = pinged_node(key)
-        if target is None or not self._is_ours(target):
+        target = pinged_node(held.key)
+        if target is None or not self._redundant.asks(target, self._runner.engine.table.nodes):
             held.answer([])
             return
         try:
-            asked = read_ping(key, dict(parameters))
+            asked = read_ping(held.key, held.parameters)
         except ValueError as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
             return
@@ -109,10 +106,7 @@ class PingHandler:
 
     def _take_answer(self, ping: "_Ping", event: ResponseReceived | CallFailed) -> None:
         if isinstance(event, CallFailed) and event.failure is not CallFailure.HANDLER:
-            text = event.text
-            if event.failure is CallFailure.TIMED_OUT:
-                text = f"node {ping.node} has not answered in time"
-            ping.held.refuse(event.failure, text)
+            refuse_failed(ping.held, event, ping.node)
             return
         now = self._clock()
         if isinstance(event, ResponseReceived) and event.stream_id == STATUS_STREAM_ID:
@@ -124,12 +118,6 @@ class PingHandler:
         has_range = known is not None and known.measured_at >= ping.asked_at
         if has_range or left_s <= 0 or not self._runner.apply(partial(self._range, ping, left_s)):
             self._answer(ping)
-
-    def _is_ours(self, node: int) -> bool:
-        """Return whether this one of the local gateways asks."""
-        nodes = self._runner.engine.table.nodes
-        is_known = 1 <= node <= 254 and (not nodes or node in nodes)
-        return is_known and self._redundant.address == self._redundant.alive[0]
 
     def _begin(self, held: HeldQuery, asked: PingAsked, engine: Engine, now: int) -> None:
         node, within_s = asked.node, asked.within_s

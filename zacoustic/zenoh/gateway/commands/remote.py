@@ -9,9 +9,9 @@ The answer to a command goes out when the executing node has journalled the comm
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
-from typing import Final, cast
+from typing import Final
 
 import msgspec
 
@@ -24,6 +24,7 @@ from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError
 from zacoustic.run.permitlog import utc_text
 from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.commands.sentqueries import SentQueries, refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.commands import (
     PREFIX,
@@ -64,7 +65,7 @@ class CommandHandler:
         self._redundant = redundant
         self._clock = clock
         self._wall_clock = wall_clock
-        self._sent: dict[int, tuple[HeldQuery, int, RemoteCommand]] = {}
+        self._sent = SentQueries[tuple[int, RemoteCommand]]()
 
     @property
     def own_keys(self) -> tuple[str, ...]:
@@ -102,7 +103,7 @@ class CommandHandler:
 
         def send(engine: Engine, now: int) -> None:
             call_id = engine.commands.send(node, asked.command, now, timeout_s=asked.within_s)
-            self._sent[call_id] = held, node, asked.command
+            self._sent.add(call_id, held, (node, asked.command))
 
         try:
             self._runner.apply(send)
@@ -111,19 +112,16 @@ class CommandHandler:
 
     def answered(self, event: ResponseReceived | CallFailed) -> bool:
         """Answer the sender of a command to another node; False: the event is of no command."""
-        sent = self._sent.pop(event.call_id, None)
+        sent = self._sent.take(event)
         if sent is None:
             return False
-        held, node, command = sent
+        held, (node, command) = sent
         if isinstance(event, ResponseReceived):
             state = CommandState.from_wire(event.value, event.age_s or 0.0)
             self._answer(held, node, command, state)
-            return True
-        text = event.text
-        if event.failure is CallFailure.TIMED_OUT:
-            text = f"node {node} has not answered in time"
-            text += ", and may have executed it" if command.changes else ""
-        held.refuse(event.failure, text)
+        else:
+            maybe = "may have executed it" if command.changes else ""
+            refuse_failed(held, event, node, maybe=maybe)
         return True
 
     def silence(self, event: SilenceChanged) -> SilenceState:
@@ -138,26 +136,21 @@ class CommandHandler:
 
     def _read(self, held: HeldQuery, is_for_us: Callable[[int | None], bool]) -> Asked | None:
         """Read a query, or end it; an error reply goes out only if this gateway has to answer."""
-        key = str(held.query.key_expr)
-        target = read_target(key)
+        target = read_target(held.key)
         if target is None or not is_for_us(target[0]):
             held.answer([])
             return None
-        # Zenoh's stubs do not declare that parameters can be iterated over.
-        parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
         try:
-            return read_query(key, dict(parameters))
+            return read_query(held.key, held.parameters)
         except ValueError as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
             return None
 
     def _is_ours(self, node: int | None) -> bool:
         """Return whether this one of the local gateways asks a remote node."""
-        if node is None:
+        if node is None or node in self._redundant.alive:
             return False
-        alive = self._redundant.alive
-        is_known = 1 <= node <= 254 and (not self._table.nodes or node in self._table.nodes)
-        return is_known and node not in alive and self._redundant.address == alive[0]
+        return self._redundant.asks(node, self._table.nodes)
 
     def _answer(
         self, held: HeldQuery, node: int, command: RemoteCommand, state: CommandState
@@ -175,7 +168,7 @@ class CommandHandler:
                 min_interval_s=state.min_interval_s or 0.0,
                 priority=state.priority.name.lower() if state.priority else "",
             )
-        key = str(held.query.key_expr).replace(f"{PREFIX}/*/", f"{PREFIX}/{node}/")
+        key = held.key.replace(f"{PREFIX}/*/", f"{PREFIX}/{node}/")
         held.answer([Answer(key=key, payload=msgspec.json.encode(document), encoding=JSON)])
 
     def _silence(self, node: int, state: CommandState) -> SilenceState:

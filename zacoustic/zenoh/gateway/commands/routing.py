@@ -1,8 +1,6 @@
 """Commands about routes that the local network gives; the gateway executes or sends them."""
 
-from collections.abc import Iterable
 from functools import partial
-from typing import cast
 
 import msgspec
 
@@ -13,6 +11,7 @@ from zacoustic.core.values.encoding import JSON
 from zacoustic.core.wire.routing import RoutingAnswer
 from zacoustic.errors import LocalError
 from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.commands.sentqueries import SentQueries, refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
@@ -36,7 +35,7 @@ class RoutingHandler:
     def __init__(self, runner: LinkRunner, redundant: RedundantGateways) -> None:
         self._runner = runner
         self._redundant = redundant
-        self._sent: dict[int, tuple[HeldQuery, RoutingAsked]] = {}
+        self._sent = SentQueries[RoutingAsked]()
 
     @property
     def key(self) -> str:
@@ -45,17 +44,15 @@ class RoutingHandler:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        # Zenoh's stubs do not declare that parameters can be iterated over.
-        parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
-        key = str(held.query.key_expr)
-        if key == ROUTING and "do" in dict(parameters):  # each gateway answers for its own node
+        key, parameters = held.key, held.parameters
+        if key == ROUTING and "do" in parameters:  # each gateway answers for its own node
             key = f"{PREFIX}/{self._redundant.address}/routing"
         node = routed_node(key)
         if node is None or not self._is_ours(node):
             held.answer([])
             return
         try:
-            asked = read_routing(key, dict(parameters))
+            asked = read_routing(key, parameters)
             assert asked is not None
             self._runner.apply(partial(self._begin, held, asked))
         except (ValueError, LocalError) as error:
@@ -63,16 +60,13 @@ class RoutingHandler:
 
     def answered(self, event: ResponseReceived | CallFailed) -> bool:
         """Take the answer of a node, or its absence; False: it belongs to no such command."""
-        sent = self._sent.pop(event.call_id, None)
+        sent = self._sent.take(event)
         if sent is None:
             return False
         held, asked = sent
         if isinstance(event, CallFailed):
-            text = event.text
-            if event.failure is CallFailure.TIMED_OUT:
-                text = f"node {asked.node} has not answered in time"
-                text += ", and may have executed it" if asked.request.changes else ""
-            held.refuse(event.failure, text)
+            maybe = "may have executed it" if asked.request.changes else ""
+            refuse_failed(held, event, asked.node, maybe=maybe)
             return True
         try:
             answer = RoutingAnswer.decode(asked.request.kind, event.value)
@@ -88,9 +82,7 @@ class RoutingHandler:
         """Return whether this one of the local gateways executes or sends it."""
         if node in self._redundant.alive:
             return node == self._redundant.address
-        nodes = self._runner.engine.table.nodes
-        is_known = 1 <= node <= 254 and (not nodes or node in nodes)
-        return is_known and self._redundant.address == self._redundant.alive[0]
+        return self._redundant.asks(node, self._runner.engine.table.nodes)
 
     def _begin(self, held: HeldQuery, asked: RoutingAsked, engine: Engine, now: int) -> None:
         if asked.node == engine.address:
@@ -98,7 +90,7 @@ class RoutingHandler:
             engine.routing.execute(asked.request, now, lambda answer, at: then(answer))
             return
         call_id = engine.routing.send(asked.node, asked.request, now, timeout_s=asked.within_s)
-        self._sent[call_id] = held, asked
+        self._sent.add(call_id, held, asked)
 
     def _answer(self, held: HeldQuery, asked: RoutingAsked, answer: RoutingAnswer) -> None:
         engine = self._runner.engine

@@ -9,7 +9,8 @@ holder stops. Queries beyond a limit are refused at once.
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import cast
 
 import msgspec
 import zenoh
@@ -40,6 +41,17 @@ class HeldQuery:
     def __init__(self, query: zenoh.Query, handler: "QueryHandler") -> None:
         self.query = query
         self._handler = handler
+
+    @property
+    def key(self) -> str:
+        """The key expression asked for."""
+        return str(self.query.key_expr)
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """What stands after the ``?`` of the selector."""
+        # Zenoh's stubs do not declare that parameters can be iterated over.
+        return dict(cast("Iterable[tuple[str, str]]", self.query.parameters))
 
     def answer(self, answers: Sequence[Answer]) -> bool:
         """Reply with these values; none: the `get` ends without a reply. False: it had ended."""
