@@ -3,6 +3,7 @@
 Where a frame is shown by its first bytes: `ba` is a fragment, `ba..ffff` something about an object.
 """
 
+import itertools
 import random
 from typing import Any
 
@@ -224,10 +225,26 @@ def test_what_is_too_old_holds_nothing_back() -> None:
 
 
 @pytest.mark.parametrize("newer", [b"newer", PHOTO[1:]])
-def test_a_newer_sample_pushes_a_large_one_out(newer: bytes) -> None:
+def test_a_newer_sample_waits_for_a_large_one_that_crosses(newer: bytes) -> None:
     rig = ends()
     publish(rig, LAST, PHOTO)
     rig.run(1, some_fragments(3))
+    old, new = publish(rig, LAST, b"older"), publish(rig, LAST, newer)
+    assert [each.delivery_id for each in rig[1].got(DeliveryEnded)] == [old]
+    assert outcomes(rig) == [DeliveryOutcome.SUPERSEDED]
+    assert rig[1].engine.is_delivering(new)
+    rig.run(60)
+    assert values(rig) == [PHOTO, newer]
+    assert outcomes(rig)[1:] == [DeliveryOutcome.DELIVERED] * 2
+    assert not rig[1].engine.is_delivering(new)
+    assert rig[1].engine.is_idle
+
+
+@pytest.mark.parametrize("newer", [b"newer", PHOTO[1:]])
+def test_a_newer_sample_pushes_out_a_large_one_that_nobody_answers(newer: bytes) -> None:
+    rig = ends()
+    publish(rig, LAST, PHOTO)
+    rig.run(5, no_fragments)
     publish(rig, LAST, newer)
     rig.run(60)
     assert values(rig) == [newer]
@@ -235,6 +252,79 @@ def test_a_newer_sample_pushes_a_large_one_out(newer: bytes) -> None:
     told = rig[1].got(ObjectProgress)
     assert ObjectState.SUPERSEDED in [each.state for each in told]
     assert rig[1].engine.is_idle
+
+
+def test_what_waits_for_a_large_one_goes_when_nobody_answers_any_more() -> None:
+    rig = ends()
+    publish(rig, LAST, PHOTO)
+    rig.run(1, some_fragments(3))
+    publish(rig, LAST, PHOTO[1:])
+    assert outcomes(rig) == []
+    rig.run(20, no_fragments)
+    assert outcomes(rig) == [DeliveryOutcome.SUPERSEDED]
+    rig.run(60)
+    assert values(rig) == [PHOTO[1:]]
+
+
+def test_what_waits_for_a_large_one_may_be_cancelled() -> None:
+    rig = ends()
+    publish(rig, LAST, PHOTO)
+    rig.run(1, some_fragments(3))
+    waiting = publish(rig, LAST, b"cancelled")
+    assert rig[1].engine.cancel_delivery(waiting, rig.now)
+    assert not rig[1].engine.cancel_delivery(waiting, rig.now)
+    rig.run(60)
+    assert values(rig) == [PHOTO]
+    assert outcomes(rig) == [DeliveryOutcome.CANCELLED, DeliveryOutcome.DELIVERED]
+
+
+def test_what_waits_for_the_minimum_interval_expires() -> None:
+    table = StreamTable([topic(BRIEF, "brief", min_interval_s=100.0, lifespan_s=5.0)], nodes=NODES)
+    rig = Rig(dict.fromkeys(NODES, table), capabilities=link(bit_rate_bps=5000))
+    publish(rig, BRIEF, PHOTO)
+    rig.run(20)
+    publish(rig, BRIEF, PHOTO[1:])
+    rig.run(4.5)
+    assert outcomes(rig) == [DeliveryOutcome.DELIVERED]
+    rig.run(1)
+    assert outcomes(rig) == [DeliveryOutcome.DELIVERED, DeliveryOutcome.EXPIRED]
+    rig.run(200)
+    assert values(rig) == [PHOTO]
+
+
+@pytest.mark.parametrize("victim", [1, 2])
+def test_what_waits_for_a_large_one_survives_a_restart(victim: int) -> None:
+    rig = ends()
+    table = fleet(depth=1)
+    for address in (1, 2):
+        rig.restart(address, table, keeps=True)
+    publish(rig, KEPT, b"hello again")
+    rig.run(60)
+    publish(rig, KEPT, PHOTO)
+    rig.run(1, some_fragments(3))
+    waiting = [publish(rig, KEPT, value) for value in (b"older", b"newest")]
+    stored = [each.delivery_id for each in rig[1].got(DeliveryStored)]
+    assert stored[-2:] == waiting
+    rig.restart(victim, table, keeps=True)
+    rig.run(120)
+    assert values(rig)[-1] == b"newest"
+    assert not [key for key in rig[1].journal if key.startswith("next/")]
+    ended = {each.delivery_id: each.outcome for each in rig[1].got(DeliveryEnded)}
+    assert ended[waiting[1]] is DeliveryOutcome.DELIVERED
+
+
+def test_large_samples_keep_the_minimum_interval() -> None:
+    table = StreamTable([topic(LAST, "last", depth=1, min_interval_s=100.0)], nodes=NODES)
+    rig = Rig(dict.fromkeys((1, 2, 3), table), capabilities=link(bit_rate_bps=5000))
+    arrived: list[float] = []
+    for second in range(0, 600, 10):
+        publish(rig, LAST, bytes((second // 10,)) + PHOTO)
+        before = len(values(rig))
+        rig.run(10)
+        arrived += [second] * (len(values(rig)) - before)
+    assert len(arrived) == 6
+    assert min(b - a for a, b in itertools.pairwise(arrived)) >= 90
+    assert [value[0] for value in values(rig)] == [0, 10, 20, 30, 40, 50]
 
 
 def test_who_refuses_a_large_sample_gets_what_is_behind_it() -> None:

@@ -38,6 +38,8 @@ class Due(enum.IntEnum):
     """A best-effort sample is sent again."""
     SENDING = enum.auto()
     """Reliable samples are sent again or expire."""
+    SUCCESSOR = enum.auto()
+    """A sample that has waited for a large one of its key goes, or expires."""
     RECEIVING = enum.auto()
     """A receiver asks for overdue samples."""
     CARRY = enum.auto()

@@ -367,6 +367,10 @@ class TransmitQueue:
             if lane.key[:2] == kind:
                 lane.override(override)
 
+    def overridden(self, kind: LaneKey, qos: Qos) -> Qos:
+        """Return the QoS that lanes have, given the one of their stream."""
+        return self._overrides.get(kind, NO_OVERRIDE).over(qos)
+
     def remove(self, key: LaneKey, head: bytes) -> bool:
         """Remove the payload of a lane with this head; return False when it does not wait."""
         lane = self._busy.get(key)

@@ -163,8 +163,9 @@ class LargeSamples:
         instance: Instance,
         encoding: str | None,
         expires_at: int | None,
-    ) -> int:
-        """Send a sample as an object; return its delivery id, which `DeliveryEnded` will name.
+        delivery_id: int,
+    ) -> None:
+        """Send a sample as an object; `DeliveryEnded` will name its delivery id.
 
         Raises:
             LocalError: No node is listed that could receive it.
@@ -173,12 +174,10 @@ class LargeSamples:
         """
         self._now = now
         slot = self._slots.next_slot(stream, instance)
-        delivery_id = self._sending.next_delivery_id()
         self._send(
             delivery_id, stream, payload, slot, instance, encoding, expires_at=expires_at, now=now
         )
         self._slots.take(stream, instance, delivery_id, now)
-        return delivery_id
 
     def at(self, now: int) -> "LargeSamples":
         """Record the instant, for questions to the table and for events."""
@@ -213,6 +212,10 @@ class LargeSamples:
         except LocalError as error:
             return str(error.args[0])
         return ""
+
+    def is_crossing(self, delivery_id: int) -> bool:
+        """Return whether some of a sample was transmitted, and a receiver is there."""
+        return self.objects.is_crossing(delivery_id)
 
     def handed_on(self, delivery_id: int, address: int, now: int) -> None:
         """Note that a receiver has acknowledged a sample."""

@@ -247,6 +247,10 @@ class Objects:
         """Withdraw an outgoing object; return False when it is not under way."""
         return self._outgoing.withdraw(object_id, state, detail, now)
 
+    def is_crossing(self, object_id: int) -> bool:
+        """Return whether some of an object was transmitted, and a receiver is there."""
+        return self._outgoing.is_crossing(object_id)
+
     def handed_on(self, object_id: int, address: int) -> None:
         """Note that an ACK of the topic shows that a receiver has delivered an outgoing object."""
         self._outgoing.handed_on(object_id, address)

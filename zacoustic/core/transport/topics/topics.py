@@ -31,6 +31,7 @@ from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
+from zacoustic.core.transport.topics.successors import Successor, Successors
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.payload import PayloadError, ReferenceUnknownError
 from zacoustic.core.wire.frame import SYNC_BYTES, DenseBlock, Record
@@ -79,6 +80,10 @@ class Topics:
             context, limits, subscriptions, self.sending, self.receiving, self._told
         )
         """Samples that fit no frame."""
+        self.successors = Successors(
+            context, self.sending.slots.displaces_crossing, self._publish_successor, self._told
+        )
+        """Samples that wait for a large one of their key."""
         self.copied = CopiedSamples(context)
         """Best-effort samples, some of which are sent several times."""
         self.carrying: Carrying | None = None
@@ -103,6 +108,7 @@ class Topics:
         self.sending.recover(stored)
         self.receiving.recover(stored)
         self.large.recover(stored)
+        self.successors.recover(stored)
         if self.carrying is not None:
             self.carrying.recover(stored)
 
@@ -116,6 +122,7 @@ class Topics:
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
+        self.successors.link_up(now)
         if self.carrying is not None:
             self.carrying.link_up(now)
 
@@ -123,6 +130,7 @@ class Topics:
         """Do, while the node is awake, the work that has no timer of its own."""
         self.large.at(now)
         self.copied.sweep(now)
+        self.successors.changed()
 
     # For the application and for the channel
 
@@ -170,17 +178,18 @@ class Topics:
         """Cancel a reliable sample; return False when it is not under way."""
         if self.carrying is not None and self.carrying.cancel(delivery_id, now):
             return True
-        return self.large.cancel(delivery_id, now)
+        return self.successors.cancel(delivery_id, now) or self.large.cancel(delivery_id, now)
 
     def delivering(self, stream_id: int) -> int:
         """Return how many reliable samples of a topic have not ended."""
         carried = 0 if self.carrying is None else self.carrying.delivering(stream_id)
-        return carried + self.sending.delivering(stream_id)
+        return carried + self.successors.of(stream_id) + self.sending.delivering(stream_id)
 
     def is_delivering(self, delivery_id: int) -> bool:
         """Return whether a reliable sample has not ended."""
         is_carried = self.carrying is not None and self.carrying.is_delivering(delivery_id)
-        return is_carried or self.sending.is_delivering(delivery_id)
+        is_waiting = is_carried or self.successors.has(delivery_id)
+        return is_waiting or self.sending.is_delivering(delivery_id)
 
     def _hand_on(self, sample: SampleReceived, now: int) -> None:
         if self.carrying is not None and sample.stream_id == CARRY_STREAM_ID:
@@ -190,6 +199,8 @@ class Topics:
 
     def _told(self, event: ObjectProgress | BulkChanged | DeliveryEvent) -> None:
         """Pass an event on, to the carried topics if it is of one of their hops."""
+        if isinstance(event, DeliveryEnded):
+            self.successors.changed()
         is_hop = not isinstance(event, BulkChanged) and event.stream_id == CARRY_STREAM_ID
         if self.carrying is None or not is_hop:
             self._emit(event)
@@ -207,25 +218,39 @@ class Topics:
         self, stream: Stream, sample: EncodedSample, now: int, *, is_delete: bool
     ) -> int:
         self.large.check(stream, len(sample.payload))
-        needed_bytes = max(
-            sample.record_bytes + SYNC_BYTES + NUMBER_BYTES,
-            LEAST_ACK_BYTES + len(sample.instance),
-        )
-        largest_bytes = self._queue.largest_bytes
-        if largest_bytes is not None and needed_bytes > largest_bytes and not is_delete:
-            delivery_id = self.large.publish(
+        if not self._is_large(sample, is_delete=is_delete):
+            self._queue.check_size(stream.name, _needed_bytes(sample), hint=_IN_PARTS)
+        delivery_id = self.sending.next_delivery_id()
+        successor = Successor(delivery_id=delivery_id, sample=sample, is_delete=is_delete)
+        if self.successors.must_wait(stream, sample.instance, now):
+            self.successors.add(stream, successor, now)
+        else:
+            self._number(stream, successor, now)
+        count(self._stats.published, stream.stream_id)
+        return delivery_id
+
+    def _publish_successor(self, stream: Stream, successor: Successor, now: int) -> None:
+        if self._subscriptions.subscribers(stream) == frozenset():
+            self._subscriptions.refuse(stream, successor.delivery_id, now)
+        else:
+            self._number(stream, successor, now)
+
+    def _number(self, stream: Stream, successor: Successor, now: int) -> None:
+        """Give a sample the next number of its key."""
+        sample = successor.sample
+        if self._is_large(sample, is_delete=successor.is_delete):
+            self.large.publish(
                 stream,
                 sample.payload,
                 now,
                 instance=sample.instance,
                 encoding=sample.encoding,
                 expires_at=sample.expires_at,
+                delivery_id=successor.delivery_id,
             )
-            count(self._stats.published, stream.stream_id)
-            return delivery_id
-        self._queue.check_size(stream.name, needed_bytes, hint=_IN_PARTS)
-        count(self._stats.published, stream.stream_id)
-        return self.sending.publish(
+            self.successors.began(stream, sample.instance, now)
+            return
+        self.sending.publish(
             stream,
             sample.instance,
             prefix=sample.prefix,
@@ -233,8 +258,15 @@ class Topics:
             stamped=sample.stamped,
             queued_at=sample.made_at,
             expires_at=sample.expires_at,
+            delivery_id=successor.delivery_id,
             now=now,
         )
+
+    def _is_large(self, sample: EncodedSample, *, is_delete: bool) -> bool:
+        """Return whether a reliable sample fits no frame."""
+        largest_bytes = self._queue.largest_bytes
+        is_too_large = largest_bytes is not None and _needed_bytes(sample) > largest_bytes
+        return is_too_large and not is_delete
 
     def receive(self, heard: Heard, stream: Stream, record: Record) -> str | None:
         """Take a record that may be decoded; return why it is dropped, or None."""
@@ -368,3 +400,10 @@ class Topics:
             return BROADCAST
         others = [address for address in spec.subscribers if address != self._address]
         return others[0] if len(others) == 1 else BROADCAST
+
+
+def _needed_bytes(sample: EncodedSample) -> int:
+    """Return what a frame needs for a reliable sample, or for its acknowledgement, bytes."""
+    return max(
+        sample.record_bytes + SYNC_BYTES + NUMBER_BYTES, LEAST_ACK_BYTES + len(sample.instance)
+    )

@@ -46,6 +46,8 @@ _CHEAP_ROUND_FRAMES: Final = 1.0
 _MOST_UNHEARD: Final = 10
 """How many fragments go to receivers that may not be there: two runs, each of which shows the
 rhythm to other nodes, and the request after them."""
+_IN_VAIN: Final = 3
+"""After this many requests without an answer a receiver counts as not there."""
 _PATIENT_QUESTIONS: Final = 4
 _MOST_DOUBLINGS: Final = 6
 # Two, so that a request arrives although one of them is lost.
@@ -260,6 +262,14 @@ class OutgoingObject:
         unanswered = [each for each in self.waiting if self.views[each].unanswered]
         self._is_answered = self._is_answered and len(unanswered) < len(self.waiting)
         return unanswered
+
+    @property
+    def is_crossing(self) -> bool:
+        """Whether some of it was transmitted, and a receiver is there."""
+        if self.is_withdrawn or not self.transmitted:
+            return False
+        fewest = min((view.unanswered for view in self._waiting()), default=0)
+        return fewest - self.listens < _IN_VAIN
 
     @property
     def is_answered(self) -> bool | None:

@@ -215,6 +215,11 @@ class OutgoingObjects:
                 return True
         return False
 
+    def is_crossing(self, object_id: int) -> bool:
+        """Return whether some of an object was transmitted, and a receiver is there."""
+        found = (each for each in self._sendings.values() if each.object_id == object_id)
+        return any(each.outgoing.is_crossing for each in found)
+
     def keep_only(self, stream_id: int, receivers: Set[int], detail: str, now: int) -> None:
         """Keep only these receivers of a stream's objects; `detail` is for those left without."""
         for sending in list(self._sendings.values()):

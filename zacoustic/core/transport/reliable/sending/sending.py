@@ -128,11 +128,11 @@ class ReliableSending:
         stamped: bool,
         queued_at: int,
         expires_at: int | None,
+        delivery_id: int,
         now: int,
-    ) -> int:
-        """Publish a sample that `check` has accepted; return its delivery id."""
+    ) -> None:
+        """Publish a sample that `check` has accepted."""
         lane = self._lanes.of(stream, instance)
-        delivery_id = self.next_delivery_id()
         kept = JournalledSample(delivery_id, prefix, payload, stamped)
         sample = lane.add(stream, kept, queued_at=queued_at, expires_at=expires_at)
         if lane.is_journalled:
@@ -148,7 +148,6 @@ class ReliableSending:
             end = self.slots.give_up if first.number < lane.born else self._end
             end(lane, first, DeliveryOutcome.SUPERSEDED, now)
         self._go_on(lane, now)
-        return delivery_id
 
     def next_delivery_id(self) -> int:
         """Return a delivery id that was never used before."""

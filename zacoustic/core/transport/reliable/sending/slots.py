@@ -47,6 +47,9 @@ class Large(Protocol):
     def enlarge(self, sample: Outgoing, stream_id: int, slot: SequenceSlot, now: int) -> str:
         """Send as an object a sample that was published as a small one; return why not, or ''."""
 
+    def is_crossing(self, delivery_id: int) -> bool:
+        """Return whether some of the sample was transmitted, and a receiver is there."""
+
     def handed_on(self, delivery_id: int, address: int, now: int) -> None:
         """Note that a receiver has acknowledged the sample."""
 
@@ -109,6 +112,16 @@ class LargeSlots:
         while lane.samples[0].number <= sample.number - stream.qos.depth:
             self.give_up(lane, lane.samples[0], DeliveryOutcome.SUPERSEDED, now)
         self._go_on(lane, now)
+
+    def displaces_crossing(self, stream: Stream, instance: Instance) -> bool:
+        """Return whether the next sample of a key would displace a large one that just crosses."""
+        lane = self._lanes.find(stream, instance)
+        if lane is None or not lane.samples or self.sender is None:
+            return False
+        first = lane.samples[0]
+        is_displaced = first.number <= lane.next_number - stream.qos.depth
+        is_object = first.stage is Stage.OBJECT
+        return is_displaced and is_object and self.sender.is_crossing(first.delivery_id)
 
     def is_large(self, sample: Outgoing, largest_bytes: int | None) -> bool:
         """Return whether a sample fits no frame, given the size of the largest record, bytes."""
