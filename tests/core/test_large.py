@@ -324,7 +324,7 @@ def test_large_samples_keep_the_minimum_interval() -> None:
         arrived += [second] * (len(values(rig)) - before)
     assert len(arrived) == 6
     assert min(b - a for a, b in itertools.pairwise(arrived)) >= 90
-    assert [value[0] for value in values(rig)] == [0, 10, 20, 30, 40, 50]
+    assert values(rig) == [bytes((number,)) + PHOTO for number in (0, 10, 20, 30, 40, 50)]
 
 
 def test_who_refuses_a_large_sample_gets_what_is_behind_it() -> None:

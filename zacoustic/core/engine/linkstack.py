@@ -289,6 +289,8 @@ class LinkStack:
     ) -> None:
         """Take an opened frame, which no later start of this node will open again."""
         self._context.node.alarms.opened(opened.source)
+        if not inside.records and self._seal is not None:
+            self._seal.reintroduce(opened.source, to_all=False)
         digest = b"" if inside.digest == NO_TABLE else inside.digest
         opened = msgspec.structs.replace(
             opened,

@@ -8,7 +8,9 @@ within 16 frames or five minutes.
 
 Fragments of objects fill their frames, so each long head between them costs a frame of its own.
 Where the only receiver has answered those before, it is in step, and few are enough: a window
-follows short heads over more lost frames than that. Where it was asked in vain, they are frequent.
+follows short heads over more lost frames than that. Where it was asked in vain, they are frequent,
+and the receiver of such a frame of its own, which is empty, answers with a long head: perhaps its
+answers were heard and not understood.
 
 An incoming frame is opened, or refused with a word for the statistics. **A refused frame never
 causes a transmission**: otherwise a stranger could drain a battery.
@@ -187,10 +189,15 @@ class Seal:
         self._life = life
         self._sending.clear()
 
-    def reintroduce(self, address: int) -> None:
-        """Use a long head in the next frame to a node, which may know nothing of this one."""
+    def reintroduce(self, address: int, *, to_all: bool = True) -> None:
+        """Use a long head in the next frame to a node, which may know nothing of this one.
+
+        Args:
+            address: The node.
+            to_all: In the next frame to all as well.
+        """
         for way, sending in self._sending.items():
-            if way.destination in (address, BROADCAST):
+            if way.destination == address or (to_all and way.destination == BROADCAST):
                 sending.long_at = None
 
     def needs_long(
