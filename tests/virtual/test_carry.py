@@ -201,6 +201,50 @@ def test_what_nobody_carries_in_time_expires_at_its_publisher_and_on_the_way() -
     assert [each.custodian for each in voyage.custody] == [MULE]
 
 
+def test_custodian_that_sinks_is_told_until_what_it_has_expires() -> None:
+    voyage = Voyage(hears=quickly, table=quick_table(expires_s=1200.0))
+    for index in range(3):
+        voyage.publish_at(10.0 + index, b"%d" % index)
+    voyage.network.at(100, partial(voyage.network.crash, MULE))
+    voyage.network.run(until_s=900)
+    kept = voyage.network.engine(MOORING).carry
+    assert kept is not None
+    (log,) = kept.streams
+    assert (kept.own, kept.in_custody, log.own, log.custodians) == (3, 3, {SHIP: 3}, {MULE: 3})
+    assert (log.oldest_at, log.ends_at) == (10 * NS_PER_S, 1210 * NS_PER_S)
+    voyage.network.run(until_s=1300)
+    kept = voyage.network.engine(MOORING).carry
+    assert kept is not None
+    assert (kept.own, kept.in_custody, kept.streams) == (0, 0, ())
+    assert voyage.ended == {DeliveryOutcome.EXPIRED: 3}
+    assert set(voyage.details.values()) == {f"in custody of {MULE}"}
+
+
+def test_custodian_tells_what_it_has_for_whom_and_what_expired_with_it() -> None:
+    voyage = Voyage(hears=quickly, table=quick_table(expires_s=1200.0))
+    voyage.publish_at(10.0, b"log")
+    voyage.publish_at(11.0, bytes(100), PHOTO)
+    voyage.network.run(until_s=120)
+    voyage.network.at(121, partial(voyage.network.crash, SHIP))
+    voyage.network.at(130, partial(voyage.network.restart, MULE))
+    voyage.network.run(until_s=600)
+    kept = voyage.network.engine(MULE).carry
+    assert kept is not None
+    assert [(each.stream_id, each.own, each.carried) for each in kept.streams] == [
+        (LOG, {}, {SHIP: 1}), (PHOTO, {}, {SHIP: 1}),
+    ]  # fmt: skip
+    assert sum(each.carried_bytes for each in kept.streams) == kept.carried_bytes > 100
+    first = kept.streams[0]
+    assert first.oldest_at is not None
+    assert first.ends_at is not None
+    assert 10 < first.oldest_at / NS_PER_S < 60
+    assert 1000 < first.ends_at / NS_PER_S <= 1210
+    voyage.network.run(until_s=1300)
+    kept = voyage.network.engine(MULE).carry
+    assert kept is not None
+    assert (kept.carried, kept.expired, kept.streams) == (0, 2, ())
+
+
 def test_newer_samples_supersede_older_ones_beyond_the_depth() -> None:
     voyage = Voyage(hears=quickly, table=quick_table(depth=3))
     for index in range(10):

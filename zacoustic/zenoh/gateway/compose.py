@@ -209,6 +209,7 @@ class Composition:
             {**self._about, **started},
             has_journal=not (journal is None or isinstance(journal, MemoryJournal)),
             clock=self._clock,
+            dates=dates,
             seal=self._node.seal.report if self._node.seal is not None else None,
         )
         peers = PeerTable(runner, self._traffic)

@@ -5,6 +5,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import BOOT_KEY, JournalPort
 from zacoustic.core.wire.carry import Bundle, Envelope
 
@@ -47,6 +48,15 @@ class Held(Offered):
         """Whether the journal has it; before that it is not offered."""
         self.custodian: int | None = None
         """Of an own sample: the custodian that has it as well."""
+
+    @property
+    def kept_at(self) -> int | None:
+        """When it was published or taken here, ns; None: unknown.
+
+        Time for which the node was off is left out where the clock does not tell it.
+        """
+        life_s = self.envelope.life_s
+        return self.ends_at - seconds_to_ns(life_s) if life_s > 0 else None
 
     @property
     def identity(self) -> tuple[Bundle, int]:
@@ -113,6 +123,11 @@ class Custody:
 
     def __len__(self) -> int:
         return len(self._samples)
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether the instants of all samples are of this run of the clock."""
+        return not self._left
 
     def find(self, bundle: Bundle, number: int) -> Held | None:
         """Return a sample, or None."""
