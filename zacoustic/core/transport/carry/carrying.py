@@ -236,7 +236,7 @@ class Carrying:
             max_bytes=self._max_bytes,
             refused=self._refused,
             expired=self._expired,
-            streams=tuple(streams_of(self._custody)),
+            streams=tuple(streams_of(self._custody, is_dated=self._custody.is_dated)),
         )
 
     # For the hops

@@ -75,6 +75,26 @@ class _StoredSample(msgspec.Struct, frozen=True, array_like=True):
     """How long it had to live when it was written, ns."""
 
 
+def stored_samples(stored: Mapping[str, bytes]) -> list[Held]:
+    """Return the samples in a journal, in the order of publication.
+
+    Raises:
+        msgspec.MsgspecError: An entry is of another version.
+    """
+    return [held for held, _ in _read(stored)]
+
+
+def _read(stored: Mapping[str, bytes]) -> Iterator[tuple[Held, _StoredSample]]:
+    for key in sorted(stored, key=_place):
+        kind, _, rest = key.partition("/")
+        if kind != _SAMPLE:
+            continue
+        sample = msgspec.msgpack.decode(stored[key], type=_StoredSample)
+        held = Held(int(rest), sample.envelope, sample.ends_at, sample.delivery_id)
+        held.is_stored, held.custodian = True, sample.custodian
+        yield held, sample
+
+
 class Custody:
     """The samples of one node, in its journal.
 
@@ -97,13 +117,7 @@ class Custody:
 
     def recover(self, stored: Mapping[str, bytes]) -> Iterator[Held]:
         """Restore the samples from before the restart, and yield each."""
-        for key in sorted(stored, key=_place):
-            kind, _, rest = key.partition("/")
-            if kind != _SAMPLE:
-                continue
-            sample = msgspec.msgpack.decode(stored[key], type=_StoredSample)
-            held = Held(int(rest), sample.envelope, sample.ends_at, sample.delivery_id)
-            held.is_stored, held.custodian = True, sample.custodian
+        for held, sample in _read(stored):
             if not self._boot or sample.boot != self._boot:
                 # Another run of the clock: how long the node was down is not known.
                 self._left[held.number] = sample.life_ns

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
-from zacoustic.core.transport.carry.custody import Custody, Held
+from zacoustic.core.transport.carry.custody import Held
 
 
 class CarriedStream(msgspec.Struct, frozen=True, kw_only=True):
@@ -64,10 +64,15 @@ def sum_of(parts: Sequence[CarryStatus]) -> CarryStatus | None:
     )
 
 
-def streams_of(custody: Custody) -> Iterator[CarriedStream]:
-    """Yield what is kept of each topic, in the order of their ids."""
+def streams_of(samples: Iterable[Held], *, is_dated: bool) -> Iterator[CarriedStream]:
+    """Yield what is kept of each topic, in the order of their ids.
+
+    Args:
+        samples: What is kept.
+        is_dated: Whether their instants are of this run of the clock.
+    """
     by_stream: dict[int, list[Held]] = {}
-    for held in custody:
+    for held in samples:
         by_stream.setdefault(held.envelope.bundle.stream_id, []).append(held)
     for stream_id, kept in sorted(by_stream.items()):
         own = [held for held in kept if held.delivery_id is not None]
@@ -79,8 +84,8 @@ def streams_of(custody: Custody) -> Iterator[CarriedStream]:
             custodians=_count(each.custodian for each in own if each.custodian is not None),
             carried=_count(held.envelope.bundle.destination for held in others),
             carried_bytes=sum(held.envelope.size_bytes for held in others),
-            oldest_at=min(since, default=None) if custody.is_dated else None,
-            ends_at=min(held.ends_at for held in kept) if custody.is_dated else None,
+            oldest_at=min(since, default=None) if is_dated else None,
+            ends_at=min(held.ends_at for held in kept) if is_dated else None,
         )
 
 
