@@ -94,9 +94,9 @@ class LinkStatus:
             {
                 "id": each.stream_id,
                 "stream": self._engine.table.by_id(each.stream_id).name,
-                "own": each.own,
-                "custodians": each.custodians,
-                "carried": each.carried,
+                "own": _by_text(each.own),
+                "custodians": _by_text(each.custodians),
+                "carried": _by_text(each.carried),
                 "carried_bytes": each.carried_bytes,
                 "oldest_at_unix_s": self._date(each.oldest_at),
                 "ends_at_unix_s": self._date(each.ends_at),
@@ -204,3 +204,8 @@ class LinkStatus:
             "bytes": entry.transmitted_bytes,
             "airtime_s": round(entry.transmitted_bytes * per_byte_s, 6),
         }
+
+
+def _by_text(counts: Mapping[int, int]) -> dict[str, int]:
+    """Return counts by address as JSON has them: its names are texts."""
+    return {str(address): count for address, count in counts.items()}
