@@ -21,7 +21,7 @@ from typing import Any, cast
 import zenoh
 
 SHORE, AUV = 1, 2
-WATER = {
+SCENARIO = {
     "profile": "evologics_s2c_18_34",
     "channel": "awgn",
     "nodes": [
@@ -88,8 +88,8 @@ def until(process: subprocess.Popen[str], event: str) -> dict[str, str]:
 def main() -> None:
     with tempfile.TemporaryDirectory() as name, Processes() as processes:
         folder, local = Path(name), "127.0.0.1:0"
-        (folder / "water.json5").write_text(json.dumps(WATER))
-        medium = processes.start("medium", folder / "water.json5", "--listen", local)
+        (folder / "scenario.json5").write_text(json.dumps(SCENARIO))
+        medium = processes.start("medium", folder / "scenario.json5", "--listen", local)
         directip, port = free_port(), {each: free_port() for each in (SHORE, AUV)}
         satellite = processes.start(
             *("modems", "iridium", "--modems", 1, "--listen", local, "--session", 0.2, 0.5),

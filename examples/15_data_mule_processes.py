@@ -22,7 +22,7 @@ import zenoh
 MOORING, GLIDER, SHIP = 1, 2, 3
 NAMES = {MOORING: "mooring", GLIDER: "glider", SHIP: "ship"}
 EAST_M = {MOORING: 0.0, GLIDER: 300.0, SHIP: 100_000.0}
-WATER = {
+SCENARIO = {
     "channel": "awgn",
     "nodes": [
         {"address": each, "position": [east, 0, 10], "profile": "evologics_s2c_18_34"}
@@ -70,9 +70,9 @@ def until(process: subprocess.Popen[str], event: str) -> dict[str, object]:
 def main() -> None:
     with tempfile.TemporaryDirectory() as name, Processes() as processes:
         folder = Path(name)
-        (folder / "water.json5").write_text(json.dumps(WATER))
+        (folder / "scenario.json5").write_text(json.dumps(SCENARIO))
         medium = processes.start(
-            *("medium", folder / "water.json5", "--listen", "127.0.0.1:0", "--positions", "-"),
+            *("medium", folder / "scenario.json5", "--listen", "127.0.0.1:0", "--positions", "-"),
             *("--time-scale", 4),
         )
         link = f"sim/{until(medium, 'listening')['address']}"
