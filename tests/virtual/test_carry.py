@@ -29,7 +29,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.streams.carry import CARRY_STREAM_ID
+from zacoustic.core.streams.carry import CARRY_STREAM_ID, Carry
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.carry import (
     Bundle,
@@ -199,6 +199,25 @@ def test_what_nobody_carries_in_time_expires_at_its_publisher_and_on_the_way() -
     assert voyage.got == []
     assert voyage.ended == {DeliveryOutcome.EXPIRED: 1}
     assert [each.custodian for each in voyage.custody] == [MULE]
+
+
+def test_what_has_less_than_a_minute_to_live_is_not_handed_on_and_hinders_nothing() -> None:
+    brief = msgspec.structs.replace(
+        quick_table().by_id(PHOTO).spec, carry=Carry(by=(MULE,), after_s=30.0, expires_s=60.0)
+    )
+    voyage = Voyage(
+        hears=quickly,
+        table=StreamTable([quick_table().by_id(LOG).spec, brief], nodes=quick_table().nodes),
+    )
+    voyage.publish_at(10.0, b"brief", PHOTO)
+    voyage.publish_at(11.0, b"log")
+    voyage.network.run(until_s=1200)
+    assert [value for value, _ in voyage.got] == [b"log"]
+    assert voyage.outcomes[b"brief"] is DeliveryOutcome.EXPIRED
+    assert [each.custodian for each in voyage.custody] == [MULE]
+    kept = voyage.network.engine(MULE).carry
+    assert kept is not None
+    assert kept.refused == 0
 
 
 def test_custodian_that_sinks_is_told_until_what_it_has_expires() -> None:

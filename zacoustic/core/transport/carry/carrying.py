@@ -31,6 +31,7 @@ from zacoustic.core.transport.publication import EncodedSample
 from zacoustic.core.transport.reliable.sending.keeping import OTHER_STREAM
 from zacoustic.core.wire.carry import (
     DIGEST_BYTES,
+    MINUTE_S,
     Bundle,
     Envelope,
     Receipt,
@@ -48,6 +49,8 @@ MOST_CARRIED: Final = 16384
 """How many samples of others a node keeps, however small they are."""
 MOST_ANSWERS: Final = 1024
 """How many receipts and refusals wait at a node; the oldest give way."""
+_LEAST_LIFE_NS: Final = seconds_to_ns(MINUTE_S)
+"""An envelope tells lives in minutes: a custodian takes nothing with less to live than one, ns."""
 _AT_ONCE: Final = 0
 """An instant that has always passed."""
 
@@ -563,6 +566,8 @@ class Carrying:
             if held.is_stored and bundle.stream_id in self._carries:
                 ends.add((bundle.stream_id, bundle.destination))
                 targets = self._reach.for_sample(held, self._carries[bundle.stream_id], now)
+                if held.ends_at - now < _LEAST_LIFE_NS:
+                    targets = [each for each in targets if each == bundle.destination]
                 yield Wanted(held, targets, partial(self._sample_for, held, now))
 
     def _give_up_gaps(self, now: int) -> None:
