@@ -147,10 +147,12 @@ def test_a_status_tells_what_waits_who_has_it_and_whether_that_node_is_heard() -
     lost = stream(id=12, name="auv1/log", outcomes={"expired": 1})
     lines = status_text(gateway([lost], [sunk], carry=carry)).splitlines()
     assert max(map(len, lines)) <= WIDTH
-    first = lines.index("  carried  auv1/log: 3 for 5 wait, oldest 2.0 h, first expires in 21.9 h")
-    assert lines[first + 1 : first + 3] == [
+    first = lines.index("  carried  auv1/log: 3 for 5 wait")
+    assert lines[first + 1 : first + 5] == [
         "           2 of them in custody of 2 glider, heard 3.1 h ago, LOST",
-        f"  carried  {shortened(LONG, 24)}: of others 9 for 1, 340 B, oldest 2.0 h, fi…",
+        "           oldest 2.0 h, first expires in 21.9 h",
+        f"  carried  {shortened(LONG, 24)}: of others 9 for 1, 340 B",
+        "           oldest 2.0 h, first expires in 21.9 h",
     ]
     assert lines[-3:] == [
         "           and 1 more: zacoustic monitor",

@@ -180,8 +180,8 @@ def test_carried_samples_are_a_line_and_one_for_each_topic() -> None:
     whole = " ".join(drawn(WAYS, width=140).split())
     assert f"carried: {words}, 1 of others refused, no room, 4 of others expired here" in whole
     assert (
-        "auv1/log: 3 for 5 wait, oldest 10 min, first expires in 2.0 h; "
-        "2 of them in custody of 3 buoy, not heard" in whole
+        "auv1/log: 3 for 5 wait; 2 of them in custody of 3 buoy, not heard, LOST; "
+        "oldest 10 min, first expires in 2.0 h" in whole
     )
     assert "buoy/log: of others 10 for 1, 2 for 5, 3400 B" in whole
     assert "carried:" not in drawn(width=140)

@@ -100,17 +100,9 @@ def carried_words(kept: CarriedView, view: GatewayView) -> list[str]:
 
     A custodian is named with the time since it was heard: one that never comes back is seen there.
     """
-    ages = []
-    if kept.oldest_s is not None:
-        ages.append(f"oldest {time_words(kept.oldest_s)}")
-    if kept.ends_in_s is not None:
-        ages.append(f"first expires in {time_words(kept.ends_in_s)}")
     peers, names = {each.address: each for each in view.peers}, names_of(view)
-    lines = []
-    if kept.own:
-        waits = ", ".join(f"{count} for {each}" for each, count in kept.own.items())
-        lines.append(", ".join([f"{waits} wait", *ages]))
-        ages = []
+    waits = [f"{count} for {each} wait" for each, count in kept.own.items()]
+    lines = [", ".join(waits)] if waits else []
     for address, count in kept.custodians.items():
         peer = peers.get(address)
         heard_s = None if peer is None else peer.heard_ago_s
@@ -120,7 +112,10 @@ def carried_words(kept: CarriedView, view: GatewayView) -> list[str]:
         lines.append(f"{count} of them in custody of {name}, {heard}{lost}")
     if kept.carried:
         for_whom = ", ".join(f"{count} for {each}" for each, count in kept.carried.items())
-        lines.append(", ".join([f"of others {for_whom}", size_words(kept.carried_bytes), *ages]))
+        lines.append(f"of others {for_whom}, {size_words(kept.carried_bytes)}")
+    if kept.oldest_s is not None and kept.ends_in_s is not None:
+        ends = time_words(kept.ends_in_s)
+        lines.append(f"oldest {time_words(kept.oldest_s)}, first expires in {ends}")
     return lines
 
 
