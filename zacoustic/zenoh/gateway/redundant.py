@@ -16,6 +16,9 @@ serve       received calls                                           the stream'
 attend      received goals, their feedback and results               the stream's server
 ==========  =======================================================  ===============================
 
+A topic whose subscribers are all on this network is not forwarded: Zenoh serves them. So what
+crosses by Wi-Fi while a vehicle is on deck takes no airtime.
+
 There are two exceptions. A topic with ``{node}`` in its name has different keys for each gateway:
 each forwards its own. And no gateway delivers samples that another local gateway sent through the
 channel, since the network has them already; because of frames on the air this also holds for
@@ -30,6 +33,7 @@ When a token disappears from the list, the next lowest gateway takes over. When 
 higher one stands by.
 """
 
+from collections.abc import Collection
 from typing import Final
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
@@ -47,10 +51,12 @@ class RedundantGateways:
     Args:
         address: Acoustic address of this gateway, always alive.
         clock: Source of instants.
+        nodes: Addresses of all nodes of the fleet; empty: unknown.
     """
 
-    def __init__(self, address: int, clock: Clock) -> None:
+    def __init__(self, address: int, clock: Clock, nodes: Collection[int] = ()) -> None:
         self.address = address
+        self._nodes = frozenset(nodes)
         self._clock = clock
         self._alive = {address}
         self._retired_until: dict[int, int] = {}
@@ -86,8 +92,10 @@ class RedundantGateways:
         """Return whether this gateway transmits local samples of the stream."""
         if not isinstance(stream.spec, TopicSpec) or not stream.may_publish(self.address):
             return False
-        if stream.spec.subscribers is not None and self._alive.issuperset(stream.spec.subscribers):
-            return False  # all subscribers are local
+        subscribers = self._nodes if stream.spec.subscribers is None else stream.spec.subscribers
+        is_known = stream.spec.subscribers is not None or len(self._nodes) > 1
+        if is_known and self._alive.issuperset(subscribers):
+            return False  # all subscribers are local: Zenoh itself brings them the samples
         if stream.keys.is_named_by_node:
             return self.address in stream.keys.node_names
         return self.address == min(each for each in self._alive if stream.may_publish(each))
