@@ -265,16 +265,31 @@ def test_redundant_gateway_that_is_gone_is_of_this_local_network_for_what_it_had
 ):
     now = 0
     redundant = RedundantGateways(1, lambda: now)
-    assert not redundant.shares_network(3)
+    assert not redundant.shares_network(3, stream("chat"))
     assert redundant.update(3, is_alive=True)
     assert not redundant.update(3, is_alive=True)
-    assert redundant.shares_network(3)
+    assert redundant.shares_network(3, stream("chat"))
     redundant.update(3, is_alive=False)
-    assert redundant.shares_network(3)
+    assert redundant.shares_network(3, stream("chat"))
     now = round(RETIRED_S * 1e9)
-    assert not redundant.shares_network(3)
+    assert not redundant.shares_network(3, stream("chat"))
     assert not redundant.update(1, is_alive=False)
     assert redundant.alive == (1,)
+
+
+def test_what_went_by_zenoh_alone_is_no_echo_once_the_network_has_parted() -> None:
+    """Not even within the time for which others may have frames of that gateway on the air."""
+    shore = RedundantGateways(1, lambda: 0, (1, 2, 3))
+    for address in (2, 3):
+        shore.update(address, is_alive=True)
+    assert shore.shares_network(2, stream("chat"))
+    shore.update(2, is_alive=False)
+    shore.update(3, is_alive=False)
+    assert not shore.shares_network(2, stream("chat"))
+    part = RedundantGateways(1, lambda: 0, (1, 2, 3))
+    part.update(2, is_alive=True)
+    part.update(2, is_alive=False)
+    assert part.shares_network(2, stream("chat"))  # it was transmitted for node 3
 
 
 def test_topic_of_no_listed_subscribers_crosses_while_any_node_is_not_here() -> None:

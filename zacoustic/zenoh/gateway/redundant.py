@@ -33,7 +33,7 @@ When a token disappears from the list, the next lowest gateway takes over. When 
 higher one stands by.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Set
 from typing import Final
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
@@ -82,20 +82,24 @@ class RedundantGateways:
             self._retired_until[address] = self._clock() + seconds_to_ns(RETIRED_S)
         return True
 
-    def shares_network(self, source: int) -> bool:
-        """Return whether samples of a node from the channel are local already."""
+    def shares_network(self, source: int, stream: Stream) -> bool:
+        """Return whether a sample of a node from the channel is local already."""
         if source in self._alive:
             return True
-        return self._clock() < self._retired_until.get(source, 0)
+        now = self._clock()
+        if now >= self._retired_until.get(source, 0):
+            return False
+        assert isinstance(stream.spec, TopicSpec)
+        # As long as they shared a network with all who want it, it was not transmitted.
+        were_here = {each for each, until in self._retired_until.items() if now < until}
+        return not self._serves_all(stream.spec, self._alive | were_here)
 
     def forwards(self, stream: Stream) -> bool:
         """Return whether this gateway transmits local samples of the stream."""
         if not isinstance(stream.spec, TopicSpec) or not stream.may_publish(self.address):
             return False
-        subscribers = self._nodes if stream.spec.subscribers is None else stream.spec.subscribers
-        is_known = stream.spec.subscribers is not None or len(self._nodes) > 1
-        if is_known and self._alive.issuperset(subscribers):
-            return False  # all subscribers are local: Zenoh itself brings them the samples
+        if self._serves_all(stream.spec, self._alive):
+            return False  # Zenoh itself does
         if stream.keys.is_named_by_node:
             return self.address in stream.keys.node_names
         return self.address == min(each for each in self._alive if stream.may_publish(each))
@@ -124,3 +128,9 @@ class RedundantGateways:
         if stream.spec.publishers is None:
             return None
         return tuple(each for each in stream.spec.publishers if each not in self._alive)
+
+    def _serves_all(self, spec: TopicSpec, local: Set[int]) -> bool:
+        """Return whether all who want a topic are known, and among some nodes."""
+        if spec.subscribers is not None:
+            return local >= frozenset(spec.subscribers)
+        return len(self._nodes) > 1 and local >= self._nodes
