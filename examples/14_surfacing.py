@@ -1,5 +1,8 @@
 """A vehicle that surfaces every ten minutes: its streams go by radio there, and by sound below.
 
+In the third hour it is far out, where neither is heard: from there they go by satellite, whenever
+it surfaces. 14_surfacing_processes.py has the same with processes.
+
 Run it: python examples/14_surfacing.py
 """
 
@@ -9,6 +12,7 @@ from functools import partial
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.bond.spec import Bond, BondLink, LinkCost
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
@@ -17,6 +21,7 @@ from zacoustic.testing import Modem, VirtualNetwork
 SHORE, AUV = 1, 2
 NAV = 1
 PERIOD_S, SURFACED_S = 600.0, 120.0
+LEAVES_S = 7200.0
 
 
 def is_surfaced(now_s: float) -> bool:
@@ -26,7 +31,18 @@ def is_surfaced(now_s: float) -> bool:
 
 def by_radio(source: int, node: int, now: int) -> Sequence[float]:
     """Return when a datagram arrives, s after it was due: not at all below the surface."""
-    return (0.0,) if is_surfaced(now / NS_PER_S) else ()
+    now_s = now / NS_PER_S
+    return (0.0,) if is_surfaced(now_s) and now_s < LEAVES_S else ()
+
+
+def by_sound(source: int, node: int, now: int) -> Sequence[float]:
+    """Return when a frame arrives, s after it was due: not at all from far out."""
+    return (0.0,) if now / NS_PER_S < LEAVES_S else ()
+
+
+def by_satellite(source: int, node: int, now: int) -> Sequence[float]:
+    """Return when a message arrives, s after it was due: its session takes 20 s, at the surface."""
+    return (20.0,) if is_surfaced(now / NS_PER_S) else ()
 
 
 def network() -> VirtualNetwork:
@@ -38,45 +54,52 @@ def network() -> VirtualNetwork:
     nodes = tuple(
         NodeSpec(address=each, position=(1500.0 * each, 0.0, 10.0)) for each in table.nodes
     )
-    links = Bond(number=31, links=("radio", "sound"))
+    links = Bond(number=31, links=("radio", "sound", "satellite"))
     rules = TransmitRules(
         links=(
             LinkRules(name="sound"),
             LinkRules(name="radio", bonded=BondLink(cost=LinkCost.FREE)),
+            LinkRules(name="satellite", bonded=BondLink(cost=LinkCost.MONEY)),
         ),
+        # Nobody answers a sample, so without these the vehicle would think that sound is gone.
+        contact=ContactRules(heartbeat_s=240.0),
         bonds=(links,),
         default_link=links.name,
     )
-    joined = VirtualNetwork(Scenario(nodes=nodes), table, seed=1, rules=rules)
+    joined = VirtualNetwork(Scenario(nodes=nodes), table, seed=1, rules=rules, disturb=by_sound)
     # The medium of datagrams is as slow as sound, so they get a twentieth of a second.
     aerials = tuple(
         NodeSpec(address=each, position=(75.0 * each, 0.0, 0.0)) for each in table.nodes
     )
-    joined.add_link(
-        "radio",
-        Scenario(nodes=aerials, profile="ideal", channel="none"),
-        modem=Modem(addressed=False, checked=False, senses_carrier=False),
-        disturb=by_radio,
-    )
+    for link, disturb in (("radio", by_radio), ("satellite", by_satellite)):
+        joined.add_link(
+            link,
+            Scenario(nodes=aerials, profile="ideal", channel="none"),
+            modem=Modem(addressed=False, checked=False, senses_carrier=False),
+            disturb=disturb,
+        )
     return joined
 
 
 def main() -> None:
-    """Let two hours pass, with a report every 20 seconds."""
+    """Let three hours pass, with a report every 20 seconds."""
     joined = network()
-    for number in range(360):
+    for number in range(540):
         joined.at(20.0 * number + 5.0, partial(joined.publish, AUV, NAV, b"%d" % number))
-    joined.run(until_s=7300.0)
-    delays_s: dict[bool, list[float]] = {True: [], False: []}
+    joined.run(until_s=10900.0)
+    delays_s: dict[str, list[float]] = {"at the surface": [], "below": [], "far out": []}
     for sample in joined.samples(SHORE, NAV):
         given_s = 20.0 * int(bytes(sample.value)) + 5.0
-        delays_s[is_surfaced(given_s)].append(sample.received_at / NS_PER_S - given_s)
-    for surfaced, where in ((True, "at the surface"), (False, "below")):
-        median_s = sorted(delays_s[surfaced])[len(delays_s[surfaced]) // 2]
-        print(f"{where}: {len(delays_s[surfaced])} reports, {median_s:.2f} s in the middle")
+        where = "at the surface" if is_surfaced(given_s) else "below"
+        where = "far out" if given_s >= LEAVES_S else where
+        delays_s[where].append(sample.received_at / NS_PER_S - given_s)
+    for where, found_s in delays_s.items():
+        median_s = sorted(found_s)[len(found_s) // 2]
+        print(f"{where}: {len(found_s)} reports, {median_s:.2f} s in the middle")
     (status,) = joined.engine(AUV).bonds
     print(f"in use now: {status.in_use}; {status.again} frames went again by the next link")
-    assert len(delays_s[True]) >= 70
+    assert len(delays_s["at the surface"]) >= 70
+    assert status.in_use == "satellite"
 
 
 if __name__ == "__main__":

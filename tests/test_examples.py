@@ -9,7 +9,11 @@ from typing import Final
 import pytest
 
 ROOT: Final = Path(__file__).parents[1]
-EXAMPLES: Final = sorted(path.name for path in (ROOT / "examples").glob("[0-9]*.py"))
+EXAMPLES: Final = [
+    # Those of several processes take twenty seconds each; tests/gateway has shorter ways.
+    pytest.param(path.name, marks=[pytest.mark.soak] if "_processes" in path.name else [])
+    for path in sorted((ROOT / "examples").glob("[0-9]*.py"))
+]
 TIMEOUT_S: Final = 120.0
 
 

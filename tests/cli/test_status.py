@@ -9,6 +9,7 @@ import pytest
 from tests.cli.watched import lines_of, pair
 from tests.gateway.networkpair import verb
 from tests.gateway.networks import cbor, hear, run
+from zacoustic.app.tools.columns import shortened
 from zacoustic.app.tools.field.rates import RateMeter
 from zacoustic.app.tools.watch.statustext import nodes_text, status_of, status_text
 from zacoustic.app.tools.watch.topicstext import streams_text
@@ -133,6 +134,34 @@ def test_a_status_names_what_fails_and_stays_short() -> None:
     status = status_of(view)
     assert not status.is_well
     assert [each.is_stopped for each in status.failing] == [True] + [False] * 8
+
+
+def test_a_status_tells_what_waits_who_has_it_and_whether_that_node_is_heard() -> None:
+    log = {"stream": "auv1/log", "own": {5: 3}, "custodians": {2: 2}, "carried": {},
+           "carried_bytes": 0, "oldest_s": 7300.0, "ends_in_s": 79_000.0}  # fmt: skip
+    theirs = log | {"stream": LONG, "own": {}, "custodians": {}, "carried": {1: 9},
+                    "carried_bytes": 340}  # fmt: skip
+    carry = {"own": 3, "in_custody": 2, "carried": 9, "carried_bytes": 340, "max_bytes": 500,
+             "refused": 0, "expired": 4, "streams": (log, theirs, log, log)}  # fmt: skip
+    sunk = peer(name="glider", heard_ago_s=11_000.0, is_lost=True)
+    lost = stream(id=12, name="auv1/log", outcomes={"expired": 1})
+    lines = status_text(gateway([lost], [sunk], carry=carry)).splitlines()
+    assert max(map(len, lines)) <= WIDTH
+    first = lines.index("  carried  auv1/log: 3 for 5 wait")
+    assert lines[first + 1 : first + 5] == [
+        "           2 of them in custody of 2 glider, heard 3.1 h ago, LOST",
+        "           oldest 2.0 h, first expires in 21.9 h",
+        f"  carried  {shortened(LONG, 24)}: of others 9 for 1, 340 B",
+        "           oldest 2.0 h, first expires in 21.9 h",
+    ]
+    assert lines[-3:] == [
+        "           and 1 more: zacoustic monitor",
+        "  custody  for others 340 B of 500 B; 4 expired here",
+        "  fails    auv1/log: 1 expired",
+    ]
+    told = json.loads(msgspec.json.encode(status_of(gateway([], [sunk], carry=carry))))
+    assert told["carry"]["streams"][0]["custodians"] == {"2": 2}
+    assert (told["nodes"][0]["heard_ago_s"], told["nodes"][0]["trouble"]) == (11_000.0, "LOST")
 
 
 @pytest.mark.parametrize(

@@ -265,13 +265,76 @@ def test_redundant_gateway_that_is_gone_is_of_this_local_network_for_what_it_had
 ):
     now = 0
     redundant = RedundantGateways(1, lambda: now)
-    assert not redundant.shares_network(3)
+    assert not redundant.shares_network(3, stream("chat"))
     assert redundant.update(3, is_alive=True)
     assert not redundant.update(3, is_alive=True)
-    assert redundant.shares_network(3)
+    assert redundant.shares_network(3, stream("chat"))
     redundant.update(3, is_alive=False)
-    assert redundant.shares_network(3)
+    assert redundant.shares_network(3, stream("chat"))
     now = round(RETIRED_S * 1e9)
-    assert not redundant.shares_network(3)
+    assert not redundant.shares_network(3, stream("chat"))
     assert not redundant.update(1, is_alive=False)
     assert redundant.alive == (1,)
+
+
+def test_what_went_by_zenoh_alone_is_no_echo_once_the_network_has_parted() -> None:
+    """Not even within the time for which others may have frames of that gateway on the air."""
+    shore = RedundantGateways(1, lambda: 0, (1, 2, 3))
+    for address in (2, 3):
+        shore.update(address, is_alive=True)
+    assert shore.shares_network(2, stream("chat"))
+    shore.update(2, is_alive=False)
+    shore.update(3, is_alive=False)
+    assert not shore.shares_network(2, stream("chat"))
+    part = RedundantGateways(1, lambda: 0, (1, 2, 3))
+    part.update(2, is_alive=True)
+    part.update(2, is_alive=False)
+    assert part.shares_network(2, stream("chat"))  # it was transmitted for node 3
+
+
+def test_topic_of_no_listed_subscribers_crosses_while_any_node_is_not_here() -> None:
+    chat = next(each for each in TABLE if each.name == "chat")
+    knows, does_not = RedundantGateways(1, lambda: 0, (1, 2, 3)), RedundantGateways(1, lambda: 0)
+    for address in (2, 3):
+        assert knows.forwards(chat)
+        for each in (knows, does_not):
+            each.update(address, is_alive=True)
+    assert not knows.forwards(chat)
+    assert does_not.forwards(chat)
+    knows.update(2, is_alive=False)
+    assert knows.forwards(chat)
+
+
+def test_what_zenoh_brings_to_the_other_node_takes_no_airtime_until_the_network_parts() -> None:
+    section = SECTION | {
+        "streams": [{"id": 1, "topic": "auv/nav", "publishers": [2], "subscribers": [1]}]
+    }
+
+    async def main() -> None:
+        channel = Channel()
+        with zenoh_router() as deck:
+            async with (
+                local_network(2, channel, section=section, join=deck) as vehicle,
+                AsyncExitStack() as on_deck,
+            ):
+                shore = await on_deck.enter_async_context(
+                    local_network(1, channel, section=section, join=deck)
+                )
+                await until(lambda: alive(vehicle) == (1, 2), vehicle.changed)
+                with vehicle.client() as auv:
+                    with shore.client() as program:
+                        nav = await hear(program, "auv/nav")
+                        await matched(auv, "auv/nav")
+                        auv.put("auv/nav", b"on deck")
+                        assert await nav.payload() == b"on deck"
+                        assert channel.sent_by(2) == 0
+                    await on_deck.aclose()
+                    async with local_network(1, channel, section=section) as ashore:
+                        with ashore.client() as program:
+                            nav = await hear(program, "auv/nav")
+                            await matched(auv, "auv/nav")  # the gateway wants it now
+                            auv.put("auv/nav", b"at sea")
+                            assert await nav.payload() == b"at sea"
+                    assert channel.sent_by(2) > 0
+
+    run(main())

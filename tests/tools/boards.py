@@ -65,7 +65,12 @@ WAYS: Final[dict[str, Any]] = {
         {"route": "back", "next_node": 3, "waiting": 0, "transmissions": 90, "passed_on": 10,
          "given_up": 8}]},
     "carry": {"own": 3, "in_custody": 2, "carried": 12, "carried_bytes": 3400,
-              "max_bytes": 65_536, "refused": 1},
+              "max_bytes": 65_536, "refused": 1, "expired": 4,
+              "streams": [
+                  {"id": 12, "stream": "auv1/log", "own": {"5": 3}, "custodians": {"3": 2},
+                   "oldest_at_unix_s": 400.0, "ends_at_unix_s": 8200.0},
+                  {"id": 13, "stream": "buoy/log", "carried": {"1": 10, "5": 2},
+                   "carried_bytes": 3400, "oldest_at_unix_s": None}]},
     "bond/radio+acoustic": {"name": "radio+acoustic", "links": ["radio", "acoustic"],
                             "in_use": "acoustic", "again": 4, "frames_transmitted": 40,
                             "reach": {"1": {"radio": "up", "acoustic": "up"},

@@ -139,6 +139,10 @@ def test_links_routes_hops_and_lists_of_links() -> None:
     ]  # fmt: skip
     assert view.carry is not None
     assert (view.carry.own, view.carry.in_custody, view.carry.carried_bytes) == (3, 2, 3400)
+    own, others = view.carry.streams
+    assert (own.stream, own.own, own.custodians) == ("auv1/log", {5: 3}, {3: 2})
+    assert (own.oldest_s, own.ends_in_s) == (600.0, 7200.0)
+    assert (others.carried, others.oldest_s, others.ends_in_s) == ({1: 10, 5: 2}, None, None)
     (bond,) = view.bonds
     assert (bond.name, bond.in_use, bond.again) == ("radio+acoustic", "acoustic", 4)
     assert bond.reach[3] == {"radio": "doubt", "acoustic": "down"}

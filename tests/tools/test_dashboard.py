@@ -149,6 +149,8 @@ def test_network_is_on_top_and_closed_while_a_gateway_is_alone() -> None:
             assert network.value is False
             bonds: Any = next(iter(user.find(marker="bonds", kind=ui.table).elements))
             assert [row["by"] for row in bonds.rows] == ["radio", "radio, in doubt", "no link"]
+            carried: Any = next(iter(user.find(marker="carried", kind=ui.table).elements))
+            assert [row["topic"] for row in carried.rows] == ["auv1/log", "buoy/log"]
             links: Any = next(iter(user.find(marker="links", kind=ui.table).elements))
             assert [row["link"] for row in links.rows] == ["acoustic", "radio"]
             figures: Any = next(iter(user.find(marker="figures", kind=ui.html).elements))

@@ -175,10 +175,15 @@ def test_several_links_routes_and_lists_of_links_are_a_line_each(width: int) -> 
     assert "no link 5 auv5" in lines
 
 
-def test_carried_samples_are_a_line() -> None:
+def test_carried_samples_are_a_line_and_one_for_each_topic() -> None:
     words = "3 of its own wait, 2 of them in custody, 12 of others, 3400 B of 65.5 kB"
     whole = " ".join(drawn(WAYS, width=140).split())
-    assert f"carried: {words}, 1 of others refused, no room" in whole
+    assert f"carried: {words}, 1 of others refused, no room, 4 of others expired here" in whole
+    assert (
+        "auv1/log: 3 for 5 wait; 2 of them in custody of 3 buoy, not heard, LOST; "
+        "oldest 10 min, first expires in 2.0 h" in whole
+    )
+    assert "buoy/log: of others 10 for 1, 2 for 5, 3400 B" in whole
     assert "carried:" not in drawn(width=140)
 
 

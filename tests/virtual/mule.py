@@ -94,6 +94,8 @@ class Voyage:
         self.may_end_again = False
         """An old copy of the mooring's journal was restored."""
         self.outcomes: dict[bytes, DeliveryOutcome] = {}
+        self.details: dict[bytes, str] = {}
+        """What else was told of each end."""
         self.stored: set[bytes] = set()
         """What survives a restart of the mooring."""
         self._values: dict[int, bytes] = {}
@@ -150,6 +152,6 @@ class Voyage:
             value = self._value_of(event.delivery_id)
             is_known = event.delivery_id in self._values
             assert not is_known or value not in self.outcomes or self.may_end_again, "ended twice"
-            self.outcomes[value] = event.outcome
+            self.outcomes[value], self.details[value] = event.outcome, event.detail
         elif isinstance(event, CustodyChanged):
             self.custody.append(event)

@@ -29,7 +29,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.streams.carry import CARRY_STREAM_ID
+from zacoustic.core.streams.carry import CARRY_STREAM_ID, Carry
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.carry import (
     Bundle,
@@ -199,6 +199,69 @@ def test_what_nobody_carries_in_time_expires_at_its_publisher_and_on_the_way() -
     assert voyage.got == []
     assert voyage.ended == {DeliveryOutcome.EXPIRED: 1}
     assert [each.custodian for each in voyage.custody] == [MULE]
+
+
+def test_what_has_less_than_a_minute_to_live_is_not_handed_on_and_hinders_nothing() -> None:
+    brief = msgspec.structs.replace(
+        quick_table().by_id(PHOTO).spec, carry=Carry(by=(MULE,), after_s=30.0, expires_s=60.0)
+    )
+    voyage = Voyage(
+        hears=quickly,
+        table=StreamTable([quick_table().by_id(LOG).spec, brief], nodes=quick_table().nodes),
+    )
+    voyage.publish_at(10.0, b"brief", PHOTO)
+    voyage.publish_at(11.0, b"log")
+    voyage.network.run(until_s=1200)
+    assert [value for value, _ in voyage.got] == [b"log"]
+    assert voyage.outcomes[b"brief"] is DeliveryOutcome.EXPIRED
+    assert [each.custodian for each in voyage.custody] == [MULE]
+    kept = voyage.network.engine(MULE).carry
+    assert kept is not None
+    assert kept.refused == 0
+
+
+def test_custodian_that_sinks_is_told_until_what_it_has_expires() -> None:
+    voyage = Voyage(hears=quickly, table=quick_table(expires_s=1200.0))
+    for index in range(3):
+        voyage.publish_at(10.0 + index, b"%d" % index)
+    voyage.network.at(100, partial(voyage.network.crash, MULE))
+    voyage.network.run(until_s=900)
+    kept = voyage.network.engine(MOORING).carry
+    assert kept is not None
+    (log,) = kept.streams
+    assert (kept.own, kept.in_custody, log.own, log.custodians) == (3, 3, {SHIP: 3}, {MULE: 3})
+    assert (log.oldest_at, log.ends_at) == (10 * NS_PER_S, 1210 * NS_PER_S)
+    voyage.network.run(until_s=1300)
+    kept = voyage.network.engine(MOORING).carry
+    assert kept is not None
+    assert (kept.own, kept.in_custody, kept.streams) == (0, 0, ())
+    assert voyage.ended == {DeliveryOutcome.EXPIRED: 3}
+    assert set(voyage.details.values()) == {f"in custody of {MULE}"}
+
+
+def test_custodian_tells_what_it_has_for_whom_and_what_expired_with_it() -> None:
+    voyage = Voyage(hears=quickly, table=quick_table(expires_s=1200.0))
+    voyage.publish_at(10.0, b"log")
+    voyage.publish_at(11.0, bytes(100), PHOTO)
+    voyage.network.run(until_s=120)
+    voyage.network.at(121, partial(voyage.network.crash, SHIP))
+    voyage.network.at(130, partial(voyage.network.restart, MULE))
+    voyage.network.run(until_s=600)
+    kept = voyage.network.engine(MULE).carry
+    assert kept is not None
+    assert [(each.stream_id, each.own, each.carried) for each in kept.streams] == [
+        (LOG, {}, {SHIP: 1}), (PHOTO, {}, {SHIP: 1}),
+    ]  # fmt: skip
+    assert sum(each.carried_bytes for each in kept.streams) == kept.carried_bytes > 100
+    first = kept.streams[0]
+    assert first.oldest_at is not None
+    assert first.ends_at is not None
+    assert 10 < first.oldest_at / NS_PER_S < 60
+    assert 1000 < first.ends_at / NS_PER_S <= 1210
+    voyage.network.run(until_s=1300)
+    kept = voyage.network.engine(MULE).carry
+    assert kept is not None
+    assert (kept.carried, kept.expired, kept.streams) == (0, 2, ())
 
 
 def test_newer_samples_supersede_older_ones_beyond_the_depth() -> None:

@@ -13,6 +13,8 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.transport.carry.custody import stored_samples
+from zacoustic.core.transport.carry.status import CarriedStream, streams_of
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.run.journal.file import JournalFile
 from zacoustic.run.journal.inspection import Found, inspect, log_path, one_line
@@ -36,6 +38,8 @@ class JournalReport(msgspec.Struct, frozen=True, kw_only=True):
     """Number of commits."""
     entries: dict[str, int]
     """Number of valid entries by the first part of their key."""
+    carried: tuple[CarriedStream, ...]
+    """What it keeps of carried topics; a journal does not tell how old it is."""
     is_backup: bool
     """The file is a copy made by `backup`."""
     doubt: str
@@ -50,6 +54,7 @@ class JournalReport(msgspec.Struct, frozen=True, kw_only=True):
         return [
             f"{self.path}: {kind} of {node}: {verdict}",
             f"commits {self.commits}, entries: {parts or 'none'}",
+            *(_carried_line(each) for each in self.carried),
         ]
 
 
@@ -70,6 +75,7 @@ def check(path: Path, address: int | None = None) -> JournalReport:
         address=None if found.node is None else found.node.address,
         commits=0 if found.node is None else found.node.commits,
         entries=_counts(found),
+        carried=_carried(found),
         is_backup=is_backup,
         doubt="" if is_backup and found.is_whole else found.doubt,
     )
@@ -137,3 +143,18 @@ def _counts(found: Found) -> dict[str, int]:
         kind = key.split("/")[0]
         counts[kind] = counts.get(kind, 0) + 1
     return counts
+
+
+def _carried(found: Found) -> tuple[CarriedStream, ...]:
+    try:
+        return tuple(streams_of(stored_samples(found.entries), is_dated=False))
+    except msgspec.MsgspecError:
+        return ()  # of another version, whose node can tell
+
+
+def _carried_line(kept: CarriedStream) -> str:
+    """Return what is kept of one carried topic: a journal has its number, and no name."""
+    said = [f"{count} for {each}" for each, count in kept.own.items()]
+    said += [f"{count} of them in custody of {each}" for each, count in kept.custodians.items()]
+    said += [f"of others {count} for {each}" for each, count in kept.carried.items()]
+    return f"carried, stream {kept.stream_id}: {', '.join(said)}"

@@ -94,7 +94,7 @@ class Composition:
         self._wall_clock = parts.host.utc_ns
         self._table = parts.table
         self._wake_up = WakeUp(asyncio.get_running_loop())
-        self._redundant = RedundantGateways(parts.address, self._clock)
+        self._redundant = RedundantGateways(parts.address, self._clock, parts.table.nodes)
         self._dates = Dates(self._clock, self._wall_clock)
         self._recent_events = RecentEvents(self._dates.unix_s)
         self._announcer = Announcer(self._recent_events, notify)
@@ -209,6 +209,7 @@ class Composition:
             {**self._about, **started},
             has_journal=not (journal is None or isinstance(journal, MemoryJournal)),
             clock=self._clock,
+            dates=dates,
             seal=self._node.seal.report if self._node.seal is not None else None,
         )
         peers = PeerTable(runner, self._traffic)

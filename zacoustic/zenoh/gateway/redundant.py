@@ -16,6 +16,9 @@ serve       received calls                                           the stream'
 attend      received goals, their feedback and results               the stream's server
 ==========  =======================================================  ===============================
 
+A topic whose subscribers are all on this network is not forwarded: Zenoh serves them. So what
+crosses by Wi-Fi while a vehicle is on deck takes no airtime.
+
 There are two exceptions. A topic with ``{node}`` in its name has different keys for each gateway:
 each forwards its own. And no gateway delivers samples that another local gateway sent through the
 channel, since the network has them already; because of frames on the air this also holds for
@@ -30,7 +33,7 @@ When a token disappears from the list, the next lowest gateway takes over. When 
 higher one stands by.
 """
 
-from collections.abc import Container
+from collections.abc import Collection, Container, Set
 from typing import Final
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
@@ -48,10 +51,12 @@ class RedundantGateways:
     Args:
         address: Acoustic address of this gateway, always alive.
         clock: Source of instants.
+        nodes: Addresses of all nodes of the fleet; empty: unknown.
     """
 
-    def __init__(self, address: int, clock: Clock) -> None:
+    def __init__(self, address: int, clock: Clock, nodes: Collection[int] = ()) -> None:
         self.address = address
+        self._nodes = frozenset(nodes)
         self._clock = clock
         self._alive = {address}
         self._retired_until: dict[int, int] = {}
@@ -77,18 +82,24 @@ class RedundantGateways:
             self._retired_until[address] = self._clock() + seconds_to_ns(RETIRED_S)
         return True
 
-    def shares_network(self, source: int) -> bool:
-        """Return whether samples of a node from the channel are local already."""
+    def shares_network(self, source: int, stream: Stream) -> bool:
+        """Return whether a sample of a node from the channel is local already."""
         if source in self._alive:
             return True
-        return self._clock() < self._retired_until.get(source, 0)
+        now = self._clock()
+        if now >= self._retired_until.get(source, 0):
+            return False
+        assert isinstance(stream.spec, TopicSpec)
+        # As long as they shared a network with all who want it, it was not transmitted.
+        were_here = {each for each, until in self._retired_until.items() if now < until}
+        return not self._serves_all(stream.spec, self._alive | were_here)
 
     def forwards(self, stream: Stream) -> bool:
         """Return whether this gateway transmits local samples of the stream."""
         if not isinstance(stream.spec, TopicSpec) or not stream.may_publish(self.address):
             return False
-        if stream.spec.subscribers is not None and self._alive.issuperset(stream.spec.subscribers):
-            return False  # all subscribers are local
+        if self._serves_all(stream.spec, self._alive):
+            return False  # Zenoh itself does
         if stream.keys.is_named_by_node:
             return self.address in stream.keys.node_names
         return self.address == min(each for each in self._alive if stream.may_publish(each))
@@ -127,3 +138,9 @@ class RedundantGateways:
         if stream.spec.publishers is None:
             return None
         return tuple(each for each in stream.spec.publishers if each not in self._alive)
+
+    def _serves_all(self, spec: TopicSpec, local: Set[int]) -> bool:
+        """Return whether all who want a topic are known, and among some nodes."""
+        if spec.subscribers is not None:
+            return local >= frozenset(spec.subscribers)
+        return len(self._nodes) > 1 and local >= self._nodes

@@ -18,6 +18,7 @@ from zacoustic.app.tools.watch.documents import (
     NAMED_DOCUMENTS,
     PEER_DOCUMENTS,
     BondDocument,
+    CarriedRow,
     CarryDocument,
     ChannelDocument,
     DroppedDocument,
@@ -41,6 +42,7 @@ from zacoustic.app.tools.watch.documents import (
 )
 from zacoustic.app.tools.watch.views import (
     BondView,
+    CarriedView,
     CarryView,
     CauseView,
     EventView,
@@ -240,7 +242,7 @@ class _GatewayBoard:
             routes=self._routes(),
             hops=self._hops(),
             bonds=bonds,
-            carry=self._carry(),
+            carry=self._carry(there_s),
             is_silent=link.silent,
             why_silent=link.why_silent,
             mtu_bytes=capabilities.mtu_bytes if capabilities else None,
@@ -366,7 +368,7 @@ class _GatewayBoard:
             for hop in self._get("relay", RelayDocument).hops[:MOST_NAMED]
         )
 
-    def _carry(self) -> CarryView | None:
+    def _carry(self, there_s: float) -> CarryView | None:
         if "carry" not in self._documents:
             return None
         kept = self._get("carry", CarryDocument)
@@ -377,6 +379,8 @@ class _GatewayBoard:
             carried_bytes=kept.carried_bytes,
             max_bytes=kept.max_bytes,
             refused=kept.refused,
+            expired=kept.expired,
+            streams=tuple(_carried(row, there_s) for row in kept.streams[:MOST_NAMED]),
         )
 
     def _bonds(self) -> tuple[BondView, ...]:
@@ -469,6 +473,19 @@ def _frame(row: FrameRow, there_s: float) -> FrameView:
         airtime_s=round(row.airtime_s, 3),
         streams=tuple(row.streams),
         outcome=row.outcome,
+    )
+
+
+def _carried(row: CarriedRow, there_s: float) -> CarriedView:
+    ends_at_s = row.ends_at_unix_s
+    return CarriedView(
+        stream=row.stream,
+        own=row.own,
+        custodians=row.custodians,
+        carried=row.carried,
+        carried_bytes=row.carried_bytes,
+        oldest_s=_ago(row.oldest_at_unix_s, there_s),
+        ends_in_s=None if ends_at_s is None else round(max(ends_at_s - there_s, 0.0), 3),
     )
 
 

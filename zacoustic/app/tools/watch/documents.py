@@ -67,6 +67,18 @@ class RelayDocument(msgspec.Struct, frozen=True, kw_only=True):
     hops: list[HopRow] = []
 
 
+class CarriedRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``carry``: what is kept of one topic; by address how many samples."""
+
+    stream: str = ""
+    own: dict[int, int] = {}
+    custodians: dict[int, int] = {}
+    carried: dict[int, int] = {}
+    carried_bytes: int = 0
+    oldest_at_unix_s: float | None = None
+    ends_at_unix_s: float | None = None
+
+
 class CarryDocument(msgspec.Struct, frozen=True, kw_only=True):
     """``carry``: what is kept of carried topics."""
 
@@ -76,6 +88,8 @@ class CarryDocument(msgspec.Struct, frozen=True, kw_only=True):
     carried_bytes: int = 0
     max_bytes: int = 0
     refused: int = 0
+    expired: int = 0
+    streams: list[CarriedRow] = []
 
 
 class BondDocument(msgspec.Struct, frozen=True, kw_only=True):

@@ -29,6 +29,7 @@ from zacoustic.app.tools.watch.lookout import Lookout
 from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.app.tools.watch.ways import (
     by_words,
+    carried_words,
     carry_words,
     hop_words,
     names_of,
@@ -97,6 +98,7 @@ _BOND_COLUMNS: Final = (
     ("bond", "list of links", True), ("in_use", "in use", True), ("by", "last reached by", True),
     ("nodes", "nodes", True),
 )  # fmt: skip
+_CARRIED_COLUMNS: Final = (("topic", "carried topic", True), ("kept", "kept here", True))
 FRAMES_SHOWN: Final = 8
 """Number of newest frames to show of each gateway."""
 _AGE_CELL: Final = """<q-td :props="props"><span v-if="props.value" data-form="short"
@@ -222,6 +224,7 @@ class _Section:
                         self._links = _table(_LINK_COLUMNS).mark("links")
                         self._routes = _table(_ROUTE_COLUMNS).mark("routes")
                         self._bonds = _table(_BOND_COLUMNS).mark("bonds")
+                        self._carried = _table(_CARRIED_COLUMNS).mark("carried")
                     _heading("nodes")
                     self._peers = _table(_PEER_COLUMNS, heard=_AGO).mark("peers")
                     self._more_peers = ui.label().classes("za-dim").mark("more peers")
@@ -261,12 +264,16 @@ class _Section:
         self._events.set_content(event_lines(view.events))
 
     def _show_ways(self, view: GatewayView) -> None:
-        """Show several links, routes and lists of links, as far as there are."""
+        """Show several links, routes, lists of links and carried topics, as far as there are."""
         links, routes, bonds = link_rows(view), route_rows(view), bond_rows(view)
-        for table, rows in ((self._links, links), (self._routes, routes), (self._bonds, bonds)):
+        carried = carried_rows(view)
+        for table, rows in (
+            (self._links, links), (self._routes, routes), (self._bonds, bonds),
+            (self._carried, carried),
+        ):  # fmt: skip
             _fill(table, rows)
             table.set_visibility(bool(rows))
-        self._ways.set_visibility(bool(links or routes or bonds))
+        self._ways.set_visibility(bool(links or routes or bonds or carried))
 
 
 def link_rows(view: GatewayView) -> list[dict[str, Any]]:
@@ -314,6 +321,18 @@ def bond_rows(view: GatewayView) -> list[dict[str, Any]]:
             "nodes": one_line(nodes_words(each, names)),
         }
         for number, each in enumerate(reached_of(view))
+    ]
+
+
+def carried_rows(view: GatewayView) -> list[dict[str, Any]]:
+    """Return the rows of carried topics of which something is kept."""
+    return [
+        {
+            "id": number,
+            "topic": one_line(stream.stream),
+            "kept": one_line("; ".join(carried_words(stream, view))),
+        }
+        for number, stream in enumerate(view.carry.streams if view.carry is not None else ())
     ]
 
 
@@ -404,7 +423,7 @@ def _figures(view: GatewayView) -> str:
         figure("runs for", time_words(view.uptime_s), note=f"zacoustic {view.version}"),
     ]  # fmt: skip
     if (kept := view.carry) is not None:
-        busy = "warn" if kept.refused else ""
+        busy = "warn" if kept.refused or kept.expired else ""
         figures.append(
             figure("carried", str(kept.own + kept.carried), note=carry_words(kept), kind=busy)
         )

@@ -6,7 +6,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.columns import align, shortened
-from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
+from zacoustic.app.tools.watch.views import CarryView, GatewayView, PeerView, StreamView
+from zacoustic.app.tools.watch.ways import carried_words
 from zacoustic.app.tools.watch.words import (
     NOTHING,
     is_well,
@@ -14,6 +15,7 @@ from zacoustic.app.tools.watch.words import (
     number_words,
     range_words,
     share_words,
+    size_words,
     state_words,
     stream_words,
     time_words,
@@ -25,9 +27,10 @@ from zacoustic.text.safetext import one_line
 _MOST_NODES: Final = 4
 """Most nodes in a status, those that were heard last."""
 _MOST_STREAMS: Final = 3
-"""Most failing streams in a status."""
+"""Most failing streams in a status, and most carried ones."""
 _NAME_LETTERS: Final = 16
 _LINK_LETTERS: Final = 12
+_TOPIC_LETTERS: Final = 24
 _WIDTH: Final = 80
 _HEADER: Final = ("node", "name", "heard", "signal", "range", "loss", "link", "")
 _UNDELIVERED: Final = ("expired", "cancelled", "unknown")
@@ -87,6 +90,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Waiting samples, calls and goals."""
     nodes: tuple[HeardNode, ...]
     """The other nodes, the last heard first."""
+    carry: CarryView | None
+    """What it keeps of carried topics; None: it takes no part in any."""
     failing: tuple[FailingStream, ...]
     """The streams that fail, stopped ones first."""
 
@@ -119,6 +124,7 @@ def status_of(view: GatewayView) -> Status:
             )
             for peer in peers
         ),
+        carry=view.carry,
         failing=tuple(failing),
     )
 
@@ -159,11 +165,31 @@ def _lines(view: GatewayView, status: Status) -> Iterator[str]:
     if not status.nodes:
         yield "  node     nobody was heard yet"
     yield from _more(len(status.nodes) - _MOST_NODES, "zacoustic nodes")
+    yield from _carried_lines(view)
     for stream in status.failing[:_MOST_STREAMS]:
         yield f"  fails    {stream.name}: {stream.why}"
     yield from _more(len(status.failing) - _MOST_STREAMS, "zacoustic topic list")
     if not status.failing:
         yield "  streams  none fails"
+
+
+def _carried_lines(view: GatewayView) -> Iterator[str]:
+    kept = view.carry
+    if kept is None:
+        return
+    for stream in kept.streams[:_MOST_STREAMS]:
+        first, *rest = carried_words(stream, view)
+        yield f"  carried  {shortened(stream.stream, _TOPIC_LETTERS)}: {first}"
+        yield from (f"           {line}" for line in rest)
+    yield from _more(len(kept.streams) - _MOST_STREAMS, "zacoustic monitor")
+    room = f"{size_words(kept.carried_bytes)} of {size_words(kept.max_bytes)}"
+    lost = [
+        f"{count} {word}"
+        for count, word in ((kept.refused, "refused, no room"), (kept.expired, "expired here"))
+        if count
+    ]
+    if kept.carried or lost:
+        yield f"  custody  for others {room}{''.join(f'; {each}' for each in lost)}"
 
 
 def _more(count: int, verb: str) -> Iterator[str]:

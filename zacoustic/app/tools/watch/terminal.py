@@ -21,6 +21,7 @@ from zacoustic.app.tools.watch.crowd import gateways_in_short, peers_in_short, s
 from zacoustic.app.tools.watch.views import GatewayView, HopView, PeerView, RouteView, StreamView
 from zacoustic.app.tools.watch.ways import (
     by_words,
+    carried_words,
     carry_words,
     hop_words,
     is_poor,
@@ -61,6 +62,8 @@ TROUBLES_SHOWN: Final = 3
 """Number of earlier events of trouble to show besides."""
 FRAMES_SHOWN: Final = 5
 """Number of newest frames to show of each gateway."""
+_MOST_CARRIED: Final = 8
+"""Number of carried topics to show of each gateway."""
 _BAR_CELLS: Final = 18
 _WIDEST: Final = 1000
 # Columns of streams omitted on a narrow terminal, by index: the rates, then also the airtime, then
@@ -172,8 +175,14 @@ def _carried(view: GatewayView) -> list[Text]:
     """Draw what is kept of carried topics, if there are any."""
     if view.carry is None:
         return []
-    words = f"carried: {carry_words(view.carry)}"
-    return [_cell(words, _WEAK if view.carry.refused else _DIM)]
+    kept = view.carry
+    is_short = kept.refused or kept.expired
+    head = _cell(f"carried: {carry_words(kept)}", _WEAK if is_short else _DIM)
+    lines = [
+        f"  {stream.stream}: {'; '.join(carried_words(stream, view))}"
+        for stream in kept.streams[:_MOST_CARRIED]
+    ]
+    return [head, *(_cell(line, _DIM) for line in lines)]
 
 
 def _ways(view: GatewayView) -> list[RenderableType]:

@@ -107,6 +107,25 @@ class HopView(msgspec.Struct, frozen=True, kw_only=True):
     """Frames that were given up."""
 
 
+class CarriedView(msgspec.Struct, frozen=True, kw_only=True):
+    """What this node keeps of one carried topic."""
+
+    stream: str
+    """Its name."""
+    own: dict[int, int]
+    """By subscriber, how many samples of this node it is not known to have."""
+    custodians: dict[int, int]
+    """By custodian, how many of these it has as well."""
+    carried: dict[int, int]
+    """By subscriber, how many samples of other nodes are kept for it."""
+    carried_bytes: int
+    """Their size, bytes."""
+    oldest_s: float | None
+    """Time since the first of all was published or taken here, s; None: unknown."""
+    ends_in_s: float | None
+    """Time until the first of all is worthless, s; None: unknown."""
+
+
 class CarryView(msgspec.Struct, frozen=True, kw_only=True):
     """What this node keeps of carried topics until its subscribers have it."""
 
@@ -122,6 +141,10 @@ class CarryView(msgspec.Struct, frozen=True, kw_only=True):
     """How large they may be together, bytes."""
     refused: int
     """Samples of other nodes that there was no room for."""
+    expired: int
+    """Samples of other nodes that have become worthless here."""
+    streams: tuple[CarriedView, ...]
+    """The same by topic, of those of which something is kept."""
 
 
 class BondView(msgspec.Struct, frozen=True, kw_only=True):

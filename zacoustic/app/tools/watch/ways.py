@@ -7,13 +7,14 @@ import msgspec
 
 from zacoustic.app.tools.watch.views import (
     BondView,
+    CarriedView,
     CarryView,
     GatewayView,
     HopView,
     LinkView,
     RouteView,
 )
-from zacoustic.app.tools.watch.words import NOTHING, size_words
+from zacoustic.app.tools.watch.words import NOTHING, size_words, time_words
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 
 POOR_HOP: Final = 3
@@ -89,7 +90,33 @@ def carry_words(kept: CarryView) -> str:
         said.append(f"{kept.carried} of others, {room}")
     if kept.refused:
         said.append(f"{kept.refused} of others refused, no room")
+    if kept.expired:
+        said.append(f"{kept.expired} of others expired here")
     return ", ".join(said)
+
+
+def carried_words(kept: CarriedView, view: GatewayView) -> list[str]:
+    """Return what a gateway keeps of one topic, in short lines: how much for whom, and with whom.
+
+    A custodian is named with the time since it was heard: one that never comes back is seen there.
+    """
+    peers, names = {each.address: each for each in view.peers}, names_of(view)
+    waits = [f"{count} for {each} wait" for each, count in kept.own.items()]
+    lines = [", ".join(waits)] if waits else []
+    for address, count in kept.custodians.items():
+        peer = peers.get(address)
+        heard_s = None if peer is None else peer.heard_ago_s
+        heard = "not heard" if heard_s is None else f"heard {time_words(heard_s)} ago"
+        lost = ", LOST" if peer is not None and peer.is_lost else ""
+        name = f"{address} {names.get(address, '')}".rstrip()
+        lines.append(f"{count} of them in custody of {name}, {heard}{lost}")
+    if kept.carried:
+        for_whom = ", ".join(f"{count} for {each}" for each, count in kept.carried.items())
+        lines.append(f"of others {for_whom}, {size_words(kept.carried_bytes)}")
+    if kept.oldest_s is not None and kept.ends_in_s is not None:
+        ends = time_words(kept.ends_in_s)
+        lines.append(f"oldest {time_words(kept.oldest_s)}, first expires in {ends}")
+    return lines
 
 
 def reached_of(view: GatewayView) -> list[Reached]:

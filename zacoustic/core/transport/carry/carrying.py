@@ -19,7 +19,7 @@ from zacoustic.core.transport.carry.counts import Claim, Counts, Place
 from zacoustic.core.transport.carry.custody import Custody, Held
 from zacoustic.core.transport.carry.offers import Offers, Send, Wanted, Withdraw
 from zacoustic.core.transport.carry.reach import Reach
-from zacoustic.core.transport.carry.status import CarryStatus
+from zacoustic.core.transport.carry.status import CarryStatus, streams_of
 from zacoustic.core.transport.deliveries import (
     CustodyChanged,
     DeliveryEnded,
@@ -31,6 +31,7 @@ from zacoustic.core.transport.publication import EncodedSample
 from zacoustic.core.transport.reliable.sending.keeping import OTHER_STREAM
 from zacoustic.core.wire.carry import (
     DIGEST_BYTES,
+    MINUTE_S,
     Bundle,
     Envelope,
     Receipt,
@@ -48,6 +49,8 @@ MOST_CARRIED: Final = 16384
 """How many samples of others a node keeps, however small they are."""
 MOST_ANSWERS: Final = 1024
 """How many receipts and refusals wait at a node; the oldest give way."""
+_LEAST_LIFE_NS: Final = seconds_to_ns(MINUTE_S)
+"""An envelope tells lives in minutes: a custodian takes nothing with less to live than one, ns."""
 _AT_ONCE: Final = 0
 """An instant that has always passed."""
 
@@ -116,7 +119,7 @@ class Carrying:
         self._is_due = False
         self._instants: list[int] = []
         """When to look at the offers again, ns."""
-        self._refused = 0
+        self._refused = self._expired = 0
         context.reception.read.connect(self._heard)
         context.peers.forgotten.connect(self._forgotten)
 
@@ -198,7 +201,8 @@ class Carrying:
             bundle = Bundle(
                 self._address, receiver, stream.stream_id, sample.instance, place.lineage
             )
-            envelope = _envelope(stream, sample, bundle, place.number)
+            life_s = ns_to_seconds(ends_at - now)
+            envelope = _envelope(stream, sample, bundle, place.number, life_s)
             is_last = receiver == receivers[-1]
             then = partial(self._stored, delivery_id) if is_last else _nothing
             own.held.append(
@@ -234,6 +238,8 @@ class Carrying:
             carried_bytes=self._custody.carried_bytes,
             max_bytes=self._max_bytes,
             refused=self._refused,
+            expired=self._expired,
+            streams=tuple(streams_of(self._custody, is_dated=self._custody.is_dated)),
         )
 
     # For the hops
@@ -483,6 +489,7 @@ class Carrying:
 
     def _expire(self, held: Held, now: int) -> None:
         if held.delivery_id is None:
+            self._expired += 1
             self._drop(held, now)
         elif held.delivery_id in self._own:
             self._end(held.delivery_id, DeliveryOutcome.EXPIRED, now)
@@ -559,6 +566,8 @@ class Carrying:
             if held.is_stored and bundle.stream_id in self._carries:
                 ends.add((bundle.stream_id, bundle.destination))
                 targets = self._reach.for_sample(held, self._carries[bundle.stream_id], now)
+                if held.ends_at - now < _LEAST_LIFE_NS:
+                    targets = [each for each in targets if each == bundle.destination]
                 yield Wanted(held, targets, partial(self._sample_for, held, now))
 
     def _give_up_gaps(self, now: int) -> None:
@@ -609,14 +618,16 @@ def _answer_for(answer: Answer, receiver: int) -> bytes:
     return encode_answer(answer.content)
 
 
-def _envelope(stream: Stream, sample: EncodedSample, bundle: Bundle, number: int) -> Envelope:
+def _envelope(
+    stream: Stream, sample: EncodedSample, bundle: Bundle, number: int, life_s: float
+) -> Envelope:
     """Return a sample as it is kept."""
     return Envelope(
         bundle=bundle,
         number=number,
         floor=None,
         digest=stream.digest[:DIGEST_BYTES],
-        life_s=0.0,
+        life_s=life_s,
         deleted=sample.prefix[:1] == bytes((Control.DELETE,)),
         encoding=sample.encoding,
         payload=sample.payload,

@@ -5,6 +5,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import BOOT_KEY, JournalPort
 from zacoustic.core.wire.carry import Bundle, Envelope
 
@@ -49,6 +50,15 @@ class Held(Offered):
         """Of an own sample: the custodian that has it as well."""
 
     @property
+    def kept_at(self) -> int | None:
+        """When it was published or taken here, ns; None: unknown.
+
+        Time for which the node was off is left out where the clock does not tell it.
+        """
+        life_s = self.envelope.life_s
+        return self.ends_at - seconds_to_ns(life_s) if life_s > 0 else None
+
+    @property
     def identity(self) -> tuple[Bundle, int]:
         """What makes it this sample, whatever way it comes."""
         return self.envelope.bundle, self.envelope.number
@@ -63,6 +73,26 @@ class _StoredSample(msgspec.Struct, frozen=True, array_like=True):
     ends_at: int
     life_ns: int
     """How long it had to live when it was written, ns."""
+
+
+def stored_samples(stored: Mapping[str, bytes]) -> list[Held]:
+    """Return the samples in a journal, in the order of publication.
+
+    Raises:
+        msgspec.MsgspecError: An entry is of another version.
+    """
+    return [held for held, _ in _read(stored)]
+
+
+def _read(stored: Mapping[str, bytes]) -> Iterator[tuple[Held, _StoredSample]]:
+    for key in sorted(stored, key=_place):
+        kind, _, rest = key.partition("/")
+        if kind != _SAMPLE:
+            continue
+        sample = msgspec.msgpack.decode(stored[key], type=_StoredSample)
+        held = Held(int(rest), sample.envelope, sample.ends_at, sample.delivery_id)
+        held.is_stored, held.custodian = True, sample.custodian
+        yield held, sample
 
 
 class Custody:
@@ -87,13 +117,7 @@ class Custody:
 
     def recover(self, stored: Mapping[str, bytes]) -> Iterator[Held]:
         """Restore the samples from before the restart, and yield each."""
-        for key in sorted(stored, key=_place):
-            kind, _, rest = key.partition("/")
-            if kind != _SAMPLE:
-                continue
-            sample = msgspec.msgpack.decode(stored[key], type=_StoredSample)
-            held = Held(int(rest), sample.envelope, sample.ends_at, sample.delivery_id)
-            held.is_stored, held.custodian = True, sample.custodian
+        for held, sample in _read(stored):
             if not self._boot or sample.boot != self._boot:
                 # Another run of the clock: how long the node was down is not known.
                 self._left[held.number] = sample.life_ns
@@ -113,6 +137,11 @@ class Custody:
 
     def __len__(self) -> int:
         return len(self._samples)
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether the instants of all samples are of this run of the clock."""
+        return not self._left
 
     def find(self, bundle: Bundle, number: int) -> Held | None:
         """Return a sample, or None."""

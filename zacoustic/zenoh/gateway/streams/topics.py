@@ -125,7 +125,7 @@ class Topics:
 
     def deliver(self, event: SampleReceived) -> None:
         """Put a received sample on the local network, and keep it for `answer`."""
-        if self._redundant.shares_network(event.source):
+        if self._redundant.shares_network(event.source, self._table.by_id(event.stream_id)):
             return
         dialect = self.dialects[event.stream_id]
         stream = dialect.stream

@@ -9,7 +9,9 @@ from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.bond.bonding import BondStatus
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.relay.route import Route
+from zacoustic.core.transport.carry.status import CarryStatus
 from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.status.dates import Dates
 
 
 class LinkStatus:
@@ -20,6 +22,7 @@ class LinkStatus:
         about: Constant facts.
         has_journal: The journal outlives the process.
         clock: Source of the engine's instants.
+        dates: Dates of the documents.
         seal: Returns public facts of the key and the life; None: frames are not sealed.
     """
 
@@ -30,6 +33,7 @@ class LinkStatus:
         *,
         has_journal: bool,
         clock: Clock,
+        dates: Dates,
         seal: Callable[[], dict[str, object]] | None = None,
     ) -> None:
         self._seal = seal
@@ -37,6 +41,7 @@ class LinkStatus:
         self._about = dict(about)
         self._has_journal = has_journal
         self._clock = clock
+        self._dates = dates
 
     def documents(self) -> dict[str, object]:
         """Return the documents, by the end of their keys."""
@@ -79,9 +84,30 @@ class LinkStatus:
         if self._engine.hops:
             found["relay"] = {"hops": msgspec.to_builtins(self._engine.hops), **self._changed()}
         if self._engine.carry is not None:
-            found["carry"] = msgspec.to_builtins(self._engine.carry)
+            found["carry"] = self._carry(self._engine.carry)
         found |= {f"route/{each.name}": self._route(each) for each in self._engine.routes}
         return found | {f"bond/{each.name}": self._bond(each) for each in self._engine.bonds}
+
+    def _carry(self, kept: CarryStatus) -> dict[str, object]:
+        """Return the document of what is kept of carried topics, with dates instead of instants."""
+        rows = [
+            {
+                "id": each.stream_id,
+                "stream": self._engine.table.by_id(each.stream_id).name,
+                "own": _by_text(each.own),
+                "custodians": _by_text(each.custodians),
+                "carried": _by_text(each.carried),
+                "carried_bytes": each.carried_bytes,
+                "oldest_at_unix_s": self._date(each.oldest_at),
+                "ends_at_unix_s": self._date(each.ends_at),
+            }
+            for each in kept.streams
+        ]
+        sums: dict[str, object] = msgspec.to_builtins(kept)
+        return sums | {"streams": rows}
+
+    def _date(self, instant: int | None) -> float | None:
+        return None if instant is None else self._dates.of(instant)
 
     def _changed(self) -> dict[str, object]:
         """Return the routes whose path a command has changed, if there are any."""
@@ -178,3 +204,8 @@ class LinkStatus:
             "bytes": entry.transmitted_bytes,
             "airtime_s": round(entry.transmitted_bytes * per_byte_s, 6),
         }
+
+
+def _by_text(counts: Mapping[int, int]) -> dict[str, int]:
+    """Return counts by address as JSON has them: its names are texts."""
+    return {str(address): count for address, count in counts.items()}
