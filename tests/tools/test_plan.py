@@ -167,7 +167,7 @@ def test_a_node_with_settings_of_its_own_is_not_spoken_for(tmp_path: Path) -> No
     airtime = {each.address: each.utilisation for each in plan(path, hours=0.25).nodes}
     del airtime[1]  # it commands the others
     assert max(airtime, key=lambda each: airtime[each]) == 42
-    assert airtime[42] > 3 * airtime[43]
+    assert airtime[42] > 2.5 * airtime[43]
 
 
 def test_a_table_of_many_nodes_is_planned_in_a_page(
@@ -197,7 +197,7 @@ def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
     )
     found = plan(path, hours=0.1)
     assert not found.fits
-    assert found.demand > 1 > found.utilisation
+    assert 1 > found.demand > found.utilisation  # the pauses between frames are not in it
     assert found.streams[0].name == "status"
     assert "status alone takes" in found.misfits[0]
     assert any(change.what.startswith("status: min_interval_s: ") for change in found.changes)
@@ -258,15 +258,29 @@ def test_a_config_says_how_often_by_its_intervals(tmp_path: Path) -> None:
 
 
 def test_loss_costs_what_is_reliable(tmp_path: Path) -> None:
+    orders = {"id": 10, "topic": "orders", "publishers": [1], "subscribers": [2],
+              "reliability": "reliable", "depth": 2}  # fmt: skip
+    fleet(tmp_path, orders)
+    said = {"node": 1, "topic": "orders", "every_s": 30, "size_bytes": 12}
+    calm, rough = (
+        plan(channel(tmp_path, said, loss={"frame": loss}), hours=2) for loss in (0.0, 0.3)
+    )
+    # Sample and answer again until both have arrived: 1 / 0.7² samples, 1 / 0.7 answers.
+    assert rough.utilisation / calm.utilisation == pytest.approx(1.85, rel=0.15)
+    assert rough.fits
+
+
+def test_a_minimum_interval_as_long_as_the_period_leaves_no_room_for_a_repetition(
+    tmp_path: Path,
+) -> None:
     path = fleet(
         tmp_path,
         {"id": 10, "topic": "orders", "type": "Nav", "publishers": [1], "subscribers": [2],
          "reliability": "reliable", "depth": 2, "min_interval_s": 30},
     )  # fmt: skip
-    calm, rough = (plan(path, channel=AssumedChannel(loss=loss), hours=2) for loss in (0.0, 0.3))
-    # Sample and answer again until both have arrived: 1 / 0.7² samples, 1 / 0.7 answers.
-    assert rough.utilisation / calm.utilisation == pytest.approx(1.85, rel=0.15)
-    assert rough.fits
+    found = plan(path, channel=AssumedChannel(loss=0.3), hours=2)
+    assert not found.fits
+    assert "never arrives although it is repeated" in found.streams[0].misfit
 
 
 def test_a_recording_says_how_often_and_how_large(tmp_path: Path) -> None:
@@ -347,9 +361,9 @@ def test_what_fits_no_frame_does_not_fit_and_the_key_that_mends_it_is_named(
     def write(**extra: object) -> Path:
         fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], **extra})
         said = {"node": 2, "topic": "log", "every_s": 3600, "size_bytes": size_bytes}
-        return channel(
-            tmp_path, said, {"node": 2, "topic": "log", "every_s": 600, "size_bytes": 20}
-        )
+        # At another instant: of two at once, the depth of 1 keeps the newer one.
+        small = {"node": 2, "topic": "log", "every_s": 600, "first_s": 300, "size_bytes": 20}
+        return channel(tmp_path, said, small)
 
     found = plan(write(), hours=4)
     assert not found.fits

@@ -5,13 +5,14 @@ longer interval of the largest, all of that together, longer intervals of everyt
 """
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Final
 
 import msgspec
 
 from zacoustic.app.tools.design.plan.fleet import Fleet
+from zacoustic.app.tools.design.plan.tables import Respecify, respecified
 from zacoustic.app.tools.design.plan.verdict import (
     MOST_TRIED_ARRIVALS,
     StreamFound,
@@ -23,13 +24,13 @@ from zacoustic.app.tools.design.plan.walk import Found
 from zacoustic.core.base.qos import Priority, Reliability
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.streams.specs import StreamSpec, TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.errors import ConfigError
 
 _TRIED_PERIODS: Final = 20.0
 _LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
 """Length of a trial, s: a number of periods of the rarest traffic, within these limits."""
-_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 20_000, 80_000
+_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 4_000, 12_000
 """Most arriving frames in all trials, once a change fits, and before that: some seconds."""
 _SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
 _MOST_STREAMS: Final = 2
@@ -44,9 +45,6 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     """Description of the change."""
     demand: float
     """Share of the time that all traffic then takes."""
-
-
-Respecify = Callable[[StreamSpec], StreamSpec]
 
 
 def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) -> tuple[Change, ...]:
@@ -170,21 +168,13 @@ def _changed(fleet: Fleet, changes: Mapping[int, Respecify]) -> Fleet:
     Raises:
         ConfigError: A stream cannot have these settings.
     """
-    tables = {address: _table(table, changes) for address, table in fleet.tables.items()}
+    tables = {address: respecified(table, changes) for address, table in fleet.tables.items()}
     any_table = next(iter(tables.values()))
     offers = [
         offer.altered(any_table.by_id(offer.stream.stream_id), offer.every_s)
         for offer in fleet.offers
     ]
     return _with(fleet, offers=offers, tables=tables)
-
-
-def _table(table: StreamTable, changes: Mapping[int, Respecify]) -> StreamTable:
-    specs = [
-        changes[each.stream_id](each.spec) if each.stream_id in changes else each.spec
-        for each in table
-    ]
-    return StreamTable(specs, types=table.types, nodes=table.nodes, wire=table.wire)
 
 
 def _replace(spec: StreamSpec, **fields: object) -> StreamSpec:

@@ -5,6 +5,7 @@ in a channel: in a row, at a distance, with a loss.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +18,8 @@ from zacoustic.app.tools.design.plan.offers import (
     offers_of_traffic,
 )
 from zacoustic.app.tools.design.plan.sampling import members_of, spoken
+from zacoustic.app.tools.design.plan.tables import in_bytes, respecified
+from zacoustic.app.tools.design.sim.simulation import with_journals
 from zacoustic.app.tools.design.telemetry.recording import read_recordings
 from zacoustic.app.tools.fleetfile import read_fleet
 from zacoustic.app.tools.fleets import configs_of, tables_of
@@ -89,7 +92,11 @@ def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> 
     """
     mapping = read_json5(path)
     is_config = isinstance(mapping, Mapping) and "nodes" not in mapping
-    fleet = _of_config(path, channel) if is_config else _of_scenario(path, mapping)
+    fleet = (
+        _of_config(path, channel, with_values=bool(recordings))
+        if is_config
+        else _of_scenario(path, mapping)
+    )
     table = next(iter(fleet.tables.values()))
     if recordings:
         found = read_recordings(recordings, table, only_dense=False, window_s=_WINDOW_S)
@@ -120,6 +127,7 @@ def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> 
 def _of_scenario(path: Path, mapping: object) -> Fleet:
     scenario = scenario_from_mapping(mapping, source=str(path), folder=path.parent)
     configs = configs_of(scenario, path)
+    scenario = with_journals(scenario, configs)
     tables = tables_of(scenario, configs, str(path))
     return Fleet(
         scenario=scenario,
@@ -130,7 +138,7 @@ def _of_scenario(path: Path, mapping: object) -> Fleet:
     )
 
 
-def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
+def _of_config(path: Path, channel: AssumedChannel, *, with_values: bool) -> Fleet:
     first = read_fleet(path)
     addresses = sorted(first.nodes) or _two_of(first.address)
     members = members_of(first.table, first.rules, _settings_of(path, addresses))
@@ -147,6 +155,12 @@ def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
     offers, notes = offers_of_config(
         first.table, addresses, first.typical_bits, profile_named(channel.profile).mtu_bytes
     )
+    voices = max(map(len, members.values()))
+    sized = {each.stream.stream_id: partial(in_bytes, voices=voices) for each in offers}
+    if not with_values:
+        tables = {address: respecified(table, sized) for address, table in tables.items()}
+    table = next(iter(tables.values()))
+    offers = [each.altered(table.by_id(each.stream.stream_id), each.every_s) for each in offers]
     return Fleet(
         scenario=scenario,
         tables=tables,
