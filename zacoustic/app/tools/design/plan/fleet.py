@@ -18,7 +18,7 @@ from zacoustic.app.tools.design.plan.offers import (
     offers_of_traffic,
 )
 from zacoustic.app.tools.design.plan.sampling import members_of, spoken
-from zacoustic.app.tools.design.plan.tables import in_bytes, respecified
+from zacoustic.app.tools.design.plan.tables import among, in_bytes, respecified
 from zacoustic.app.tools.design.sim.simulation import with_journals
 from zacoustic.app.tools.design.telemetry.recording import read_recordings
 from zacoustic.app.tools.fleetfile import read_fleet
@@ -29,7 +29,7 @@ from zacoustic.channel.scenario import NodeSpec, Scenario, scenario_from_mapping
 from zacoustic.config import Config, read_config
 from zacoustic.config.json5 import read_json5, read_zenoh_config
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError
 
 DEFAULT_RANGE_M: Final = 1000.0
@@ -155,8 +155,12 @@ def _of_config(path: Path, channel: AssumedChannel, *, with_values: bool) -> Fle
     offers, notes = offers_of_config(
         first.table, addresses, first.typical_bits, profile_named(channel.profile).mtu_bytes
     )
-    voices = max(map(len, members.values()))
-    sized = {each.stream.stream_id: partial(in_bytes, voices=voices) for each in offers}
+    sized = {
+        each.stream.stream_id: partial(in_bytes, voices=_voices(each.stream, members))
+        for each in offers
+    }
+    if len(members) < len(addresses):
+        tables = {address: among(table, members) for address, table in tables.items()}
     if not with_values:
         tables = {address: respecified(table, sized) for address, table in tables.items()}
     table = next(iter(tables.values()))
@@ -170,6 +174,11 @@ def _of_config(path: Path, channel: AssumedChannel, *, with_values: bool) -> Fle
         apart_m=channel.range_m,
         members=members,
     )
+
+
+def _voices(stream: Stream, members: Mapping[int, tuple[int, ...]]) -> int:
+    """Return for how many nodes one of them publishes a topic at most."""
+    return max(len(group) for each, group in members.items() if stream.may_publish(each))
 
 
 def _settings_of(path: Path, addresses: Sequence[int]) -> dict[int, Hashable]:

@@ -1,6 +1,6 @@
 """Stream tables with other settings, for what a plan assumes or tries."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import msgspec
 
@@ -33,6 +33,28 @@ def respecified(table: StreamTable, changes: Mapping[int, Respecify]) -> StreamT
     if model is not None and not dense.issuperset(map(str, model.streams)):
         model = None
     return StreamTable(specs, types=table.types, nodes=table.nodes, model=model, wire=table.wire)
+
+
+def among(table: StreamTable, walked: Collection[int]) -> StreamTable:
+    """Return a table whose fleet is some of its nodes: nobody waits for an answer of the others.
+
+    Args:
+        table: The table.
+        walked: Addresses of the nodes.
+    """
+    left = {address: name for address, name in table.nodes.items() if address in walked}
+    specs = [_among(each.spec, walked) for each in table if not each.is_built_in]
+    return StreamTable(specs, types=table.types, nodes=left, model=table.model, wire=table.wire)
+
+
+def _among(spec: StreamSpec, walked: Collection[int]) -> StreamSpec:
+    if not isinstance(spec, TopicSpec):
+        return spec
+    ends = {
+        key: None if listed is None else tuple(each for each in listed if each in walked)
+        for key, listed in (("publishers", spec.publishers), ("subscribers", spec.subscribers))
+    }
+    return msgspec.structs.replace(spec, **ends)
 
 
 def in_bytes(spec: StreamSpec, voices: int) -> StreamSpec:

@@ -22,6 +22,7 @@ from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES
 from zacoustic.errors import LocalError
 from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
 
@@ -96,6 +97,8 @@ class Walk(Checker):
         self._confirms = (nodes - 1) / max(1, len(tables) - 1)
         """Confirmations of a node for each that the walk has."""
         self._ledgers: dict[int, _Ledger] = {}
+        self._introductions: dict[int, int] = {}
+        """How many represented nodes have yet to say HELLO as the one that represents them has."""
         self._run: FleetRun | None = None
         self._run = FleetRun(scenario, tables, rules, self, trace=self._traced, digest=False)
         self._begin(offers, seed)
@@ -199,28 +202,56 @@ class Walk(Checker):
         if ledger is None or ledger.stats is not stats:  # the node has begun another life
             ledger = self._ledgers[address] = _Ledger(stats)
         airtime_s, frames, parts = ledger.news()
-        size_bytes = sum(parts.values())
-        if not size_bytes:
+        if not parts:
             return
-        found, members = self.found, self._members[address]
+        members = self._members[address]
+        has_samples = any(each != NO_STREAM and cause in _OF_SAMPLES for each, cause in parts)
+        if has_samples and len(members) > 1:
+            airtime_s += self._introduce(address, parts)
+        size_bytes = sum(parts.values())
         counted = 0.0
         for (stream_id, cause), part in parts.items():
-            own = cause not in _OF_SAMPLES or (stream_id == NO_STREAM and cause is Cause.HEADER)
-            times = float(len(members) if own else 1)
+            is_of_node = not has_samples or cause not in (*_OF_SAMPLES, Cause.HELLO)
+            times = float(len(members) if is_of_node else 1)
             if cause is Cause.CONFIRM:
                 times *= self._confirms
             share = part / size_bytes * times
             counted += share
-            for each in members:
-                before_s = found.airtime_s.get(each, 0.0)
-                found.airtime_s[each] = before_s + airtime_s * share / len(members)
-            before_s = found.stream_airtime_s.get(stream_id, 0.0)
-            found.stream_airtime_s[stream_id] = before_s + airtime_s * share
-            if cause in _AGREEMENT:
-                found.agreement_bytes += part * times
-                found.agreement_s += airtime_s * share
-        found.frames += frames * counted
-        found.transmitted_bytes += size_bytes * counted
+            self._count(address, stream_id, cause, part * times, airtime_s * share)
+        self.found.frames += frames * counted
+
+    def _introduce(self, address: int, parts: dict[Key, int]) -> float:
+        """Let each represented node say HELLO in a frame of its samples, as this node has.
+
+        Returns:
+            The airtime of what the frame has more, s.
+        """
+        hello = (NO_STREAM, Cause.HELLO)
+        owed = self._introductions.get(address, 0)
+        if parts.get(hello, 0) >= HELLO_BYTES:
+            self._introductions[address] = owed + len(self._members[address]) - 1
+        elif parts.get(hello) == TAG_BYTES and owed:
+            assert self._run is not None
+            self._introductions[address] = owed - 1
+            before_bytes = sum(parts.values())
+            parts[hello] = HELLO_BYTES
+            airtime_ns = self._run.network.capabilities(address).airtime_ns
+            return (airtime_ns(sum(parts.values())) - airtime_ns(before_bytes)) / NS_PER_S
+        return 0.0
+
+    def _count(
+        self, address: int, stream_id: int, cause: Cause, size_bytes: float, airtime_s: float
+    ) -> None:
+        """Count bytes of a node, and of those that it represents."""
+        found, members = self.found, self._members[address]
+        for each in members:
+            found.airtime_s[each] = found.airtime_s.get(each, 0.0) + airtime_s / len(members)
+        before_s = found.stream_airtime_s.get(stream_id, 0.0)
+        found.stream_airtime_s[stream_id] = before_s + airtime_s
+        found.transmitted_bytes += size_bytes
+        if cause in _AGREEMENT:
+            found.agreement_bytes += size_bytes
+            found.agreement_s += airtime_s
 
 
 class _Ledger:
