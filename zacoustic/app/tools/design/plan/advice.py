@@ -30,10 +30,12 @@ from zacoustic.errors import ConfigError
 _TRIED_PERIODS: Final = 20.0
 _LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
 """Length of a trial, s: a number of periods of the rarest traffic, within these limits."""
-_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 4_000, 12_000
+_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 8_000, 16_000
 """Most arriving frames in all trials, once a change fits, and before that: some seconds."""
 _SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
 _MOST_STREAMS: Final = 2
+_LEAST_SHARE: Final = 0.1
+"""A stream with a smaller share of all airtime is not changed alone."""
 _MOST_CHANGES: Final = 4
 _LINGER_S: Final = 10.0
 
@@ -80,7 +82,8 @@ def _try(fleet: Fleet, seed: int) -> Found:
 
 def _ladders(fleet: Fleet, streams: Sequence[StreamFound]) -> Iterator[Iterator[tuple[str, Fleet]]]:
     """Yield series of changes; each is only tried if those before it are insufficient."""
-    heavy = [each.stream for each in streams[:_MOST_STREAMS]]
+    least_s = _LEAST_SHARE * sum(each.demand_s for each in streams)
+    heavy = [each.stream for each in streams[:_MOST_STREAMS] if each.demand_s >= least_s]
     yield _tagged(fleet)
     for each in streams:
         if each.refused and isinstance(each.stream.spec, TopicSpec):

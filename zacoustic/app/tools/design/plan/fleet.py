@@ -19,6 +19,7 @@ from zacoustic.app.tools.design.plan.offers import (
 )
 from zacoustic.app.tools.design.plan.sampling import members_of, spoken
 from zacoustic.app.tools.design.plan.tables import among, in_bytes, respecified
+from zacoustic.app.tools.design.sim.sealing import security_of
 from zacoustic.app.tools.design.sim.simulation import with_journals
 from zacoustic.app.tools.design.telemetry.recording import read_recordings
 from zacoustic.app.tools.fleetfile import read_fleet
@@ -31,6 +32,7 @@ from zacoustic.config.json5 import read_json5, read_zenoh_config
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError
+from zacoustic.seal.spec import SecuritySpec
 
 DEFAULT_RANGE_M: Final = 1000.0
 """Distance of the nodes of a config, m."""
@@ -57,6 +59,8 @@ class Fleet(msgspec.Struct, kw_only=True):
     """The config's rules of transmission."""
     offers: list[Offer]
     """The offered traffic."""
+    security: dict[int, SecuritySpec] = {}
+    """The seal of each node that has one."""
     notes: list[str]
     """Remarks on the traffic."""
     refused: dict[int, Refused] = {}
@@ -133,6 +137,7 @@ def _of_scenario(path: Path, mapping: object) -> Fleet:
         scenario=scenario,
         tables=tables,
         rules=_rules(tables, configs),
+        security=security_of(configs),
         offers=offers_of_traffic(scenario.traffic, next(iter(tables.values()))),
         notes=[],
     )
@@ -169,6 +174,7 @@ def _of_config(path: Path, channel: AssumedChannel, *, with_values: bool) -> Fle
         scenario=scenario,
         tables=tables,
         rules=_rules(tables, configs),
+        security=security_of(configs),
         offers=spoken(offers, members),
         notes=notes,
         apart_m=channel.range_m,

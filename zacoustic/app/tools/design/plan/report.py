@@ -19,6 +19,7 @@ from zacoustic.app.tools.design.plan.verdict import (
     walk,
 )
 from zacoustic.app.tools.design.plan.walk import Found
+from zacoustic.app.tools.design.sim.fleetrun import links_of
 from zacoustic.channel.profiles import ModemProfile, profile_named
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.wireprofile import WireProfile
@@ -75,6 +76,20 @@ class NodePlan(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the time in which it transmits."""
     energy_wh_per_day: float
     """Energy of transmitting, Wh per day."""
+    relayed: float = 0.0
+    """The share of the time, of `utilisation`, that it transmits for routes, bonds and floods:
+    frames of other nodes, and what these add to its own."""
+
+
+class LinkPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """The plan of one of several links."""
+
+    name: str
+    """Its name."""
+    profile: str
+    """Its modem."""
+    utilisation: float
+    """Share of the time with a frame on it, summed over all nodes."""
 
 
 class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -108,6 +123,8 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     """Cost of agreement on tables with each policy; None: there is one node."""
     notes: tuple[str, ...]
     """Remarks on the plan."""
+    links: tuple[LinkPlan, ...] = ()
+    """Each of several links; empty: there is one."""
     schedule: SchedulePlan | None = None
     """The schedule that was asked for."""
 
@@ -160,6 +177,7 @@ def plan(
         transmit_w=power_w,
         streams=tuple(_stream_plan(each, airtime_s, hours) for each in streams),
         nodes=tuple(_node_plan(each, found, until_s, power_w) for each in fleet.nodes),
+        links=_link_plans(fleet, found),
         misfits=verdict.misfits,
         agreement=agreement_of(fleet, seed),
         changes=() if verdict.fits else changes_that_fit(fleet, streams, seed),
@@ -205,6 +223,22 @@ def _node_plan(address: int, found: Found, until_s: float, power_w: float) -> No
         address=address,
         utilisation=utilisation,
         energy_wh_per_day=utilisation * power_w * _H_PER_DAY,
+        relayed=found.relayed_s.get(address, 0.0) / until_s,
+    )
+
+
+def _link_plans(fleet: Fleet, found: Found) -> tuple[LinkPlan, ...]:
+    first, *others = links_of(fleet.rules)
+    if not others:
+        return ()
+    media = {first: fleet.scenario, **{each: fleet.scenario.medium_of(each) for each in others}}
+    return tuple(
+        LinkPlan(
+            name=name,
+            profile=medium.profile,
+            utilisation=found.link_airtime_s.get(name, 0.0) / found.walked_s,
+        )
+        for name, medium in media.items()
     )
 
 

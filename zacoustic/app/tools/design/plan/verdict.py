@@ -116,8 +116,8 @@ def walk(
         progress: Called with the done share, 0…1.
     """
     started = Walk(
-        fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed, fleet.members
-    )  # fmt: skip
+        fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed, fleet.security, fleet.members
+    )
     return started.run(until_s, most_arrivals, progress)
 
 

@@ -18,12 +18,13 @@ from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.app.tools.design.sim.fleetrun import FleetRun
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.clock import NS_PER_S
-from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats
+from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, RouteStats
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES
 from zacoustic.errors import LocalError
+from zacoustic.seal.spec import SecuritySpec
 from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
 
 _STRIDE_S: Final = 5.0
@@ -42,6 +43,11 @@ class Found:
     def __init__(self) -> None:
         self.airtime_s: dict[int, float] = {}
         """Airtime by node, s."""
+        self.link_airtime_s: dict[str, float] = {}
+        """Airtime by link, s."""
+        self.relayed_s: dict[int, float] = {}
+        """Airtime by node for frames of routes, bonds and floods that it passes on, and for what
+        these add to its own, s."""
         self.stream_airtime_s: dict[int, float] = {}
         """Airtime by stream, s; 0: no stream."""
         self.agreement_s = 0.0
@@ -49,7 +55,7 @@ class Found:
         self.walked_s = 0.0
         """Modelled time, s."""
         self.arrivals = 0
-        """Frames, each counted at each node that may hear it: the work of the walk."""
+        """Frames, each counted at each node, its own included: the work of the walk."""
         self.frames = 0.0
         self.transmitted_bytes = 0.0
         self.agreement_bytes = 0.0
@@ -77,6 +83,7 @@ class Walk(Checker):
         rules: The config's rules of transmission, by node.
         offers: The offered traffic.
         seed: Seed of all draws.
+        security: The seal of each node that has one.
         members: Nodes represented by each node, itself included; none: each represents itself.
     """
 
@@ -87,6 +94,7 @@ class Walk(Checker):
         rules: Mapping[int, TransmitRules],
         offers: Sequence[Offer],
         seed: int,
+        security: Mapping[int, SecuritySpec],
         members: Mapping[int, tuple[int, ...]],
     ) -> None:
         super().__init__()
@@ -100,7 +108,9 @@ class Walk(Checker):
         self._introductions: dict[int, int] = {}
         """How many represented nodes have yet to say HELLO as the one that represents them has."""
         self._run: FleetRun | None = None
-        self._run = FleetRun(scenario, tables, rules, self, trace=self._traced, digest=False)
+        self._run = FleetRun(
+            scenario, tables, rules, self, security=security, trace=self._traced, digest=False
+        )
         self._begin(offers, seed)
 
     def run(
@@ -113,7 +123,7 @@ class Walk(Checker):
 
         Args:
             until_s: The time, s.
-            most_arrivals: Number of received frames, counted at each receiver.
+            most_arrivals: Number of frames, each counted at each node.
             progress: Called with the done share, 0…1.
         """
         assert self._run is not None
@@ -124,15 +134,25 @@ class Walk(Checker):
             found.walked_s = min(found.walked_s + _STRIDE_S, until_s)
             network.run(until_s=found.walked_s)
             frames = sum(stats.frames_transmitted for stats in network.stats())
-            found.arrivals = frames * (len(network.addresses) - 1)
+            found.arrivals = frames * len(network.addresses)
             if progress is not None:
                 share = found.arrivals / most_arrivals if most_arrivals else 0.0
                 progress(min(1.0, max(share, found.walked_s / until_s)))
         for address in network.addresses:
             if network.is_running(address):
                 self._book(address, network.engine(address).stats)
+            self._add_links(address)
         self._count_first_transmissions()
         return found
+
+    def _add_links(self, address: int) -> None:
+        assert self._run is not None
+        for stats in self._run.network.stats_of(address):
+            for name, each in stats.links.items():
+                if not isinstance(each, RouteStats):  # its frames are those of a link
+                    airtime_s = each.airtime_ns / NS_PER_S
+                    before_s = self.found.link_airtime_s.get(name, 0.0)
+                    self.found.link_airtime_s[name] = before_s + airtime_s
 
     # Offered traffic
 
@@ -246,6 +266,9 @@ class Walk(Checker):
         found, members = self.found, self._members[address]
         for each in members:
             found.airtime_s[each] = found.airtime_s.get(each, 0.0) + airtime_s / len(members)
+            if cause is Cause.RELAY:
+                before_s = found.relayed_s.get(each, 0.0)
+                found.relayed_s[each] = before_s + airtime_s / len(members)
         before_s = found.stream_airtime_s.get(stream_id, 0.0)
         found.stream_airtime_s[stream_id] = before_s + airtime_s
         found.transmitted_bytes += size_bytes
