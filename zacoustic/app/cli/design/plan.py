@@ -5,6 +5,7 @@ import math
 from typing import TYPE_CHECKING
 
 from zacoustic.app.cli.support.arguments import add_json, add_load
+from zacoustic.app.cli.support.atwork import AT_WORK
 from zacoustic.app.cli.support.printing import print_result
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class PlanCommand(Command):
-    """Computes with a model of the traffic, in seconds."""
+    """Runs the engines with the traffic in virtual time, for some seconds."""
 
     name = "plan"
     summary = "airtime, latency and energy of the traffic; what would make it fit"
@@ -39,7 +40,7 @@ class PlanCommand(Command):
             "--hours",
             type=float,
             metavar="H",
-            help="how long the model goes, h (4, or less)",
+            help="how long to simulate, h (4, or less)",
         )
         parser.add_argument(
             "--transmit-w", type=float, metavar="W",
@@ -106,7 +107,7 @@ class PlanCommand(Command):
             channel = msgspec.structs.replace(channel, profile=arguments.profile)
         report = plan(
             arguments.file, channel=channel, recordings=arguments.recording, hours=hours,
-            transmit_w=transmit_w, schedule=_schedule_options(arguments),
+            transmit_w=transmit_w, schedule=_schedule_options(arguments), progress=AT_WORK.show,
         )  # fmt: skip
         print_result(report, as_text, as_json=arguments.json)
         return EXIT_OK if report.fits else EXIT_FAILED

@@ -5,7 +5,7 @@ longer interval of the largest, all of that together, longer intervals of everyt
 """
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Final
 
@@ -49,19 +49,27 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the time that all traffic then takes."""
 
 
-def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) -> tuple[Change, ...]:
+def changes_that_fit(
+    fleet: Fleet,
+    streams: Sequence[StreamFound],
+    seed: int,
+    progress: Callable[[float], None] = lambda share: None,
+) -> tuple[Change, ...]:
     """Try changes.
 
     Args:
         fleet: The fleet that does not fit.
         streams: Its streams, the largest first.
         seed: Seed of the model.
+        progress: Called with the done share, 0…1.
     """
     found: list[Change] = []
     arrivals = 0
     for attempts in _ladders(fleet, streams):
         for what, changed in attempts:
-            if arrivals >= (_ENOUGH_ARRIVALS if found else _MOST_ARRIVALS):
+            most = _ENOUGH_ARRIVALS if found else _MOST_ARRIVALS
+            progress(min(1.0, arrivals / most))
+            if arrivals >= most:
                 return tuple(found)
             result = _try(changed, seed)
             arrivals += result.arrivals

@@ -1,6 +1,6 @@
 """The result of a plan: airtime, latency and energy of the traffic, and whether it fits."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -29,6 +29,8 @@ DEFAULT_HOURS: Final = 4.0
 """Default modelled time, h."""
 _S_PER_H: Final = 3600.0
 _H_PER_DAY: Final = 24.0
+_WALKED, _COMPARED = 0.5, 0.65
+"""Share of the work that is done after the simulation, and after the comparison of agreements."""
 _WATT_DB: Final = 170.8
 """Source level of one acoustic watt, dB re 1 µPa at 1 m (Urick)."""
 _EFFICIENCY: Final = 0.5
@@ -100,11 +102,14 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     profile: str
     """Modem."""
     hours: float
-    """Modelled time, h."""
+    """Simulated time, h."""
     frames_per_h: float
     """Frames of all nodes per hour."""
     utilisation: float
     """Share of the time with sound, summed over all nodes."""
+    confidence: float
+    """How far `utilisation` may be off because the simulated time is short: by more than this in
+    one of 20 simulations."""
     demand: float
     """The same if everything were transmitted."""
     fits: bool
@@ -138,6 +143,7 @@ def plan(
     transmit_w: float | None = None,
     seed: int = 1,
     schedule: ScheduleOptions | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> PlanReport:
     """Plan a file.
 
@@ -145,11 +151,12 @@ def plan(
         path: A scenario with traffic, or a config.
         channel: Assumptions that a config lacks.
         recordings: Recordings to take sizes and rates from instead.
-        hours: Modelled time, h, above 0; None: `DEFAULT_HOURS`, or less if the number of nodes
+        hours: Simulated time, h, above 0; None: `DEFAULT_HOURS`, or less if the number of frames
             makes that slow.
         transmit_w: Power of the modem while it transmits, W; None: from its source level.
         seed: Seed of the model.
         schedule: Settings of the schedule to make; None: make none.
+        progress: Called with the done share, 0…1.
 
     Raises:
         ConfigError: A file is wrong, or no rates are known.
@@ -158,7 +165,10 @@ def plan(
     if any(table.wire is not WireProfile.NATIVE for table in fleet.tables.values()):
         raise ConfigError(f'{path}: wire: "rmw_desert"; allowed: "native", which is what plans are')
     most_arrivals = MOST_ARRIVALS if hours is None else None
-    found = walk(fleet, (hours or DEFAULT_HOURS) * _S_PER_H, seed, most_arrivals)
+    found = walk(
+        fleet, (hours or DEFAULT_HOURS) * _S_PER_H, seed, most_arrivals,
+        lambda share: progress(_WALKED * share),
+    )  # fmt: skip
     until_s = found.walked_s
     hours = until_s / _S_PER_H
     streams = streams_of(fleet, found)
@@ -166,12 +176,20 @@ def plan(
     profile = profile_named(fleet.scenario.profile)
     power_w = transmit_power_w(profile) if transmit_w is None else transmit_w
     airtime_s = sum(found.airtime_s.values())
+    agreement = agreement_of(fleet, seed)
+    progress(_COMPARED)
+    changes: tuple[Change, ...] = ()
+    if not verdict.fits:
+        changes = changes_that_fit(
+            fleet, streams, seed, lambda share: progress(_COMPARED + (1 - _COMPARED) * share)
+        )
     return PlanReport(
         file=str(path),
         profile=profile.name,
         hours=hours,
         frames_per_h=found.frames / hours,
         utilisation=airtime_s / until_s,
+        confidence=found.confidence_s / until_s,
         demand=verdict.demand,
         fits=verdict.fits,
         transmit_w=power_w,
@@ -179,8 +197,8 @@ def plan(
         nodes=tuple(_node_plan(each, found, until_s, power_w) for each in fleet.nodes),
         links=_link_plans(fleet, found),
         misfits=verdict.misfits,
-        agreement=agreement_of(fleet, seed),
-        changes=() if verdict.fits else changes_that_fit(fleet, streams, seed),
+        agreement=agreement,
+        changes=changes,
         schedule=None
         if schedule is None
         else schedule_of(fleet, found.airtime_s, until_s, schedule),

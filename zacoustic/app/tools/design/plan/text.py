@@ -30,10 +30,12 @@ def _lines(report: PlanReport) -> Iterator[str]:
     yield from _node_lines(report.nodes)
     yield ""
     yield (
-        f"{report.file}: {report.utilisation:.1%} of the time there is sound, "
+        f"{report.file}: {report.utilisation:.1%} of the time there is sound "
+        f"(±{report.confidence:.1%}), "
         f"{report.frames_per_h:.0f} frames an hour ({report.profile}, "
         f"{report.transmit_w:.3g} W while it transmits)"
     )
+    yield f"simulated: {_span(report.hours)} of virtual time, one seed; ± is for 95 of 100 seeds"
     if report.links:
         shares = (f"{each.name} {each.utilisation:.1%} ({each.profile})" for each in report.links)
         yield one_line(f"by link: {', '.join(shares)}")
@@ -148,6 +150,10 @@ def _ranges(addresses: list[int]) -> str:
             runs.append([each])
     told = ", ".join("–".join(map(str, run)) for run in runs[:_MOST_RANGES])
     return told if len(runs) <= _MOST_RANGES else f"{told}, … ({len(addresses)})"
+
+
+def _span(hours: float) -> str:
+    return f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"
 
 
 def _seconds(duration_s: float | None) -> str:

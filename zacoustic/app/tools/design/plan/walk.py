@@ -10,7 +10,10 @@ node transmits for itself (acknowledgements, introductions, heartbeats) counts f
 a confirmation for each node of the fleet.
 """
 
+import itertools
+import math
 import random
+import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
@@ -28,6 +31,10 @@ from zacoustic.seal.spec import SecuritySpec
 from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
 
 _STRIDE_S: Final = 5.0
+_PARTS: Final = 10
+"""Equal parts of a walk, whose scatter tells how sure its result is."""
+_STUDENT: Final = 2.262
+"""The 97.5th percentile of Student's distribution with one degree of freedom less than parts."""
 _AGREEMENT: Final = frozenset({Cause.HELLO, Cause.CONFIRM, Cause.ASK, Cause.TABLE})
 _OF_SAMPLES: Final = frozenset(
     {Cause.PAYLOAD, Cause.HEADER, Cause.ENVELOPE, Cause.SEAL, Cause.REPEAT, Cause.REPAIR}
@@ -54,6 +61,9 @@ class Found:
         """Airtime of HELLO, TAG, CONFIRM and what follows from differences, s."""
         self.walked_s = 0.0
         """Modelled time, s."""
+        self.confidence_s = 0.0
+        """How far all airtime may be off for the shortness of the time: with 95 % by at most this,
+        s."""
         self.arrivals = 0
         """Frames, each counted at each node, its own included: the work of the walk."""
         self.frames = 0.0
@@ -128,11 +138,13 @@ class Walk(Checker):
         """
         assert self._run is not None
         found, network = self.found, self._run.network
+        course = [0.0]
         while found.walked_s < until_s:
             if most_arrivals is not None and found.arrivals >= most_arrivals:
                 break
             found.walked_s = min(found.walked_s + _STRIDE_S, until_s)
             network.run(until_s=found.walked_s)
+            course.append(sum(found.airtime_s.values()))
             frames = sum(stats.frames_transmitted for stats in network.stats())
             found.arrivals = frames * len(network.addresses)
             if progress is not None:
@@ -143,6 +155,7 @@ class Walk(Checker):
                 self._book(address, network.engine(address).stats)
             self._add_links(address)
         self._count_first_transmissions()
+        found.confidence_s = _confidence_of(course)
         return found
 
     def _add_links(self, address: int) -> None:
@@ -275,6 +288,16 @@ class Walk(Checker):
         if cause in _AGREEMENT:
             found.agreement_bytes += size_bytes
             found.agreement_s += airtime_s
+
+
+def _confidence_of(course: Sequence[float]) -> float:
+    """Return how far the end of a course may be off, from the scatter of its equal parts."""
+    steps = (len(course) - 1) // _PARTS
+    if not steps:
+        return 0.0
+    ends = course[len(course) - 1 - steps * _PARTS :: steps]
+    parts = [after - before for before, after in itertools.pairwise(ends)]
+    return _STUDENT * statistics.stdev(parts) * math.sqrt(_PARTS)
 
 
 class _Ledger:
