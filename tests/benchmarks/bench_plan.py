@@ -36,9 +36,9 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import read_config
 
 MINUTES: Final = 6.0
-STARTING_S: Final = 20.0
-"""How long all processes have to start."""
-MEETING_S: Final = 60.0
+STARTING_S: Final = 90.0
+"""How long all processes have to start, at most."""
+MEETING_S: Final = 240.0
 """How long there is traffic before it counts: the nodes agree on their tables first."""
 
 NAV: Final = {
@@ -126,11 +126,11 @@ FLEETS: Final = (
                 {"id": 13, "service": "auv/arm", "server": 2, "timeout_s": 60},
             ]
         },
-        channel={"seed": 11, "channel": "none", "loss": {"frame": 0.05}},
+        channel={"seed": 11, "channel": "none", "loss": {"frame": 0.02}},
         places=((0, 0, 10), (1000, 0, 50)),
         traffic=[
             _says(2, "auv/nav", 4, first_s=0.5, **VALUES),
-            _says(2, "auv/log", 9, pattern="random", size_bytes=[10, 30]),
+            _says(2, "auv/log", 9, first_s=2, size_bytes=[10, 30]),
             _says(1, "auv/cmd", 11, first_s=3, size_bytes=12),
             {"node": 1, "service": "auv/arm", "every_s": 23, "first_s": 7, "size_bytes": 4},
         ],
@@ -148,14 +148,14 @@ FLEETS: Final = (
                  "depth": 4},
             ]
         },
-        channel={"seed": 12, "channel": "none", "loss": {"frame": 0.02}},
+        channel={"seed": 12, "channel": "none", "loss": {"frame": 0.01}},
         places=((0, 0, 10), (800, 0, 30), (0, 900, 30), (-700, 0, 40), (0, -600, 20)),
         traffic=[
-            *(_says(each, f"n{each}/nav", 20, first_s=3.7 * each, **VALUES)
+            *(_says(each, f"n{each}/nav", 20, first_s=6.5 + 2.3 * each, **VALUES)
               for each in range(1, 6)),
-            *(_says(each, f"n{each}/log", 60, first_s=11.3 * each, size_bytes=16)
+            *(_says(each, f"n{each}/log", 80, first_s=20 * each, size_bytes=16)
               for each in range(2, 6)),
-            _says(1, "stop", 45, first_s=5, size_bytes=3),
+            _says(1, "stop", 80, first_s=24, size_bytes=3),
         ],
     ),
     Fleet(
@@ -176,16 +176,16 @@ FLEETS: Final = (
         channel={
             "seed": 13,
             "channel": "none",
-            "loss": {"frame": 0.03},
+            "loss": {"frame": 0.01},
             "links": [{"from": 1, "to": 3, "loss": {"frame": 1}},
                       {"from": 3, "to": 1, "loss": {"frame": 1}}],
         },
         places=((0, 0, 10), (1200, 0, 20), (2400, 0, 40)),
         traffic=[
-            _says(3, "auv/nav", 10, first_s=1, **VALUES),
-            _says(1, "auv/plan", 25, first_s=4, size_bytes=14),
-            {"node": 1, "service": "auv/arm", "every_s": 41, "first_s": 16, "size_bytes": 4},
-            _says(2, "buoy/state", 12, first_s=6, size_bytes=8),
+            _says(3, "auv/nav", 15, first_s=1, **VALUES),
+            _says(1, "auv/plan", 60, first_s=7.5, size_bytes=14),
+            {"node": 1, "service": "auv/arm", "every_s": 60, "first_s": 37.5, "size_bytes": 4},
+            _says(2, "buoy/state", 30, first_s=12.5, size_bytes=8),
         ],
     ),
 )  # fmt: skip
@@ -196,11 +196,18 @@ def main() -> int:
     words = sys.argv[1:]
     minutes = float(words.pop(0)) if words and words[0][0].isdigit() else MINUTES
     fleets = [each for each in FLEETS if not words or each.name in words]
-    print(f"{minutes:g} min of real time, all fleets at once", flush=True)
-    with ThreadPoolExecutor(len(fleets)) as pool:
-        outcomes = list(pool.map(partial(tried, minutes=minutes), fleets))
+    with contextlib.ExitStack() as stack:
+        trials = [
+            Trial(each, Path(stack.enter_context(tempfile.TemporaryDirectory()))) for each in fleets
+        ]
+        print(f"{minutes:g} min of real time, all fleets at once", flush=True)
+        with ThreadPoolExecutor(len(fleets)) as pool:
+            outcomes = list(pool.map(partial(Trial.run, minutes=minutes), trials))
     for each in outcomes:
-        print(f"\n{each.fleet.name}: planned within {each.plan_s:.1f} s")
+        print(
+            f"\n{each.fleet.name}: planned within {each.plan_s:.1f} s; "
+            f"{each.report.hours:.1f} h simulated, ±{each.report.confidence:.2%}"
+        )
         print(f"{'node':>6s} {'foretold':>9s} {'measured':>9s} {'off':>7s}")
         for node in each.report.nodes:
             measured = each.measured[node.address]
@@ -213,30 +220,43 @@ def main() -> int:
     return 0 if all(abs(each.off) <= each.fleet.allowed for each in outcomes) else 1
 
 
-def tried(fleet: Fleet, minutes: float) -> Outcome:
-    """Plan a fleet, and let it run."""
-    ports = {address: free_port() for address in fleet.addresses}
-    medium_port = free_port()
-    with contextlib.ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        path = fleet.write(folder, ports)
+class Trial:
+    """A fleet on its ports, planned.
+
+    Args:
+        fleet: The fleet.
+        folder: Takes its files.
+    """
+
+    def __init__(self, fleet: Fleet, folder: Path) -> None:
+        self._fleet = fleet
+        self._folder = folder
+        self._ports = {address: free_port() for address in fleet.addresses}
+        self._path = fleet.write(folder, self._ports)
         began_s = time.monotonic()
-        report = plan(path)
-        plan_s = time.monotonic() - began_s
-        listen = f"127.0.0.1:{medium_port}"
-        stack.enter_context(running(folder, "run", "medium", path.name, "--listen", listen))
-        time.sleep(STARTING_S / 4)
-        for each in fleet.addresses:
-            gateway = ("run", "gateway", f"{each}.json5", "--link", f"sim/{listen}")
-            stack.enter_context(running(folder, *gateway))
-        time.sleep(STARTING_S)
-        stack.enter_context(living(fleet, path, ports))
-        time.sleep(MEETING_S)
-        before, began_s = _transmitted_s(ports), time.monotonic()
-        time.sleep(60.0 * minutes)
-        after, spent_s = _transmitted_s(ports), time.monotonic() - began_s
-        measured = {each: (after[each] - before[each]) / spent_s for each in ports}
-    return Outcome(fleet=fleet, report=report, plan_s=plan_s, measured=measured)
+        self._report = plan(self._path)
+        self._plan_s = time.monotonic() - began_s
+
+    def run(self, minutes: float) -> Outcome:
+        """Let the fleet run."""
+        ports, listen = self._ports, f"127.0.0.1:{free_port()}"
+        with contextlib.ExitStack() as stack:
+            medium = ("run", "medium", self._path.name, "--listen", listen)
+            stack.enter_context(running(self._folder, *medium))
+            for each in ports:
+                gateway = ("run", "gateway", f"{each}.json5", "--link", f"sim/{listen}")
+                stack.enter_context(running(self._folder, *gateway))
+            stack.enter_context(living(self._fleet, self._path, ports))
+            time.sleep(MEETING_S)
+            before, began_s = _transmitted_s(ports), time.monotonic()
+            time.sleep(60.0 * minutes)
+            after, spent_s = _transmitted_s(ports), time.monotonic() - began_s
+        return Outcome(
+            fleet=self._fleet,
+            report=self._report,
+            plan_s=self._plan_s,
+            measured={each: (after[each] - before[each]) / spent_s for each in ports},
+        )
 
 
 def _transmitted_s(ports: Mapping[int, int]) -> dict[int, float]:
@@ -245,16 +265,16 @@ def _transmitted_s(ports: Mapping[int, int]) -> dict[int, float]:
 
 @contextlib.contextmanager
 def living(fleet: Fleet, path: Path, ports: Mapping[int, int]) -> Iterator[None]:
-    """Publish, call and answer on the local networks as the scenario's traffic says."""
+    """Publish, call and answer on the local networks as the scenario's traffic says.
+
+    It begins when all gateways have started.
+    """
     scenario = scenario_from_mapping(json.loads(path.read_text(encoding="utf-8")), source=str(path))
     table = read_config(path.parent / "1.json5", address=1).table
     offers = offers_of_traffic(scenario.traffic, table)
     ended = threading.Event()
     with contextlib.ExitStack() as stack:
-        sessions = {
-            address: stack.enter_context(zenoh.open(zenoh_config("client", connect=port)))
-            for address, port in ports.items()
-        }
+        sessions = {address: stack.enter_context(_session(port)) for address, port in ports.items()}
         for entry in fleet.section["streams"]:
             if "service" in entry:
                 key = entry["service"]
@@ -269,6 +289,18 @@ def living(fleet: Fleet, path: Path, ports: Mapping[int, int]) -> Iterator[None]
         finally:
             ended.set()
             thread.join()
+
+
+def _session(port: int) -> zenoh.Session:
+    """Open a session at a gateway, which may still start."""
+    until_s = time.monotonic() + STARTING_S
+    while True:
+        try:
+            return zenoh.open(zenoh_config("client", connect=port))
+        except zenoh.ZError:
+            if time.monotonic() > until_s:
+                raise
+            time.sleep(1.0)
 
 
 def _answer(key: str, query: zenoh.Query) -> None:

@@ -80,6 +80,20 @@ def test_each_stream_goes_by_its_link_and_each_link_has_its_channel(
     assert "by link: sound " in capsys.readouterr().out
 
 
+def test_a_config_alone_has_a_modem_for_each_link(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    streams = [{**each, "min_interval_s": 20} for each in TWO_LINKS["streams"]]
+    write(tmp_path, {**TWO_LINKS, "streams": streams}, [said(2, "nav", 10)])
+    verb = ("config", "plan", str(tmp_path / "fleet.json5"), "--hours", "0.1")
+    assert main([*verb, "--link-profile", "radio=ideal", "--json"]) == 0
+    links = json.loads(capsys.readouterr().out)["links"]
+    assert [each["profile"] for each in links] == ["evologics_s2c_18_34", "ideal"]
+    for wrong, told in (("radio", "allowed: LINK=NAME"), ("air=ideal", "allowed: radio")):
+        assert main([*verb, "--link-profile", wrong]) == 2
+        assert told in capsys.readouterr().err
+
+
 def test_a_link_of_some_nodes_alone_is_theirs(tmp_path: Path) -> None:
     links = [
         {"locator": "sim/127.0.0.1:7000", "name": "sound", "owners": [1, 2]},

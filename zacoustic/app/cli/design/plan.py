@@ -30,6 +30,10 @@ class PlanCommand(Command):
             parser, recording="take sizes and rates from this recording", profile=", of a config"
         )
         parser.add_argument(
+            "--link-profile", action="append", default=[], metavar="LINK=NAME",
+            help="modem of another link of a config than its first; may be given again",
+        )  # fmt: skip
+        parser.add_argument(
             "--range", type=float, metavar="M", help="distance of the nodes of a config, m (1000)"
         )
         parser.add_argument(
@@ -105,12 +109,23 @@ class PlanCommand(Command):
         )
         if arguments.profile is not None:
             channel = msgspec.structs.replace(channel, profile=arguments.profile)
+        channel = msgspec.structs.replace(channel, others=_profiles(arguments.link_profile))
         report = plan(
             arguments.file, channel=channel, recordings=arguments.recording, hours=hours,
             transmit_w=transmit_w, schedule=_schedule_options(arguments), progress=AT_WORK.show,
         )  # fmt: skip
         print_result(report, as_text, as_json=arguments.json)
         return EXIT_OK if report.fits else EXIT_FAILED
+
+
+def _profiles(given: list[str]) -> dict[str, str]:
+    found = {}
+    for each in given:
+        link, is_pair, profile = each.partition("=")
+        if not (link and is_pair and profile):
+            raise ConfigError(f"--link-profile {each}; allowed: LINK=NAME, such as radio=ideal")
+        found[link] = profile
+    return found
 
 
 def _schedule_options(arguments: argparse.Namespace) -> "ScheduleOptions | None":

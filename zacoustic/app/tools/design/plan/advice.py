@@ -1,4 +1,4 @@
-"""Single changes that make the traffic fit: each is tried in the model, and named if it does.
+"""Single changes that make the traffic fit: each is simulated, and named if it does.
 
 It tries, in order of inconvenience: another codec for the largest, several samples in a frame, a
 longer interval of the largest, all of that together, longer intervals of everything.

@@ -19,6 +19,7 @@ from zacoustic.app.tools.design.plan.offers import (
 )
 from zacoustic.app.tools.design.plan.sampling import members_of, spoken
 from zacoustic.app.tools.design.plan.tables import among, in_bytes, respecified
+from zacoustic.app.tools.design.sim.fleetrun import links_of
 from zacoustic.app.tools.design.sim.sealing import security_of
 from zacoustic.app.tools.design.sim.simulation import with_journals
 from zacoustic.app.tools.design.telemetry.recording import read_recordings
@@ -26,7 +27,7 @@ from zacoustic.app.tools.fleetfile import read_fleet
 from zacoustic.app.tools.fleets import configs_of, tables_of
 from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
-from zacoustic.channel.scenario import NodeSpec, Scenario, scenario_from_mapping
+from zacoustic.channel.scenario import MediumSpec, NodeSpec, Scenario, scenario_from_mapping
 from zacoustic.config import Config, read_config
 from zacoustic.config.json5 import read_json5, read_zenoh_config
 from zacoustic.core.profiles.rules import TransmitRules
@@ -82,6 +83,8 @@ class AssumedChannel(msgspec.Struct, frozen=True, kw_only=True):
 
     profile: str = DEFAULT_PROFILE
     """Modem."""
+    others: Mapping[str, str] = {}
+    """Modem of links other than the first, by their names; without one it is the same."""
     range_m: float = DEFAULT_RANGE_M
     """Distance from the first node to each other one, m."""
     loss: float = 0.0
@@ -148,6 +151,12 @@ def _of_config(path: Path, channel: AssumedChannel, *, with_values: bool) -> Fle
     addresses = sorted(first.nodes) or _two_of(first.address)
     members = members_of(first.table, first.rules, _settings_of(path, addresses))
     configs = {address: read_config(path, address=address) for address in members}
+    _, *known = links_of({address: config.rules for address, config in configs.items()})
+    for link in channel.others:
+        if link not in known:
+            raise ConfigError(
+                f"{path}: it has no further link {link}; allowed: {', '.join(known) or 'none'}"
+            )
     scenario = Scenario(
         nodes=tuple(
             NodeSpec(address=address, position=(0.0 if not index else channel.range_m, 0.0, 10.0))
@@ -155,6 +164,10 @@ def _of_config(path: Path, channel: AssumedChannel, *, with_values: bool) -> Fle
         ),
         profile=profile_named(channel.profile).name,
         loss=LossSpec(frame=channel.loss),
+        media=tuple(
+            MediumSpec(link=link, profile=profile_named(profile).name)
+            for link, profile in channel.others.items()
+        ),
     )
     tables = {address: config.table for address, config in configs.items()}
     offers, notes = offers_of_config(

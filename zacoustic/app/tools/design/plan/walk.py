@@ -17,6 +17,8 @@ import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
+import msgspec
+
 from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.app.tools.design.sim.fleetrun import FleetRun
 from zacoustic.channel.scenario import Scenario
@@ -85,7 +87,7 @@ class Found:
 
 
 class Walk(Checker):
-    """One walk.
+    """One simulation, a *walk* through the time of a fleet.
 
     Args:
         scenario: The channel.
@@ -118,6 +120,10 @@ class Walk(Checker):
         self._introductions: dict[int, int] = {}
         """How many represented nodes have yet to say HELLO as the one that represents them has."""
         self._run: FleetRun | None = None
+        # A plan is of the hours between the quiet ones.
+        rules = {
+            address: msgspec.structs.replace(each, quiet=()) for address, each in rules.items()
+        }
         self._run = FleetRun(
             scenario, tables, rules, self, security=security, trace=self._traced, digest=False
         )
