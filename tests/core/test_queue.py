@@ -1,8 +1,11 @@
 """Queue: who goes first, what is dropped, and that nobody starves."""
 
+import random
+
 import pytest
 
 from zacoustic.core.base.qos import PATIENCE_NS, Priority, Qos
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
@@ -125,6 +128,50 @@ def test_lingering_sample_may_ride_but_is_no_reason_to_send() -> None:
     queue.push((1,), item(1), Qos(linger_s=5))
     assert queue.due_at(0) == 5 * SECOND
     assert drain(queue, 0) == [(1, b"x")]
+
+
+def test_a_topic_published_more_often_than_it_lingers_goes_when_its_first_sample_is_due() -> None:
+    queue = TransmitQueue()
+    for second in range(5):
+        queue.push((1,), item(1, b"%d" % second, at=second * SECOND), Qos(linger_s=5))
+        assert queue.due_at(second * SECOND) == 5 * SECOND
+    assert drain(queue, 5 * SECOND) == [(1, b"4")]
+    queue.push((1,), item(1, b"5", at=6 * SECOND), Qos(linger_s=5))
+    assert queue.due_at(6 * SECOND) == 11 * SECOND
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_of_equal_topics_none_waits_longer_than_the_others_need(seed: int) -> None:
+    """More is published than the link takes, a frame per second: nobody waits more than a round."""
+    rng, queue, topics = random.Random(seed), TransmitQueue(), random.Random(seed).randrange(2, 9)
+    periods_ns = [seconds_to_ns(rng.uniform(0.2, 5)) for _ in range(topics)]
+    next_ns = [rng.randrange(each) for each in periods_ns]
+    gone_ns = [0] * topics
+    for second in range(1, 500):
+        now = second * SECOND
+        for topic, period_ns in enumerate(periods_ns):
+            while next_ns[topic] <= now:
+                queue.push((topic,), item(topic, at=next_ns[topic]), Qos())
+                next_ns[topic] += period_ns
+        found = next(queue.candidates(now), None)
+        if found is not None:
+            topic = queue.take(found[0], now).stream_id
+            assert now - gone_ns[topic] <= periods_ns[topic] + (topics + 1) * SECOND
+            gone_ns[topic] = now
+    assert all(499 * SECOND - at <= max(periods_ns) + (topics + 1) * SECOND for at in gone_ns)
+
+
+def test_minimum_interval_thins_what_is_new_and_no_repetitions() -> None:
+    queue, qos = TransmitQueue(), Qos(min_interval_s=10, depth=4)
+    queue.push((1,), item(1, b"a"), qos)
+    assert drain(queue, 0) == [(1, b"a")]
+    queue.push((1,), item(1, b"b", at=SECOND), qos)
+    again = item(1, b"a", at=2 * SECOND)
+    again.cause = Cause.REPEAT
+    queue.push((1,), again, qos)
+    assert drain(queue, 3 * SECOND) == [(1, b"a")]
+    assert drain(queue, 10 * SECOND - 1) == []
+    assert drain(queue, 10 * SECOND) == [(1, b"b")]
 
 
 def test_payload_that_is_not_taken_holds_back_its_lane_only() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.peers.sealing import LONG_EVERY, Inside, Refusal, Seal
+from zacoustic.core.peers.sealing import ANSWERED, USUAL, Inside, LongHeads, Refusal, Seal
 from zacoustic.core.wire.seal import (
     LAST_COUNTER,
     LAST_LIFE,
@@ -266,21 +266,43 @@ def test_after_a_power_cut_the_first_command_is_heard(
         assert missed == 1 if strong else missed <= 17
 
 
-def test_in_step_again_within_sixteen_frames_of_any_blackout(count: Callable[[int], int]) -> None:
+def test_a_hearer_in_step_stays_so_among_rare_long_heads(count: Callable[[int], int]) -> None:
+    for seed in range(count(1000)):
+        rng = random.Random(seed)
+        receiver, seal, way = Receiver(2, rng), sender(), Way(1, 2)
+        loss = rng.choice((0.0, 0.3, 0.6, 0.9))
+        long_heads = lost_in_a_row = 0
+        for number in range(4 * ANSWERED.every):
+            frame = seal.seal(b"fragment", 2, DIGEST, 0, long_heads=ANSWERED)
+            long_heads += len(frame) == 5 + 8 + 4
+            if number and rng.random() < loss and lost_in_a_row < ANSWERED.every:
+                lost_in_a_row += 1
+                continue
+            heard, lost_in_a_row = len(receiver.handed_on), 0
+            receiver.take(frame, way)
+            receiver.commit()
+            assert len(receiver.handed_on) == heard + 1, (seed, number)
+        assert long_heads == 4
+
+
+@pytest.mark.parametrize("heads", [USUAL, ANSWERED])
+def test_in_step_again_soon_after_any_blackout(
+    heads: LongHeads, count: Callable[[int], int]
+) -> None:
     for seed in range(count(1000)):
         rng = random.Random(seed)
         receiver, seal, way = Receiver(2, rng), sender(), Way(1, 2)
         receiver.take(seal.seal(b"first", 2, DIGEST, 0), way)
         receiver.commit()
         for _ in range(rng.choice((1, 15, 64, 100, 1000))):
-            seal.seal(b"lost", 2, DIGEST, 0)
+            seal.seal(b"lost", 2, DIGEST, 0, long_heads=heads)
         heard = len(receiver.handed_on)
-        for _ in range(LONG_EVERY):
-            receiver.take(seal.seal(b"after", 2, DIGEST, 0), way)
+        for _ in range(heads.every):
+            receiver.take(seal.seal(b"after", 2, DIGEST, 0, long_heads=heads), way)
             receiver.commit()
         assert len(receiver.handed_on) > heard, seed
         heard = len(receiver.handed_on)
         for _ in range(50):
-            receiver.take(seal.seal(b"then", 2, DIGEST, 0), way)
+            receiver.take(seal.seal(b"then", 2, DIGEST, 0, long_heads=heads), way)
             receiver.commit()
         assert len(receiver.handed_on) == heard + 50

@@ -24,6 +24,8 @@ class QueueMachine(RuleBasedStateMachine):
         self.serial = 0
         self.qos: dict[tuple[int, int], Qos] = {}
         self.waiting: dict[tuple[int, int], list[Waiting]] = {}
+        self.since: dict[tuple[int, int], int] = {}
+        """Since when each waits, whatever has displaced what."""
         self.taken_at: dict[tuple[int, int], int] = {}
         self.pushed = 0
         self.gone = 0
@@ -72,6 +74,8 @@ class QueueMachine(RuleBasedStateMachine):
         )
         self.queue.push(key, item, qos)
         kept = self.waiting.setdefault(key, [])
+        if not kept:
+            self.since[key] = self.now
         kept.append(item)
         self.pushed += 1
         if len(kept) > qos.depth:
@@ -93,13 +97,15 @@ class QueueMachine(RuleBasedStateMachine):
             last_at = self.taken_at.get(key)
             interval_ns = seconds_to_ns(self.qos[key].min_interval_s)
             assert last_at is None or self.now - last_at >= interval_ns
-            ranks.append(self._rank(key, item))
+            ranks.append(self._rank(key))
             if skip:
                 skip -= 1
                 continue
             assert self.queue.take(lane, self.now) is item
             self.waiting[key].pop(0)
             self.taken_at[key] = self.now
+            if self.waiting[key]:
+                self.since[key] = self.waiting[key][0].queued_at
             self.gone += 1
             most -= 1
             if not most:
@@ -112,11 +118,11 @@ class QueueMachine(RuleBasedStateMachine):
         self.queue.drop_lane(key)
         self.gone += len(self.waiting.pop(key, []))
 
-    def _rank(self, key: tuple[int, int], item: Waiting) -> int:
+    def _rank(self, key: tuple[int, int]) -> int:
         priority = self.qos[key].priority
         if priority is Priority.REAL_TIME:
-            return item.queued_at - 10**18
-        return item.queued_at + PATIENCE_NS[priority]
+            return self.since[key] - 10**18
+        return self.since[key] + PATIENCE_NS[priority]
 
     def _expire(self) -> None:
         """Forget what the queue forgets when it is asked at this instant."""
@@ -144,7 +150,7 @@ class QueueMachine(RuleBasedStateMachine):
         self._expire()
         reasons = [
             max(
-                items[0].queued_at + self.qos[key].linger_ns,
+                self.since[key] + self.qos[key].linger_ns,
                 self.taken_at.get(key, -(10**18)) + seconds_to_ns(self.qos[key].min_interval_s),
             )
             for key, items in self.waiting.items()

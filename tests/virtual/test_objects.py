@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import line
+from tests.virtual.sealed import SealedFleet
 from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
@@ -129,6 +130,27 @@ def test_a_photo_over_links_that_lack_something(modem: Modem) -> None:
     network.at(1, lambda: network.publish(2, PHOTO, sample))
     network.run(until_s=2000)
     assert [event.value for event in network.samples(1, PHOTO)] == [sample]
+
+
+@pytest.mark.parametrize("is_lost", [False, True], ids=["restart", "outage"])
+def test_a_sealed_photo_goes_on_after_its_receiver_was_away(is_lost: bool, count: Any) -> None:
+    """Long heads are rare within a run: a receiver that missed more of it is in step soon again."""
+    sample = payload(20_000)
+    for seed in range(count(200)):
+        rng = random.Random(seed)
+        medium = line(0, 1500, channel="none", loss={"frame": rng.choice((0, 0.2))}, seed=seed)
+        network = VirtualNetwork(medium, table(), build=SealedFleet())
+        network.at(1, partial(network.publish, 2, PHOTO, sample))
+        away_s, from_s = rng.choice((1, 60, 200)), rng.uniform(2, 250)
+        if is_lost:
+            network.at(from_s, partial(network.set_link, 1, up=False))
+            network.at(from_s + away_s, partial(network.set_link, 1, up=True))
+        else:
+            network.at(from_s, partial(network.crash, 1))
+            network.at(from_s + away_s, partial(network.start, 1))
+        network.run(until_s=from_s + away_s + 1500)
+        assert [event.value for event in network.samples(1, PHOTO)] == [sample], seed
+        assert [each.outcome for each in endings(network, 2)] == [DeliveryOutcome.DELIVERED], seed
 
 
 def met(network: VirtualNetwork) -> None:

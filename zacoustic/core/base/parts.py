@@ -31,6 +31,8 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
     """Whether a node listens for it for as long as a short frame takes: no payload beside it."""
     is_fragment: bool = False
     """Whether it shows no end and needs the frame for itself."""
+    is_answered: bool | None = None
+    """Of a fragment: whether its only receiver has answered the last request; None: unknown."""
     is_forwarded: bool = False
     """Whether it is a whole frame of a route over relays."""
     ignores_hold: bool = False

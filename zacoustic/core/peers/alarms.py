@@ -18,13 +18,16 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.peers.sealing import LONG_EVERY, Refusal
+from zacoustic.core.peers.sealing import USUAL, Refusal
 
 FORGERIES: Final = 1 << 20
 """After this many refusals of one source, a forgery was accepted with odds of 1 in 4096."""
 _TELL_EVERY_NS: Final = seconds_to_ns(600.0)
-_IN_A_ROW: Final = 2 * LONG_EVERY
-"""This many frames that do not open are no loss of step: one of them had a long head."""
+_IN_A_ROW: Final = 2 * USUAL.every
+"""This many frames that do not open are hardly a loss of step: one of them had a long head.
+
+Only a node that lost a hundred fragments of an object without any other frame loses step longer.
+"""
 
 
 class SealAlarm(msgspec.Struct, frozen=True, kw_only=True):

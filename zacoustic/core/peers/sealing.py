@@ -2,9 +2,13 @@
 
 An outgoing frame has a *long head* if the receiver might not understand a short one: it is the
 first of a life or key to its destination; it is strong; its composer asks for it (a repetition, or
-`real_time` data); it is one of `LONG_EVERY`; or the last long head to that destination is older
-than `LONG_EVERY_S`. So nobody has to ask for anything: after any outage a receiver is in step again
+`real_time` data); or the last long head to that destination is too many frames or too long ago
+(`LongHeads`). So nobody has to ask for anything: after any outage a receiver is in step again
 within 16 frames or five minutes.
+
+Fragments of objects fill their frames, so each long head between them costs a frame of its own.
+Where the only receiver has answered those before, it is in step, and few are enough: a window
+follows short heads over more lost frames than that. Where it was asked in vain, they are frequent.
 
 An incoming frame is opened, or refused with a word for the statistics. **A refused frame never
 causes a transmission**: otherwise a stranger could drain a battery.
@@ -44,15 +48,28 @@ from zacoustic.core.wire.seal import (
     parse_sealed,
 )
 
-LONG_EVERY: Final = 16
-LONG_EVERY_S: Final = 300.0
-_LONG_EVERY_NS: Final = seconds_to_ns(LONG_EVERY_S)
 _HELLO_DIGEST: Final = slice(4, 8)
 """Where the digest of the table is in a HELLO."""
 _RARE_NS: Final = seconds_to_ns(5.0)
 """Ways whose frames are at least this far apart have exact marks."""
 _MARK_PREFIX: Final = "seal/"
 _MARK = msgspec.msgpack.Decoder(Mark)
+
+
+class LongHeads(msgspec.Struct, frozen=True):
+    """How far apart the long heads to a destination may be."""
+
+    every: int
+    """One of so many frames has one."""
+    every_ns: int
+    """The age at which the next frame has one, ns."""
+
+
+USUAL: Final = LongHeads(16, seconds_to_ns(300.0))
+ANSWERED: Final = LongHeads(96, seconds_to_ns(300.0))
+"""Among fragments whose only receiver has answered those before."""
+IN_VAIN: Final = LongHeads(16, seconds_to_ns(20.0))
+"""Among fragments whose only receiver has not answered."""
 
 
 class Refusal(Enum):
@@ -176,9 +193,18 @@ class Seal:
             if way.destination in (address, BROADCAST):
                 sending.long_at = None
 
-    def needs_long(self, destination: int, now: int, *, port: int = 0) -> bool:
-        """Return whether the next frame needs a long head, whatever its contents."""
-        return self._needs_long(Way(self._address, destination, port), now)
+    def needs_long(
+        self, destination: int, now: int, *, port: int = 0, long_heads: LongHeads = USUAL
+    ) -> bool:
+        """Return whether the next frame needs a long head, whatever its contents.
+
+        Args:
+            destination: 1…254, or 255.
+            now: The instant.
+            port: The link or route.
+            long_heads: How far apart they may be.
+        """
+        return self._needs_long(Way(self._address, destination, port), now, long_heads)
 
     def seal(
         self,
@@ -190,6 +216,7 @@ class Seal:
         port: int = 0,
         strong: bool = False,
         long: bool = False,
+        long_heads: LongHeads = USUAL,
     ) -> bytes:
         """Make a sealed frame; it uses up its counter, even if the frame is never transmitted.
 
@@ -201,12 +228,13 @@ class Seal:
             port: The link or route.
             strong: With the long tag.
             long: With the long head.
+            long_heads: How far apart long heads may be.
 
         Raises:
             OverflowError: The seal `is_exhausted`.
         """
         way = Way(self._address, destination, port, strong)
-        is_long = strong or long or self._needs_long(way, now)
+        is_long = strong or long or self._needs_long(way, now, long_heads)
         sending = self._sending.setdefault(way, _Sending())
         counter = sending.counter
         if counter > LAST_COUNTER:
@@ -335,12 +363,12 @@ class Seal:
 
     # Below the methods above
 
-    def _needs_long(self, way: Way, now: int) -> bool:
+    def _needs_long(self, way: Way, now: int, long_heads: LongHeads) -> bool:
         sending = self._sending.get(way)
-        if sending is None or sending.long_at is None or sending.since_long >= LONG_EVERY - 1:
+        if sending is None or sending.long_at is None or sending.since_long >= long_heads.every - 1:
             return True
         is_other_key = sending.generation != self._cipher.generation
-        return is_other_key or now - sending.long_at >= _LONG_EVERY_NS
+        return is_other_key or now - sending.long_at >= long_heads.every_ns
 
     def _try(
         self, sealed: SealedFrame, way: Way, number: bytes, life: int, own_digest: bytes

@@ -358,9 +358,11 @@ class Composer:
         room_bytes = port.envelope.room_bytes - self._seal.fragment_overhead_bytes
         tells_all = self._has_others(destination) and port.reaches_all(port.envelope.room_bytes)
         for hearers in (destination, BROADCAST) if tells_all else (destination,):
-            if not self._seal.is_known(hearers, now):
+            answered = offer.is_answered if hearers != BROADCAST else None
+            if not self._seal.is_known(hearers, now, answered=answered):
                 hello = self._introductions.introduction(self._link, hearers, room_bytes, now)
-                return self._controls(port, hearers, [(Cause.HELLO, hello)], now)
+                closing = self._seal.settle(hearers, None, None, now, answered=answered)
+                return self._controls(port, hearers, [(Cause.HELLO, hello)], now, closing)
         # The last fragment of a run announces the pause to all nodes, so it goes first.
         if not port.ends_run_now(now) and self._introduces_fragment(destination, now):
             hello = self._introductions.introduction(self._link, destination, room_bytes, now)
@@ -385,7 +387,13 @@ class Composer:
             destination,
             taken.record,
             now,
-            closing=self._seal.settle(destination, None, None, now),
+            closing=self._seal.settle(
+                destination,
+                None,
+                None,
+                now,
+                answered=offer.is_answered if destination != BROADCAST else None,
+            ),
             object_stream=taken.stream_id,
             parts=[taken.part],
         )
@@ -404,12 +412,17 @@ class Composer:
         )
 
     def _controls(
-        self, port: LinkPort, destination: int, said: list[tuple[Cause, bytes]], now: int
+        self,
+        port: LinkPort,
+        destination: int,
+        said: list[tuple[Cause, bytes]],
+        now: int,
+        closing: Closing | None = None,
     ) -> Composed:
-        """Make a frame of controls."""
+        """Make a frame of controls; closed in the usual way if nothing else is given."""
         for cause, control in said:
             self._stats.attribute(NO_STREAM, cause, len(control))
-        closing = self._seal.settle(destination, None, None, now)
+        closing = closing or self._seal.settle(destination, None, None, now)
         content = b"".join(control for _, control in said)
         return self._composed(port, destination, content, now, closing=closing, needs_no_table=True)
 

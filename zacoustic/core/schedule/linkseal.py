@@ -16,7 +16,7 @@ import msgspec
 
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import Cause
-from zacoustic.core.peers.sealing import Seal
+from zacoustic.core.peers.sealing import ANSWERED, IN_VAIN, USUAL, LongHeads, Seal
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.replybudget import REPLY_SHARE
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
@@ -81,6 +81,8 @@ class Closing(msgspec.Struct, frozen=True):
     """Whether it gets the long tag."""
     long: bool = False
     """Whether it gets the long head."""
+    long_heads: LongHeads = USUAL
+    """How far apart long heads may be."""
 
 
 _OPEN: Final = Closing()
@@ -105,6 +107,7 @@ class Unsealed:
         now: int,
         *,
         introduces: bool = False,
+        answered: bool | None = None,
     ) -> Closing:
         """Decide how the next frame will be closed.
 
@@ -114,6 +117,7 @@ class Unsealed:
             priority: The priority of that payload.
             now: The instant.
             introduces: It introduces this node's table to nodes that may not be in step.
+            answered: Its only hearer has answered the fragments before, or was asked in vain.
         """
         return _OPEN
 
@@ -125,8 +129,14 @@ class Unsealed:
         """Return whether a record is refused from a frame with a tag of this length."""
         return False
 
-    def is_known(self, destination: int, now: int) -> bool:
-        """Return whether a fragment may go: each of its hearers can be in step."""
+    def is_known(self, destination: int, now: int, *, answered: bool | None = None) -> bool:
+        """Return whether a fragment may go: each of its hearers can be in step.
+
+        Args:
+            destination: Address, or `BROADCAST`.
+            now: The instant.
+            answered: Its only hearer has answered the fragments before, or was asked in vain.
+        """
         return True
 
     def close(
@@ -194,15 +204,16 @@ class LinkSeal(Unsealed):
         now: int,
         *,
         introduces: bool = False,
+        answered: bool | None = None,
     ) -> Closing:
         """Decide how the next frame will be closed; see `Unsealed.settle`."""
         if first is not None and self._is_strong(first):
             return Closing(LONG_HEAD_BYTES + STRONG_TAG_BYTES, strong=True, long=True)
         is_pressing = introduces or priority is Priority.REAL_TIME
         is_pressing |= first is not None and first.cause is Cause.REPEAT
-        if is_pressing or self._seal.needs_long(destination, now, port=self._port):
+        if is_pressing or not self.is_known(destination, now, answered=answered):
             return Closing(LONG_HEAD_BYTES + TAG_BYTES, long=True)
-        return Closing(SHORT_HEAD_BYTES + TAG_BYTES)
+        return Closing(SHORT_HEAD_BYTES + TAG_BYTES, long_heads=_long_heads(answered))
 
     def admits(self, item: Waiting, closing: Closing) -> bool:
         """Return whether a payload may be in a frame with this closing."""
@@ -212,9 +223,10 @@ class LinkSeal(Unsealed):
         """Return whether a record is refused from a frame with a tag of this length."""
         return not strong and self._kind(stream) in self._rules.strong
 
-    def is_known(self, destination: int, now: int) -> bool:
-        """Return whether a fragment may go: each of its hearers can be in step."""
-        return not self._seal.needs_long(destination, now, port=self._port)
+    def is_known(self, destination: int, now: int, *, answered: bool | None = None) -> bool:
+        """Return whether a fragment may go; see `Unsealed.is_known`."""
+        heads = _long_heads(answered)
+        return not self._seal.needs_long(destination, now, port=self._port, long_heads=heads)
 
     def close(
         self,
@@ -242,6 +254,7 @@ class LinkSeal(Unsealed):
             port=self._port,
             strong=closing.strong,
             long=closing.long,
+            long_heads=closing.long_heads,
         )
 
     # Below the methods above
@@ -262,3 +275,9 @@ class LinkSeal(Unsealed):
         if isinstance(stream.spec, ServiceSpec):
             return "commands" if stream.is_built_in else "services"
         return "topics"
+
+
+def _long_heads(answered: bool | None) -> LongHeads:
+    if answered is None:
+        return USUAL
+    return ANSWERED if answered else IN_VAIN

@@ -3,12 +3,14 @@
 Publishing decides nothing: a payload waits in a *lane* (one per key of a topic, one per stream of
 calls, direction and peer) and is chosen when the link is ready. Lanes are first in, first out,
 bounded by the stream's depth, and drop payloads older than their lifespan. Between lanes the rank
-of `zacoustic.core.base.qos` decides: REAL_TIME first, then the smallest sum of queueing instant and
-patience of the priority.
+of `zacoustic.core.base.qos` decides: REAL_TIME first, then the smallest sum of the instant since
+which a lane waits and the patience of the priority. A payload that displaces an older one waits
+since then too; otherwise a topic would be the later, the more often it is published.
 
 A payload is *due* when it is by itself a reason to send a frame: its linger is over and its lane's
 minimum interval has passed. A payload that only lingers may join a frame that goes anyway; one
-whose minimum interval has not passed may not. An override of a topic (`Override`) replaces parts of
+whose minimum interval has not passed may not, unless it is a repetition: what the interval thins is
+what is new. An override of a topic (`Override`) replaces parts of
 the QoS of its lanes; a lane that is off waits, and is no reason for a frame.
 
 Memory is bounded by the table: lanes by keys, nodes and streams, each lane by its depth.
@@ -170,6 +172,7 @@ class Lane:
         "patience_ns",
         "qos",
         "taken_at",
+        "waits_since",
     )
 
     def __init__(self, key: LaneKey, qos: Qos, override: Override) -> None:
@@ -180,7 +183,10 @@ class Lane:
         self.held_until = 0
         """Instant before which nothing of it goes, ns."""
         self.taken_at: int | None = None
-        """Instant at which a payload went last, ns."""
+        """Instant at which a payload went last that was no repetition, ns."""
+        self.waits_since = 0
+        """Instant since which its turn has not come, ns: a newer payload takes over the place of
+        the one that it displaces, or a topic that is published often would never go."""
         self._unchanged = qos
         self.override(override)
 
@@ -198,19 +204,49 @@ class Lane:
     @property
     def next_at(self) -> int:
         """The instant from which the first payload may go, ns."""
-        if self.taken_at is None:
+        if self.taken_at is None or self.items[0].cause is Cause.REPEAT:
             return self.held_until
         return max(self.held_until, self.taken_at + self._min_interval_ns)
 
     @property
     def rank(self) -> int:
         """The rank of the first payload: the smaller, the sooner."""
-        return self.items[0].queued_at + self.patience_ns
+        return self.waits_since + self.patience_ns
 
     @property
     def due_at(self) -> int:
         """The instant at which the first payload is a reason to send, ns."""
-        return max(self.items[0].queued_at + self.linger_ns, self.next_at)
+        return max(self.waits_since + self.linger_ns, self.next_at)
+
+    def add(self, item: Waiting) -> None:
+        """Add a payload; a repetition goes before what waits for the minimum interval."""
+        if not self.items:
+            self.waits_since = item.queued_at
+        if self._min_interval_ns and item.cause is Cause.REPEAT:
+            before = sum(each.cause is Cause.REPEAT for each in self.items)
+            self.items.insert(before, item)
+        else:
+            self.items.append(item)
+
+    def take(self, now: int) -> Waiting:
+        """Remove the first payload for transmission."""
+        item = self.items.popleft()
+        if item.cause is not Cause.REPEAT:
+            self.taken_at = now
+        self._go_on()
+        return item
+
+    def remove(self, item: Waiting) -> None:
+        """Remove a payload that must not go any more."""
+        is_first = item is self.items[0]
+        self.items.remove(item)
+        if is_first:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Let the next payload wait for itself."""
+        if self.items:
+            self.waits_since = self.items[0].queued_at
 
 
 class TransmitQueue:
@@ -297,7 +333,7 @@ class TransmitQueue:
             lane = self._lanes[key] = Lane(key, qos, self._overrides.get(key[:2], NO_OVERRIDE))
             lane.held_until = self._held.get(key[0], 0)
         self._busy[key] = lane
-        lane.items.append(item)
+        lane.add(item)
         lane.destination = item.destination
         if item.is_reply:
             lane.held_until = max(lane.held_until, self._replies_held.get(item.destination, 0))
@@ -339,7 +375,7 @@ class TransmitQueue:
         found = next((item for item in lane.items if item.head == head), None)
         if found is None:
             return False
-        lane.items.remove(found)
+        lane.remove(found)
         self._settle(lane)
         return True
 
@@ -352,7 +388,7 @@ class TransmitQueue:
         """Remove one payload if it waits."""
         lane = self._busy.get(key)
         if lane is not None and item in lane.items:
-            lane.items.remove(item)
+            lane.remove(item)
             self._settle(lane)
 
     def replace(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
@@ -441,8 +477,7 @@ class TransmitQueue:
 
     def take(self, lane: Lane, now: int) -> Waiting:
         """Remove the first payload of a lane for transmission."""
-        item = lane.items.popleft()
-        lane.taken_at = now
+        item = lane.take(now)
         self._settle(lane)
         return item
 

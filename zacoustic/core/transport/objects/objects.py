@@ -312,6 +312,7 @@ class Objects:
         return Offer(
             destination=self._outgoing.next_destination(sending, now),
             is_fragment=True,
+            is_answered=sending.outgoing.is_answered,
             ignores_hold=True,
             rank=max(sending.outgoing.due_at, self._last_fragment_at) + patience_ns,
         )

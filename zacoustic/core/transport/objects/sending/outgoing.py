@@ -262,6 +262,19 @@ class OutgoingObject:
         return unanswered
 
     @property
+    def is_answered(self) -> bool | None:
+        """Whether the only receiver left has answered the last request.
+
+        None if it was not asked, or if there are more.
+        """
+        waiting = self.waiting
+        if len(waiting) != 1:
+            return None
+        if self.views[waiting[0]].unanswered:
+            return False
+        return True if self._is_answered else None
+
+    @property
     def destination(self) -> int:
         """Address of its frames: that of the only receiver left, so that no other one answers."""
         waiting = [each for each, view in self.views.items() if not view.is_finished]
