@@ -73,7 +73,7 @@ class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
         if self.arrived < LEAST_WENT:
             return (
                 f"{1 - self.arrived:.0%} of it never arrives although it is repeated: pushed out, "
-                "too old, or held by min_interval_s, before it was acknowledged"
+                "or too old, before it was acknowledged"
             )
         if self.went < LEAST_WENT:
             return f"{1 - self.went:.0%} of it never goes: pushed out, or too old before its turn"
