@@ -60,7 +60,7 @@ def changes_that_fit(
     Args:
         fleet: The fleet that does not fit.
         streams: Its streams, the largest first.
-        seed: Seed of the model.
+        seed: Seed of all draws, from 1.
         progress: Called with the done share, 0…1.
     """
     found: list[Change] = []

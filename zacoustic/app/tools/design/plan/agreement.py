@@ -34,7 +34,7 @@ def agreement_of(fleet: Fleet, seed: int) -> AgreementPlan | None:
 
     Args:
         fleet: The fleet.
-        seed: Seed of the model.
+        seed: Seed of all draws, from 1.
     """
     if len(fleet.tables) < 2:
         return None

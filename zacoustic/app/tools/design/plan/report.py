@@ -154,7 +154,7 @@ def plan(
         hours: Simulated time, h, above 0; None: `DEFAULT_HOURS`, or less if the number of frames
             makes that slow.
         transmit_w: Power of the modem while it transmits, W; None: from its source level.
-        seed: Seed of the model.
+        seed: Seed of all draws, from 1.
         schedule: Settings of the schedule to make; None: make none.
         progress: Called with the done share, 0…1.
 

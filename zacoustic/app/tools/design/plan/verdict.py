@@ -110,7 +110,7 @@ def walk(
     Args:
         fleet: The fleet.
         until_s: Time, s.
-        seed: Seed of the model.
+        seed: Seed of all draws, from 1.
         most_arrivals: Stop some seconds after that many frames have arrived, each counted at each
             node: with many nodes a walk is slow.
         progress: Called with the done share, 0…1.

@@ -94,7 +94,7 @@ class Walk(Checker):
         tables: The table of each node.
         rules: The config's rules of transmission, by node.
         offers: The offered traffic.
-        seed: Seed of all draws.
+        seed: Seed of all draws, from 1.
         security: The seal of each node that has one.
         members: Nodes represented by each node, itself included; none: each represents itself.
     """
@@ -124,6 +124,8 @@ class Walk(Checker):
         rules = {
             address: msgspec.structs.replace(each, quiet=()) for address, each in rules.items()
         }
+        # The first seed is the scenario's own.
+        scenario = msgspec.structs.replace(scenario, seed=scenario.seed + seed - 1)
         self._run = FleetRun(
             scenario, tables, rules, self, security=security, trace=self._traced, digest=False
         )
