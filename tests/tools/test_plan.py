@@ -131,7 +131,7 @@ def test_some_nodes_of_a_large_fleet_speak_for_the_equal_ones(
     tmp_path: Path, sized: Callable[..., int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     count = sized(48, share=36)
-    monkeypatch.setattr(report, "agreement_of", lambda fleet, seed: None)
+    monkeypatch.setattr(report, "agreement_of", lambda *arguments: None)
     path = large_fleet(tmp_path, count)
     sampled = plan(path, hours=0.5)
     # The same fleet at the same instants, walked whole.

@@ -16,6 +16,7 @@ from zacoustic.app.tools.design.plan.tables import Respecify, respecified
 from zacoustic.app.tools.design.plan.verdict import (
     MOST_TRIED_ARRIVALS,
     StreamFound,
+    Verdict,
     streams_of,
     verdict_of,
     walk,
@@ -30,7 +31,7 @@ from zacoustic.errors import ConfigError
 _TRIED_PERIODS: Final = 20.0
 _LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
 """Length of a trial, s: a number of periods of the rarest traffic, within these limits."""
-_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 8_000, 16_000
+_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 6_000, 16_000
 """Most arriving frames in all trials, once a change fits, and before that: some seconds."""
 _SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
 _MOST_STREAMS: Final = 2
@@ -52,6 +53,7 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
 def changes_that_fit(
     fleet: Fleet,
     streams: Sequence[StreamFound],
+    verdict: Verdict,
     seed: int,
     progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[Change, ...]:
@@ -60,12 +62,15 @@ def changes_that_fit(
     Args:
         fleet: The fleet that does not fit.
         streams: Its streams, the largest first.
+        verdict: What does not fit.
         seed: Seed of all draws, from 1.
         progress: Called with the done share, 0…1.
     """
     found: list[Change] = []
     arrivals = 0
-    for attempts in _ladders(fleet, streams):
+    # Where agreement alone is too much, no other change helps.
+    ladders = [_tagged(fleet)] if verdict.agreement > 1 else _ladders(fleet, streams)
+    for attempts in ladders:
         for what, changed in attempts:
             most = _ENOUGH_ARRIVALS if found else _MOST_ARRIVALS
             progress(min(1.0, arrivals / most))
@@ -73,9 +78,9 @@ def changes_that_fit(
                 return tuple(found)
             result = _try(changed, seed)
             arrivals += result.arrivals
-            verdict = verdict_of(changed, streams_of(changed, result), result)
-            if verdict.fits:
-                found.append(Change(what=what, demand=verdict.demand))
+            then = verdict_of(changed, streams_of(changed, result), result)
+            if then.fits:
+                found.append(Change(what=what, demand=then.demand))
                 break
         if len(found) >= _MOST_CHANGES:
             break

@@ -176,13 +176,14 @@ def plan(
     profile = profile_named(fleet.scenario.profile)
     power_w = transmit_power_w(profile) if transmit_w is None else transmit_w
     airtime_s = sum(found.airtime_s.values())
-    agreement = agreement_of(fleet, seed)
+    agreement = agreement_of(fleet, found, seed)
     progress(_COMPARED)
     changes: tuple[Change, ...] = ()
     if not verdict.fits:
         changes = changes_that_fit(
-            fleet, streams, seed, lambda share: progress(_COMPARED + (1 - _COMPARED) * share)
-        )
+            fleet, streams, verdict, seed,
+            lambda share: progress(_COMPARED + (1 - _COMPARED) * share),
+        )  # fmt: skip
     return PlanReport(
         file=str(path),
         profile=profile.name,

@@ -91,6 +91,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the time that all traffic takes if all is transmitted; may be above 1."""
     misfits: tuple[str, ...]
     """What does not fit, the worst first."""
+    agreement: float
+    """Share of the time that agreement on tables takes; may be above 1."""
 
     @property
     def fits(self) -> bool:
@@ -183,7 +185,7 @@ def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found) -> Verdic
         misfits.insert(
             0, f"{first.stream.name} alone takes {first.demand_s / until_s:.0%} of the time"
         )
-    return Verdict(demand=demand, misfits=tuple(misfits))
+    return Verdict(demand=demand, misfits=tuple(misfits), agreement=agreement)
 
 
 def _reason(error: LocalError | None, refusal: Refused | None) -> str:

@@ -32,6 +32,10 @@ from zacoustic.errors import LocalError
 from zacoustic.seal.spec import SecuritySpec
 from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
 
+FIRST_S: Final = 3600.0
+"""The longest beginning of a walk, in which nodes agree on their tables, s."""
+FIRST_ARRIVALS: Final = 2_000
+"""The most arrivals in it."""
 _STRIDE_S: Final = 5.0
 _PARTS: Final = 10
 """Equal parts of a walk, whose scatter tells how sure its result is."""
@@ -61,6 +65,10 @@ class Found:
         """Airtime by stream, s; 0: no stream."""
         self.agreement_s = 0.0
         """Airtime of HELLO, TAG, CONFIRM and what follows from differences, s."""
+        self.first_s = 0.0
+        """Length of its beginning, s: at most `FIRST_S`, less with many frames."""
+        self.first_agreement = 0.0
+        """Share of the agreement's bytes in all bytes of the beginning, 0…1."""
         self.walked_s = 0.0
         """Modelled time, s."""
         self.confidence_s = 0.0
@@ -155,6 +163,8 @@ class Walk(Checker):
             course.append(sum(found.airtime_s.values()))
             frames = sum(stats.frames_transmitted for stats in network.stats())
             found.arrivals = frames * len(network.addresses)
+            if not found.first_s:
+                self._end_beginning(is_over=found.walked_s >= until_s)
             if progress is not None:
                 share = found.arrivals / most_arrivals if most_arrivals else 0.0
                 progress(min(1.0, max(share, found.walked_s / until_s)))
@@ -165,6 +175,12 @@ class Walk(Checker):
         self._count_first_transmissions()
         found.confidence_s = _confidence_of(course)
         return found
+
+    def _end_beginning(self, *, is_over: bool) -> None:
+        found = self.found
+        if is_over or found.walked_s >= FIRST_S or found.arrivals >= FIRST_ARRIVALS:
+            found.first_s = found.walked_s
+            found.first_agreement = found.agreement_bytes / max(1.0, found.transmitted_bytes)
 
     def _add_links(self, address: int) -> None:
         assert self._run is not None
