@@ -1,16 +1,19 @@
 """Who waits for a verb sees that it is at work, on a terminal and nowhere else."""
 
+import io
 import json
 import os
 import pty
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
 from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main
+from zacoustic.app.cli.support import atwork
 
 SLOW = (sys.executable, "-m", "zacoustic", "topic", "list", "--connect", "tcp/127.0.0.1:1")
 """It looks for a router for three seconds."""
@@ -37,6 +40,25 @@ def test_a_verb_of_more_than_two_seconds_says_that_it_is_at_work() -> None:
     assert any(part.startswith("zacoustic topic list: at work for ") for part in shown)
     # The last of it is taken away before what it ends with.
     assert shown[-1].startswith("zacoustic topic list: no Zenoh router")
+
+
+def test_a_verb_that_knows_how_far_it_is_shows_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    half = threading.Event()
+
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+        def write(self, text: str) -> int:
+            if "a verb: [==========          ]  50%, at work for " in text:
+                half.set()
+            return super().write(text)
+
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr(atwork, "_SILENT_S", 0.0)
+    with atwork.AtWork().begin("a verb") as work:
+        work.show(0.5)
+        assert half.wait(20)
 
 
 def test_what_is_no_terminal_gets_the_result_only() -> None:

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from tests.pages.blocks import files_of
+from tests.pages.blocks import ROOT, files_of
 from tests.tools.planned import ALLOWED, CASES, HOURS, Case, compare
 from zacoustic.app.cli import main
-from zacoustic.app.tools.design.plan import report
+from zacoustic.app.tools.design.plan import report, sampling
 from zacoustic.app.tools.design.plan.fleet import AssumedChannel
 from zacoustic.app.tools.design.plan.report import plan, transmit_power_w
 from zacoustic.app.tools.design.plan.verdict import MOST_ARRIVALS
@@ -128,34 +128,26 @@ def large_fleet(folder: Path, count: int, **more: object) -> Path:
 
 
 def test_some_nodes_of_a_large_fleet_speak_for_the_equal_ones(
-    tmp_path: Path, sized: Callable[..., int]
+    tmp_path: Path, sized: Callable[..., int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    count = sized(48, share=40)
-    sampled = plan(large_fleet(tmp_path, count), hours=0.25)
-    # The same channel as a scenario, which has places of its own for all nodes: walked whole.
-    nodes = [
-        {"address": each, "position": [0 if each == 1 else 1000, 0, 10]}
-        for each in range(1, count + 1)
-    ]
-    traffic: list[dict[str, Any]] = [
-        {"node": each, "topic": f"n{each}/report", "every_s": 300, "value": {"on": True}}
-        for each in range(1, count + 1)
-    ]
-    traffic.append({"node": 1, "topic": "stop", "every_s": 600, "value": {"on": True}})
-    path = tmp_path / "water.json5"
-    scenario = {"config": "fleet.json5", "nodes": nodes, "traffic": traffic}
-    path.write_text(json.dumps(scenario), encoding="utf-8")
-    whole = plan(path, hours=0.25)
+    count = sized(48, share=36)
+    monkeypatch.setattr(report, "agreement_of", lambda *arguments: None)
+    path = large_fleet(tmp_path, count)
+    sampled = plan(path, hours=0.5)
+    # The same fleet at the same instants, walked whole.
+    monkeypatch.setattr(sampling, "MOST_WALKED", count)
+    whole = plan(path, hours=0.5)
 
     assert any(f"20 of {count} nodes were walked" in each for each in sampled.notes)
     assert not any("walked" in each for each in whole.notes)
     assert [each.address for each in sampled.nodes] == list(range(1, count + 1))
     by_id = {each.stream_id: each for each in whole.streams}
-    for stream, allowed in ((1, 0.1), (2, 0.4)):
+    for stream, allowed in ((1, 0.1), (2, 0.25)):
         one = next(each for each in sampled.streams if each.stream_id == stream)
         assert one.went == by_id[stream].went == 1.0
         airtime_s = by_id[stream].airtime_s_per_h / by_id[stream].per_h
         assert one.airtime_s_per_h / one.per_h == pytest.approx(airtime_s, rel=allowed)
+    assert sampled.utilisation == pytest.approx(whole.utilisation, rel=0.1)
     assert sampled.fits == whole.fits
 
 
@@ -167,7 +159,7 @@ def test_a_node_with_settings_of_its_own_is_not_spoken_for(tmp_path: Path) -> No
     airtime = {each.address: each.utilisation for each in plan(path, hours=0.25).nodes}
     del airtime[1]  # it commands the others
     assert max(airtime, key=lambda each: airtime[each]) == 42
-    assert airtime[42] > 3 * airtime[43]
+    assert airtime[42] > 2.5 * airtime[43]
 
 
 def test_a_table_of_many_nodes_is_planned_in_a_page(
@@ -197,7 +189,7 @@ def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
     )
     found = plan(path, hours=0.1)
     assert not found.fits
-    assert found.demand > 1 > found.utilisation
+    assert 1 > found.demand > found.utilisation  # the pauses between frames are not in it
     assert found.streams[0].name == "status"
     assert "status alone takes" in found.misfits[0]
     assert any(change.what.startswith("status: min_interval_s: ") for change in found.changes)
@@ -258,15 +250,32 @@ def test_a_config_says_how_often_by_its_intervals(tmp_path: Path) -> None:
 
 
 def test_loss_costs_what_is_reliable(tmp_path: Path) -> None:
-    path = fleet(
-        tmp_path,
-        {"id": 10, "topic": "orders", "type": "Nav", "publishers": [1], "subscribers": [2],
-         "reliability": "reliable", "depth": 2, "min_interval_s": 30},
-    )  # fmt: skip
-    calm, rough = (plan(path, channel=AssumedChannel(loss=loss), hours=2) for loss in (0.0, 0.3))
+    orders = {"id": 10, "topic": "orders", "publishers": [1], "subscribers": [2],
+              "reliability": "reliable", "depth": 2}  # fmt: skip
+    fleet(tmp_path, orders)
+    said = {"node": 1, "topic": "orders", "every_s": 30, "size_bytes": 12}
+    calm, rough = (
+        plan(channel(tmp_path, said, loss={"frame": loss}), hours=2) for loss in (0.0, 0.3)
+    )
     # Sample and answer again until both have arrived: 1 / 0.7² samples, 1 / 0.7 answers.
     assert rough.utilisation / calm.utilisation == pytest.approx(1.85, rel=0.15)
     assert rough.fits
+
+
+def test_a_minimum_interval_as_long_as_the_period_leaves_room_for_repetitions(
+    tmp_path: Path,
+) -> None:
+    orders = {"id": 10, "topic": "orders", "type": "Nav", "publishers": [1], "subscribers": [2],
+              "reliability": "reliable", "min_interval_s": 30}  # fmt: skip
+    found = plan(fleet(tmp_path, {**orders, "depth": 8}), channel=AssumedChannel(loss=0.3), hours=2)
+    assert found.fits
+    # With nobody who hears it, each sample is pushed out by the next one.
+    unheard = {"from": 1, "to": 2, "loss": {"frame": 0.97}}
+    fleet(tmp_path, {**orders, "depth": 1, "min_interval_s": 0})
+    said = {"node": 1, "topic": "orders", "every_s": 5, "value": {"lat": 54, "depth": 3}}
+    lost = plan(channel(tmp_path, said, links=[unheard]), hours=0.5)
+    assert not lost.fits
+    assert "never arrives although it is repeated" in lost.streams[0].misfit
 
 
 def test_a_recording_says_how_often_and_how_large(tmp_path: Path) -> None:
@@ -337,7 +346,16 @@ def test_the_example_of_the_page_is_as_the_page_says(
     told = capsys.readouterr().out
     assert "auv1/status alone takes" in told
     assert 'it would fit with: auv1/status: codec: "packed"' in told
-    assert "it would fit with: auv1/status: min_interval_s: 0.9 " in told
+    assert "it would fit with: auv1/status: min_interval_s: 0.825 " in told
+    # Line by line what the page shows, but for figures: here it is simulated for less long.
+    page = (ROOT / "docs/plan.md").read_text(encoding="utf-8")
+    (shown,) = (each for each in page.split("```\n") if each.startswith("id  stream"))
+    assert _without_figures(told, tmp_path) == _without_figures(shown, tmp_path)
+
+
+def _without_figures(text: str, folder: Path) -> list[str]:
+    lines = text.replace(f"{folder}/", "").strip().splitlines()
+    return [" ".join(re.sub(r"\d+(\.\d+)?", "#", each).split()) for each in lines]
 
 
 @pytest.mark.parametrize("size_bytes", [400, 9000])
@@ -347,9 +365,9 @@ def test_what_fits_no_frame_does_not_fit_and_the_key_that_mends_it_is_named(
     def write(**extra: object) -> Path:
         fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], **extra})
         said = {"node": 2, "topic": "log", "every_s": 3600, "size_bytes": size_bytes}
-        return channel(
-            tmp_path, said, {"node": 2, "topic": "log", "every_s": 600, "size_bytes": 20}
-        )
+        # At another instant: of two at once, the depth of 1 keeps the newer one.
+        small = {"node": 2, "topic": "log", "every_s": 600, "first_s": 300, "size_bytes": 20}
+        return channel(tmp_path, said, small)
 
     found = plan(write(), hours=4)
     assert not found.fits

@@ -15,14 +15,15 @@ A scenario is parsed elsewhere (JSON5) into a plain mapping, and becomes a `Scen
                 crashes: [ { node: 2, at_s: [700, 2000], restart_after_s: 20 } ] } }
 
 `channel` is the channel model (`sea`). `loss` drops frames in addition and independently: with
-``channel: "none"`` only `loss` does. A direction in `links` has its own loss or level. `faults`
-contains all other faults.
+``channel: "none"`` only `loss` does. A direction in `links` has its own loss or level. `media` has
+the channels of further links of the nodes. `faults` contains all other faults.
 
 A typo is an error that names the key. Each record checks itself when it is made, also from Python;
 every message begins with the key and names the value and the allowed values.
 """
 
 import itertools
+import random
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal, get_args
@@ -134,6 +135,27 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return Motion(self.track)
 
 
+class MediumSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The channel of a further link: what differs from that of the first one."""
+
+    link: str
+    """Name of the link in the config."""
+    profile: str | None = None
+    """Modem of all nodes; None: as on the first link."""
+    channel: ChannelName | None = None
+    """The channel model; None: that of the scenario."""
+    collisions: CollisionRule | None = None
+    """Effect of an overlap; None: that of the scenario."""
+    delay_s: float | None = None
+    """One propagation delay between all nodes, s, 0…60; None: that of the scenario."""
+    loss: LossSpec = LossSpec()
+    """Frames lost in addition to those that the channel loses."""
+    links: tuple[LinkSpec, ...] = ()
+    """Directions with a loss or a level of their own."""
+    blackouts: tuple[BlackoutSpec, ...] = ()
+    """When nothing passes, such as a radio while a vehicle dives."""
+
+
 class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The channel and its nodes."""
 
@@ -162,6 +184,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Frames lost in addition to those that the channel loses."""
     links: tuple[LinkSpec, ...] = ()
     """Directions with a loss or a level of their own."""
+    media: tuple[MediumSpec, ...] = ()
+    """The channels of further links; a link without one has the scenario's, for itself."""
     faults: FaultSpec = FaultSpec()
     """All other faults; a medium applies those of frames and blackouts, `zacoustic sim` all."""
     config: str = ""
@@ -192,6 +216,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             )
         self._check_nodes()
         self._check_links()
+        self._check_media()
         addresses = {node.address for node in self.nodes}
         for key, address in self.faults.nodes():
             if address not in addresses:
@@ -231,6 +256,27 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         )
         return farthest_m / self.sound_speed_m_s
 
+    def medium_of(self, link: str) -> "Scenario":
+        """Return the scenario of a further link: the same nodes at the same places."""
+        spec = next((each for each in self.media if each.link == link), MediumSpec(link=link))
+        nodes = self.nodes
+        if spec.profile is not None:
+            nodes = tuple(msgspec.structs.replace(each, profile=None) for each in nodes)
+        return msgspec.structs.replace(
+            self,
+            nodes=nodes,
+            seed=random.Random(f"{self.seed}/{link}").getrandbits(32),
+            profile=spec.profile or self.profile,
+            channel=spec.channel or self.channel,
+            recorded=None if spec.channel is not None else self.recorded,
+            collisions=spec.collisions or self.collisions,
+            delay_s=self.delay_s if spec.delay_s is None else spec.delay_s,
+            loss=spec.loss,
+            links=spec.links,
+            media=(),
+            faults=msgspec.structs.replace(self.faults, blackouts=spec.blackouts),
+        )
+
     def profile_of(self, node: NodeSpec) -> str:
         """Return the name of a node's profile: its own, or the scenario's."""
         return node.profile or self.profile
@@ -246,6 +292,21 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                     f"nodes[{index}].address is {node.address}; "
                     f"allowed: an address that nodes[{first}] does not have"
                 )
+
+    def _check_media(self) -> None:
+        seen: set[str] = set()
+        for index, medium in enumerate(self.media):
+            if not medium.link or medium.link in seen:
+                raise ValueError(
+                    f"media[{index}].link is {medium.link!r}; allowed: a link, each once"
+                )
+            seen.add(medium.link)
+            try:
+                self.medium_of(medium.link)
+            except ConfigError as error:
+                raise ValueError(f"media[{index}]: {error.args[0]}") from error
+            except ValueError as error:
+                raise ValueError(f"media[{index}].{error.args[0]}") from error
 
     def _check_links(self) -> None:
         addresses = {node.address for node in self.nodes}
@@ -301,6 +362,11 @@ _RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "links[].loss": LossSpec,
     "loss": LossSpec,
     "recorded": RecordedSpec,
+    "media[]": MediumSpec,
+    "media[].loss": LossSpec,
+    "media[].links[]": LinkSpec,
+    "media[].links[].loss": LossSpec,
+    "media[].blackouts[]": BlackoutSpec,
     "faults": FaultSpec,
     "faults.blackouts[]": BlackoutSpec,
     "faults.unplugged[]": SpanSpec,
@@ -314,6 +380,8 @@ _RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
 _CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "channel": get_args(ChannelName),
     "collisions": get_args(CollisionRule),
+    "media[].channel": get_args(ChannelName),
+    "media[].collisions": get_args(CollisionRule),
     "traffic[].pattern": get_args(Pattern),
 }
 

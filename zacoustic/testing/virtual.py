@@ -73,6 +73,7 @@ class VirtualNetwork:
         scenario: The channel, the nodes and the faults.
         table: The stream table of all nodes, or one for each address.
         modem: Features of the modems.
+        link: Name of the link of this medium; None: the first link of each node.
         seed: Replaces the seed of the scenario.
         deliver: Receives each event; None: `events` keeps them.
         trace: Receives each trace record.
@@ -93,6 +94,7 @@ class VirtualNetwork:
         table: StreamTable | Mapping[int, StreamTable],
         *,
         modem: Modem | None = None,
+        link: str | None = None,
         seed: int | None = None,
         deliver: Deliver | None = None,
         trace: Callable[[TraceRecord], None] | None = None,
@@ -111,7 +113,7 @@ class VirtualNetwork:
         medium = Medium(scenario)
         self._nodes: dict[int, VirtualNode] = {}
         self._medium = VirtualModems(
-            self._agenda, medium, modem or Modem(), None, disturb, self._service
+            self._agenda, medium, modem or Modem(), link, disturb, self._service
         )
         self._media = [self._medium]
         self._beside: dict[str, VirtualModems] = {}
@@ -133,7 +135,8 @@ class VirtualNetwork:
                 clock=NodeClock(clocks.get(address)),
                 rng=random.Random(f"{scenario.seed}/crash/{address}"),
             )
-            self._medium.add(self._nodes[address])
+            if link is None or self._has(address, link):
+                self._medium.add(self._nodes[address])
         for address in self._nodes:
             self.start(address)
         schedule_faults(self, scenario)
@@ -222,7 +225,8 @@ class VirtualNetwork:
 
     def capabilities(self, address: int, link: str | None = None) -> LinkCapabilities:
         """Return the capabilities of a node's modem, by default of its first link."""
-        return self._on(link).capabilities(address)
+        medium = self._media_of(address)[0] if link is None else self._on(link)
+        return medium.capabilities(address)
 
     def stats(self) -> Iterator[EngineStats]:
         """Yield the statistics of all engines, former boot epochs included."""
@@ -272,7 +276,7 @@ class VirtualNetwork:
         self._beside[link] = medium
         self._media.append(medium)
         for node in self._nodes.values():
-            if link not in (each.name for each in self._rules_of(node.address).of_links):
+            if not self._has(node.address, link):
                 continue
             medium.add(node)
             if node.engine is not None:
@@ -325,6 +329,9 @@ class VirtualNetwork:
         rules = self._rules
         return rules if isinstance(rules, TransmitRules) else rules.get(address, _FREE)
 
+    def _has(self, address: int, link: str) -> bool:
+        return any(each.name == link for each in self._rules_of(address).of_links)
+
     def set_table(self, address: int, table: StreamTable) -> None:
         """Give a node another table for its next start."""
         self._nodes[address].table = table
@@ -338,7 +345,8 @@ class VirtualNetwork:
 
     def set_link(self, address: int, *, up: bool, link: str | None = None) -> None:
         """Unplug or plug in the modem of a node, by default that of its first link."""
-        node, medium = self._nodes[address], self._on(link)
+        node = self._nodes[address]
+        medium = self._media_of(address)[0] if link is None else self._on(link)
         medium.stations[address].is_up = up
         if node.engine is None:
             return

@@ -5,6 +5,7 @@ import math
 from typing import TYPE_CHECKING
 
 from zacoustic.app.cli.support.arguments import add_json, add_load
+from zacoustic.app.cli.support.atwork import AT_WORK
 from zacoustic.app.cli.support.printing import print_result
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class PlanCommand(Command):
-    """Computes with a model of the traffic, in seconds."""
+    """Runs the engines with the traffic in virtual time, for some seconds."""
 
     name = "plan"
     summary = "airtime, latency and energy of the traffic; what would make it fit"
@@ -29,6 +30,10 @@ class PlanCommand(Command):
             parser, recording="take sizes and rates from this recording", profile=", of a config"
         )
         parser.add_argument(
+            "--link-profile", action="append", default=[], metavar="LINK=NAME",
+            help="modem of another link of a config than its first; may be given again",
+        )  # fmt: skip
+        parser.add_argument(
             "--range", type=float, metavar="M", help="distance of the nodes of a config, m (1000)"
         )
         parser.add_argument(
@@ -39,7 +44,7 @@ class PlanCommand(Command):
             "--hours",
             type=float,
             metavar="H",
-            help="how long the model goes, h (4, or less)",
+            help="how long to simulate, h (4, or less)",
         )
         parser.add_argument(
             "--transmit-w", type=float, metavar="W",
@@ -104,12 +109,23 @@ class PlanCommand(Command):
         )
         if arguments.profile is not None:
             channel = msgspec.structs.replace(channel, profile=arguments.profile)
+        channel = msgspec.structs.replace(channel, others=_profiles(arguments.link_profile))
         report = plan(
             arguments.file, channel=channel, recordings=arguments.recording, hours=hours,
-            transmit_w=transmit_w, schedule=_schedule_options(arguments),
+            transmit_w=transmit_w, schedule=_schedule_options(arguments), progress=AT_WORK.show,
         )  # fmt: skip
         print_result(report, as_text, as_json=arguments.json)
         return EXIT_OK if report.fits else EXIT_FAILED
+
+
+def _profiles(given: list[str]) -> dict[str, str]:
+    found = {}
+    for each in given:
+        link, is_pair, profile = each.partition("=")
+        if not (link and is_pair and profile):
+            raise ConfigError(f"--link-profile {each}; allowed: LINK=NAME, such as radio=ideal")
+        found[link] = profile
+    return found
 
 
 def _schedule_options(arguments: argparse.Namespace) -> "ScheduleOptions | None":

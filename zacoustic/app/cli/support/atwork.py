@@ -1,4 +1,4 @@
-"""A line on the terminal that shows a verb's running time, from its third second to its output."""
+"""A line on the terminal that shows how far a verb is, from its third second to its output."""
 
 import sys
 import threading
@@ -8,23 +8,26 @@ from typing import Final, Self
 
 _SILENT_S: Final = 2.0
 _EVERY_S: Final = 0.5
+_BAR: Final = 20
+"""Width of the bar, characters."""
 _ERASE: Final = "\r\x1b[K"
 
 
 class AtWork:
-    """Shows the running time of a verb; a context manager, active only on a terminal.
+    """Shows how far a verb is, and its running time; a context manager, active on a terminal.
 
     All printing calls `end` first, which removes the line for good.
     """
 
     def __init__(self) -> None:
         self._program = ""
+        self._share: float | None = None
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
     def begin(self, program: str) -> Self:
         """Begin to show the running time of a program."""
-        self._program = program
+        self._program, self._share = program, None
         return self
 
     def __enter__(self) -> Self:
@@ -42,6 +45,10 @@ class AtWork:
     ) -> None:
         self.end()
 
+    def show(self, share: float) -> None:
+        """Show from now on which share of the work is done, 0…1."""
+        self._share = share
+
     def end(self) -> None:
         """Remove the line. May be called again."""
         thread, self._thread = self._thread, None
@@ -54,7 +61,8 @@ class AtWork:
         pause_s, shown = _SILENT_S, False
         while not self._over.wait(pause_s):
             worked_s = time.monotonic() - began_s
-            self._write(f"{_ERASE}{self._program}: at work for {worked_s:.0f} s")
+            share = "" if self._share is None else f"{_bar(self._share)} {self._share:4.0%}, "
+            self._write(f"{_ERASE}{self._program}: {share}at work for {worked_s:.0f} s")
             pause_s, shown = _EVERY_S, True
         if shown:
             self._write(_ERASE)
@@ -65,6 +73,11 @@ class AtWork:
             sys.stderr.flush()
         except (OSError, ValueError):  # the terminal has gone
             self._over.set()
+
+
+def _bar(share: float) -> str:
+    done = round(share * _BAR)
+    return f"[{'=' * done}{' ' * (_BAR - done)}]"
 
 
 AT_WORK: Final = AtWork()

@@ -1,4 +1,4 @@
-"""Single changes that make the traffic fit: each is tried in the model, and named if it does.
+"""Single changes that make the traffic fit: each is simulated, and named if it does.
 
 It tries, in order of inconvenience: another codec for the largest, several samples in a frame, a
 longer interval of the largest, all of that together, longer intervals of everything.
@@ -12,9 +12,11 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.design.plan.fleet import Fleet
+from zacoustic.app.tools.design.plan.tables import Respecify, respecified
 from zacoustic.app.tools.design.plan.verdict import (
     MOST_TRIED_ARRIVALS,
     StreamFound,
+    Verdict,
     streams_of,
     verdict_of,
     walk,
@@ -23,16 +25,18 @@ from zacoustic.app.tools.design.plan.walk import Found
 from zacoustic.core.base.qos import Priority, Reliability
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.streams.specs import StreamSpec, TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.errors import ConfigError
 
 _TRIED_PERIODS: Final = 20.0
 _LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
 """Length of a trial, s: a number of periods of the rarest traffic, within these limits."""
-_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 20_000, 80_000
+_ENOUGH_ARRIVALS, _MOST_ARRIVALS = 6_000, 16_000
 """Most arriving frames in all trials, once a change fits, and before that: some seconds."""
 _SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
 _MOST_STREAMS: Final = 2
+_LEAST_SHARE: Final = 0.1
+"""A stream with a smaller share of all airtime is not changed alone."""
 _MOST_CHANGES: Final = 4
 _LINGER_S: Final = 10.0
 
@@ -46,28 +50,37 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the time that all traffic then takes."""
 
 
-Respecify = Callable[[StreamSpec], StreamSpec]
-
-
-def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) -> tuple[Change, ...]:
+def changes_that_fit(
+    fleet: Fleet,
+    streams: Sequence[StreamFound],
+    verdict: Verdict,
+    seed: int,
+    progress: Callable[[float], None] = lambda share: None,
+) -> tuple[Change, ...]:
     """Try changes.
 
     Args:
         fleet: The fleet that does not fit.
         streams: Its streams, the largest first.
-        seed: Seed of the model.
+        verdict: What does not fit.
+        seed: Seed of all draws, from 1.
+        progress: Called with the done share, 0…1.
     """
     found: list[Change] = []
     arrivals = 0
-    for attempts in _ladders(fleet, streams):
+    # Where agreement alone is too much, no other change helps.
+    ladders = [_tagged(fleet)] if verdict.agreement > 1 else _ladders(fleet, streams)
+    for attempts in ladders:
         for what, changed in attempts:
-            if arrivals >= (_ENOUGH_ARRIVALS if found else _MOST_ARRIVALS):
+            most = _ENOUGH_ARRIVALS if found else _MOST_ARRIVALS
+            progress(min(1.0, arrivals / most))
+            if arrivals >= most:
                 return tuple(found)
             result = _try(changed, seed)
             arrivals += result.arrivals
-            verdict = verdict_of(changed, streams_of(changed, result), result)
-            if verdict.fits:
-                found.append(Change(what=what, demand=verdict.demand))
+            then = verdict_of(changed, streams_of(changed, result), result)
+            if then.fits:
+                found.append(Change(what=what, demand=then.demand))
                 break
         if len(found) >= _MOST_CHANGES:
             break
@@ -82,7 +95,8 @@ def _try(fleet: Fleet, seed: int) -> Found:
 
 def _ladders(fleet: Fleet, streams: Sequence[StreamFound]) -> Iterator[Iterator[tuple[str, Fleet]]]:
     """Yield series of changes; each is only tried if those before it are insufficient."""
-    heavy = [each.stream for each in streams[:_MOST_STREAMS]]
+    least_s = _LEAST_SHARE * sum(each.demand_s for each in streams)
+    heavy = [each.stream for each in streams[:_MOST_STREAMS] if each.demand_s >= least_s]
     yield _tagged(fleet)
     for each in streams:
         if each.refused and isinstance(each.stream.spec, TopicSpec):
@@ -170,21 +184,13 @@ def _changed(fleet: Fleet, changes: Mapping[int, Respecify]) -> Fleet:
     Raises:
         ConfigError: A stream cannot have these settings.
     """
-    tables = {address: _table(table, changes) for address, table in fleet.tables.items()}
+    tables = {address: respecified(table, changes) for address, table in fleet.tables.items()}
     any_table = next(iter(tables.values()))
     offers = [
         offer.altered(any_table.by_id(offer.stream.stream_id), offer.every_s)
         for offer in fleet.offers
     ]
     return _with(fleet, offers=offers, tables=tables)
-
-
-def _table(table: StreamTable, changes: Mapping[int, Respecify]) -> StreamTable:
-    specs = [
-        changes[each.stream_id](each.spec) if each.stream_id in changes else each.spec
-        for each in table
-    ]
-    return StreamTable(specs, types=table.types, nodes=table.nodes, wire=table.wire)
 
 
 def _replace(spec: StreamSpec, **fields: object) -> StreamSpec:

@@ -5,6 +5,7 @@ in a channel: in a row, at a distance, with a loss.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -17,17 +18,22 @@ from zacoustic.app.tools.design.plan.offers import (
     offers_of_traffic,
 )
 from zacoustic.app.tools.design.plan.sampling import members_of, spoken
+from zacoustic.app.tools.design.plan.tables import among, in_bytes, respecified
+from zacoustic.app.tools.design.sim.fleetrun import links_of
+from zacoustic.app.tools.design.sim.sealing import security_of
+from zacoustic.app.tools.design.sim.simulation import with_journals
 from zacoustic.app.tools.design.telemetry.recording import read_recordings
 from zacoustic.app.tools.fleetfile import read_fleet
 from zacoustic.app.tools.fleets import configs_of, tables_of
 from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
-from zacoustic.channel.scenario import NodeSpec, Scenario, scenario_from_mapping
+from zacoustic.channel.scenario import MediumSpec, NodeSpec, Scenario, scenario_from_mapping
 from zacoustic.config import Config, read_config
 from zacoustic.config.json5 import read_json5, read_zenoh_config
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError
+from zacoustic.seal.spec import SecuritySpec
 
 DEFAULT_RANGE_M: Final = 1000.0
 """Distance of the nodes of a config, m."""
@@ -54,6 +60,8 @@ class Fleet(msgspec.Struct, kw_only=True):
     """The config's rules of transmission."""
     offers: list[Offer]
     """The offered traffic."""
+    security: dict[int, SecuritySpec] = {}
+    """The seal of each node that has one."""
     notes: list[str]
     """Remarks on the traffic."""
     refused: dict[int, Refused] = {}
@@ -75,6 +83,8 @@ class AssumedChannel(msgspec.Struct, frozen=True, kw_only=True):
 
     profile: str = DEFAULT_PROFILE
     """Modem."""
+    others: Mapping[str, str] = {}
+    """Modem of links other than the first, by their names; without one it is the same."""
     range_m: float = DEFAULT_RANGE_M
     """Distance from the first node to each other one, m."""
     loss: float = 0.0
@@ -89,7 +99,11 @@ def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> 
     """
     mapping = read_json5(path)
     is_config = isinstance(mapping, Mapping) and "nodes" not in mapping
-    fleet = _of_config(path, channel) if is_config else _of_scenario(path, mapping)
+    fleet = (
+        _of_config(path, channel, with_values=bool(recordings))
+        if is_config
+        else _of_scenario(path, mapping)
+    )
     table = next(iter(fleet.tables.values()))
     if recordings:
         found = read_recordings(recordings, table, only_dense=False, window_s=_WINDOW_S)
@@ -120,21 +134,29 @@ def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> 
 def _of_scenario(path: Path, mapping: object) -> Fleet:
     scenario = scenario_from_mapping(mapping, source=str(path), folder=path.parent)
     configs = configs_of(scenario, path)
+    scenario = with_journals(scenario, configs)
     tables = tables_of(scenario, configs, str(path))
     return Fleet(
         scenario=scenario,
         tables=tables,
         rules=_rules(tables, configs),
+        security=security_of(configs),
         offers=offers_of_traffic(scenario.traffic, next(iter(tables.values()))),
         notes=[],
     )
 
 
-def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
+def _of_config(path: Path, channel: AssumedChannel, *, with_values: bool) -> Fleet:
     first = read_fleet(path)
     addresses = sorted(first.nodes) or _two_of(first.address)
     members = members_of(first.table, first.rules, _settings_of(path, addresses))
     configs = {address: read_config(path, address=address) for address in members}
+    _, *known = links_of({address: config.rules for address, config in configs.items()})
+    for link in channel.others:
+        if link not in known:
+            raise ConfigError(
+                f"{path}: it has no further link {link}; allowed: {', '.join(known) or 'none'}"
+            )
     scenario = Scenario(
         nodes=tuple(
             NodeSpec(address=address, position=(0.0 if not index else channel.range_m, 0.0, 10.0))
@@ -142,20 +164,40 @@ def _of_config(path: Path, channel: AssumedChannel) -> Fleet:
         ),
         profile=profile_named(channel.profile).name,
         loss=LossSpec(frame=channel.loss),
+        media=tuple(
+            MediumSpec(link=link, profile=profile_named(profile).name)
+            for link, profile in channel.others.items()
+        ),
     )
     tables = {address: config.table for address, config in configs.items()}
     offers, notes = offers_of_config(
         first.table, addresses, first.typical_bits, profile_named(channel.profile).mtu_bytes
     )
+    sized = {
+        each.stream.stream_id: partial(in_bytes, voices=_voices(each.stream, members))
+        for each in offers
+    }
+    if len(members) < len(addresses):
+        tables = {address: among(table, members) for address, table in tables.items()}
+    if not with_values:
+        tables = {address: respecified(table, sized) for address, table in tables.items()}
+    table = next(iter(tables.values()))
+    offers = [each.altered(table.by_id(each.stream.stream_id), each.every_s) for each in offers]
     return Fleet(
         scenario=scenario,
         tables=tables,
         rules=_rules(tables, configs),
+        security=security_of(configs),
         offers=spoken(offers, members),
         notes=notes,
         apart_m=channel.range_m,
         members=members,
     )
+
+
+def _voices(stream: Stream, members: Mapping[int, tuple[int, ...]]) -> int:
+    """Return for how many nodes one of them publishes a topic at most."""
+    return max(len(group) for each, group in members.items() if stream.may_publish(each))
 
 
 def _settings_of(path: Path, addresses: Sequence[int]) -> dict[int, Hashable]:

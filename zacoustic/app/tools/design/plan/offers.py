@@ -16,9 +16,7 @@ its `max_bytes`. If that is unknown as well, they have the largest size.
 import itertools
 import random
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final
-
-import msgspec
+from typing import Final
 
 from zacoustic.app.tools.design.check.bits import sample_bits, usual_bytes
 from zacoustic.app.tools.design.telemetry.recording import Mission
@@ -34,15 +32,6 @@ _BLOCK: Final = 16
 """Number of random instants drawn within as many periods: a plan is about usual traffic."""
 _HEAD_BYTES: Final = 12
 """TAG, SYNC, id, number and age: reserved besides the largest record, bytes."""
-
-
-class Saying(msgspec.Struct, frozen=True, kw_only=True):
-    """One sample or request."""
-
-    payload_bytes: int
-    """Size of its payload as a record, bytes."""
-    dense_value: dict[str, Any] | None = None
-    """Its value in a dense block, if known."""
 
 
 class Offer:
@@ -80,9 +69,10 @@ class Offer:
         """First instant, s; None: any within the first period."""
         self.until_s: float | None = None
         """No instant at or after this, s; None: no end."""
-        self.answer_bytes = 0
-        """Payload of a call's answer, bytes."""
-        self._sayings: Sequence[Saying] = ()
+        self.answer: object = None
+        """Answer to a call."""
+        self._values: Sequence[object] = ()
+        self._size_bytes: int | None = None
         self._instants: Sequence[float] | None = None
         self._span_s = 0.0
         self._spec: TrafficSpec | None = None
@@ -92,11 +82,13 @@ class Offer:
         self._spec = spec
         self.first_s, self.until_s = spec.first_s, spec.until_s
 
-    def repeats(
-        self, sayings: Sequence[Saying], instants: Sequence[float] | None = None, span_s: float = 0
-    ) -> None:
-        """Repeat the traffic; with its instants, s, if known."""
-        self._sayings, self._instants, self._span_s = sayings, instants, span_s
+    def repeats(self, values: Sequence[object], instants: Sequence[float], span_s: float) -> None:
+        """Repeat recorded values at their instants, s, after each span, s."""
+        self._values, self._instants, self._span_s = values, instants, span_s
+
+    def sized(self, size_bytes: int) -> None:
+        """Draw bytes of a size."""
+        self._size_bytes = size_bytes
 
     @property
     def is_call(self) -> bool:
@@ -121,13 +113,16 @@ class Offer:
         """Return the instants of a block of periods: as many as expected."""
         return sorted(begin_s + rng.random() * _BLOCK * self.every_s for _ in range(_BLOCK))
 
-    def sayings(self, rng: random.Random) -> Iterator[Saying]:
+    def values(self, rng: random.Random) -> Iterator[object]:
         """Yield the samples or requests."""
+        if self._size_bytes is not None:
+            while True:
+                yield rng.randbytes(self._size_bytes)
         if self._spec is None:
-            yield from itertools.cycle(self._sayings)
+            yield from itertools.cycle(self._values)
         while True:
             assert self._spec is not None
-            yield saying_of(self.stream, _draw(self._spec, rng))
+            yield _draw(self._spec, rng)
 
     def altered(self, stream: Stream, every_s: float) -> "Offer":
         """Return the same with another stream of the same type, and another period."""
@@ -137,9 +132,8 @@ class Offer:
         )  # fmt: skip
         other.voice = self.voice
         other.first_s, other.until_s = self.first_s, self.until_s
-        other.answer_bytes = self.answer_bytes
-        other._spec = self._spec
-        other._sayings = self._sayings
+        other.answer, other._spec = self.answer, self._spec
+        other._values, other._size_bytes = self._values, self._size_bytes
         if self._instants is not None and every_s == self.every_s:
             other._instants, other._span_s = self._instants, self._span_s
         return other
@@ -149,18 +143,6 @@ class Offer:
         other = self.altered(self.stream, self.every_s)
         other.node = node
         return other
-
-
-def saying_of(stream: Stream, value: object) -> Saying:
-    """Encode a value.
-
-    Raises:
-        PayloadInvalidError: It is not of the stream's type.
-    """
-    if stream.dense_type is not None:
-        dense_value, payload = stream.dense_value(value)
-        return Saying(payload_bytes=len(payload), dense_value=dense_value)
-    return Saying(payload_bytes=len(stream.codec.encode(value)))
 
 
 def offers_of_traffic(traffic: Sequence[TrafficSpec], table: StreamTable) -> list[Offer]:
@@ -179,9 +161,7 @@ def offers_of_traffic(traffic: Sequence[TrafficSpec], table: StreamTable) -> lis
             is_steady=spec.pattern == "periodic", jitter_s=spec.jitter_s, burst=spec.burst,
         )  # fmt: skip
         offer.draws(spec)
-        if offer.is_call:
-            answer = b"" if spec.answer is None else spec.answer
-            offer.answer_bytes = len(stream.response_codec.encode(answer))
+        offer.answer = spec.answer
         offers.append(offer)
     return offers
 
@@ -206,8 +186,7 @@ def offers_of_recording(
             offer = Offer(publisher, stream, every_s=span_s / len(own), is_steady=_is_steady(own))
             names = {field.name for field in stream.type.fields} if stream.type else set()
             offer.repeats(
-                [saying_of(stream, {k: v for k, v in value.items() if k in names})
-                 for _, value in own],
+                [{k: v for k, v in value.items() if k in names} for _, value in own],
                 [at - begin_s for at, _ in own],
                 span_s,
             )  # fmt: skip
@@ -238,7 +217,7 @@ def offers_of_config(
             if stream.may_publish(node):
                 for instance in _instances(stream):
                     offer = Offer(node, stream, instance, every_s=every_s)
-                    offer.repeats([Saying(payload_bytes=size_bytes)])
+                    offer.sized(size_bytes)
                     offers.append(offer)
     return offers, notes
 

@@ -1,6 +1,6 @@
 """The result of a plan: airtime, latency and energy of the traffic, and whether it fits."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -19,6 +19,7 @@ from zacoustic.app.tools.design.plan.verdict import (
     walk,
 )
 from zacoustic.app.tools.design.plan.walk import Found
+from zacoustic.app.tools.design.sim.fleetrun import links_of
 from zacoustic.channel.profiles import ModemProfile, profile_named
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.wireprofile import WireProfile
@@ -28,6 +29,8 @@ DEFAULT_HOURS: Final = 4.0
 """Default modelled time, h."""
 _S_PER_H: Final = 3600.0
 _H_PER_DAY: Final = 24.0
+_WALKED, _COMPARED = 0.5, 0.65
+"""Share of the work that is done after the simulation, and after the comparison of agreements."""
 _WATT_DB: Final = 170.8
 """Source level of one acoustic watt, dB re 1 µPa at 1 m (Urick)."""
 _EFFICIENCY: Final = 0.5
@@ -75,6 +78,20 @@ class NodePlan(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the time in which it transmits."""
     energy_wh_per_day: float
     """Energy of transmitting, Wh per day."""
+    relayed: float = 0.0
+    """The share of the time, of `utilisation`, that it transmits for routes, bonds and floods:
+    frames of other nodes, and what these add to its own."""
+
+
+class LinkPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """The plan of one of several links."""
+
+    name: str
+    """Its name."""
+    profile: str
+    """Its modem."""
+    utilisation: float
+    """Share of the time with a frame on it, summed over all nodes."""
 
 
 class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -85,11 +102,14 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     profile: str
     """Modem."""
     hours: float
-    """Modelled time, h."""
+    """Simulated time, h."""
     frames_per_h: float
     """Frames of all nodes per hour."""
     utilisation: float
     """Share of the time with sound, summed over all nodes."""
+    confidence: float
+    """How far `utilisation` may be off because the simulated time is short: by more than this in
+    one of 20 simulations."""
     demand: float
     """The same if everything were transmitted."""
     fits: bool
@@ -108,6 +128,8 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     """Cost of agreement on tables with each policy; None: there is one node."""
     notes: tuple[str, ...]
     """Remarks on the plan."""
+    links: tuple[LinkPlan, ...] = ()
+    """Each of several links; empty: there is one."""
     schedule: SchedulePlan | None = None
     """The schedule that was asked for."""
 
@@ -121,6 +143,7 @@ def plan(
     transmit_w: float | None = None,
     seed: int = 1,
     schedule: ScheduleOptions | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> PlanReport:
     """Plan a file.
 
@@ -128,11 +151,12 @@ def plan(
         path: A scenario with traffic, or a config.
         channel: Assumptions that a config lacks.
         recordings: Recordings to take sizes and rates from instead.
-        hours: Modelled time, h, above 0; None: `DEFAULT_HOURS`, or less if the number of nodes
+        hours: Simulated time, h, above 0; None: `DEFAULT_HOURS`, or less if the number of frames
             makes that slow.
         transmit_w: Power of the modem while it transmits, W; None: from its source level.
-        seed: Seed of the model.
+        seed: Seed of all draws, from 1.
         schedule: Settings of the schedule to make; None: make none.
+        progress: Called with the done share, 0…1.
 
     Raises:
         ConfigError: A file is wrong, or no rates are known.
@@ -141,7 +165,10 @@ def plan(
     if any(table.wire is not WireProfile.NATIVE for table in fleet.tables.values()):
         raise ConfigError(f'{path}: wire: "rmw_desert"; allowed: "native", which is what plans are')
     most_arrivals = MOST_ARRIVALS if hours is None else None
-    found = walk(fleet, (hours or DEFAULT_HOURS) * _S_PER_H, seed, most_arrivals)
+    found = walk(
+        fleet, (hours or DEFAULT_HOURS) * _S_PER_H, seed, most_arrivals,
+        lambda share: progress(_WALKED * share),
+    )  # fmt: skip
     until_s = found.walked_s
     hours = until_s / _S_PER_H
     streams = streams_of(fleet, found)
@@ -149,20 +176,30 @@ def plan(
     profile = profile_named(fleet.scenario.profile)
     power_w = transmit_power_w(profile) if transmit_w is None else transmit_w
     airtime_s = sum(found.airtime_s.values())
+    agreement = agreement_of(fleet, found, seed)
+    progress(_COMPARED)
+    changes: tuple[Change, ...] = ()
+    if not verdict.fits:
+        changes = changes_that_fit(
+            fleet, streams, verdict, seed,
+            lambda share: progress(_COMPARED + (1 - _COMPARED) * share),
+        )  # fmt: skip
     return PlanReport(
         file=str(path),
         profile=profile.name,
         hours=hours,
         frames_per_h=found.frames / hours,
         utilisation=airtime_s / until_s,
+        confidence=found.confidence_s / until_s,
         demand=verdict.demand,
         fits=verdict.fits,
         transmit_w=power_w,
         streams=tuple(_stream_plan(each, airtime_s, hours) for each in streams),
         nodes=tuple(_node_plan(each, found, until_s, power_w) for each in fleet.nodes),
+        links=_link_plans(fleet, found),
         misfits=verdict.misfits,
-        agreement=agreement_of(fleet, seed),
-        changes=() if verdict.fits else changes_that_fit(fleet, streams, seed),
+        agreement=agreement,
+        changes=changes,
         schedule=None
         if schedule is None
         else schedule_of(fleet, found.airtime_s, until_s, schedule),
@@ -205,6 +242,22 @@ def _node_plan(address: int, found: Found, until_s: float, power_w: float) -> No
         address=address,
         utilisation=utilisation,
         energy_wh_per_day=utilisation * power_w * _H_PER_DAY,
+        relayed=found.relayed_s.get(address, 0.0) / until_s,
+    )
+
+
+def _link_plans(fleet: Fleet, found: Found) -> tuple[LinkPlan, ...]:
+    first, *others = links_of(fleet.rules)
+    if not others:
+        return ()
+    media = {first: fleet.scenario, **{each: fleet.scenario.medium_of(each) for each in others}}
+    return tuple(
+        LinkPlan(
+            name=name,
+            profile=medium.profile,
+            utilisation=found.link_airtime_s.get(name, 0.0) / found.walked_s,
+        )
+        for name, medium in media.items()
     )
 
 

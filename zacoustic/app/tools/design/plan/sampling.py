@@ -8,12 +8,13 @@ traffic is complete. Frames of each node for itself (acknowledgements, confirmat
 are modelled once and counted for each.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from typing import Final
 
 from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.access.spec import PollingSpec, slots_of
+from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 
 MOST_WALKED: Final = 32
@@ -30,7 +31,8 @@ def members_of(
     Args:
         table: The streams.
         rules: The config's rules of transmission.
-        settings: Settings of each node in the file, by address; the first node is always modelled.
+        settings: Settings of each node in the file, by address; the first node is always modelled,
+            and so are relays and custodians.
 
     Returns:
         For each modelled node the nodes it represents, itself the first.
@@ -42,10 +44,10 @@ def members_of(
     )
     if len(own) <= MOST_WALKED or is_scheduled:
         return own
-    first = next(iter(settings))
+    alone = {next(iter(settings)), *_named(table, rules)}
     classes: dict[Hashable, list[int]] = {}
     for address, setting in settings.items():
-        role = (address == first, setting, _part(table, address))
+        role = (address if address in alone else None, setting, _part(table, address))
         classes.setdefault(role, []).append(address)
     left = max(0, _WALKED - len(classes))
     others = len(own) - len(classes)
@@ -74,6 +76,15 @@ def note_on(members: Mapping[int, tuple[int, ...]]) -> list[str]:
         "which transmitted its samples; acknowledgements and confirmations were counted for all, "
         "but not walked: delays leave them out"
     ]
+
+
+def _named(table: StreamTable, rules: TransmitRules) -> Iterator[int]:
+    """Yield the nodes that do something for others: those of routes, and custodians."""
+    for route in rules.routes:
+        yield from route.path
+    for stream in table.carried:
+        if isinstance(stream.spec, TopicSpec) and stream.spec.carry is not None:
+            yield from stream.spec.carry.by
 
 
 def _part(table: StreamTable, address: int) -> Hashable:

@@ -13,7 +13,7 @@ _STREAMS = (
     "id", "stream", "per hour", "airtime/h", "of the time", "of all", "goes", "refused", "expected",
     "worst", "bound",
 )  # fmt: skip
-_NODES = ("node", "transmits", "energy/day")
+_NODES = ("node", "transmits", "relayed", "energy/day")
 _MOST_NODES = 12
 _MOST_RANGES = 3
 
@@ -27,13 +27,18 @@ def _lines(report: PlanReport) -> Iterator[str]:
     rows = [_stream_cells(each) for each in report.streams]
     yield align(_STREAMS, rows, right=[name for name in _STREAMS if name != "stream"])
     yield ""
-    yield align(_NODES, _node_rows(report.nodes), right=_NODES)
+    yield from _node_lines(report.nodes)
     yield ""
     yield (
-        f"{report.file}: {report.utilisation:.1%} of the time there is sound, "
+        f"{report.file}: {report.utilisation:.1%} of the time there is sound "
+        f"(±{report.confidence:.1%}), "
         f"{report.frames_per_h:.0f} frames an hour ({report.profile}, "
         f"{report.transmit_w:.3g} W while it transmits)"
     )
+    yield f"simulated: {_span(report.hours)} of virtual time, one seed; ± is for 95 of 100 seeds"
+    if report.links:
+        shares = (f"{each.name} {each.utilisation:.1%} ({each.profile})" for each in report.links)
+        yield one_line(f"by link: {', '.join(shares)}")
     if report.fits:
         yield "it fits"
     else:
@@ -97,6 +102,16 @@ def _stream_cells(row: StreamPlan) -> tuple[str, ...]:
     )
 
 
+def _node_lines(nodes: Sequence[NodePlan]) -> Iterator[str]:
+    left_out = () if any(each.relayed for each in nodes) else ("relayed",)
+    heads = [each for each in _NODES if each not in left_out]
+    rows = [
+        tuple(cell for head, cell in zip(_NODES, row, strict=True) if head in heads)
+        for row in _node_rows(nodes)
+    ]
+    yield align(heads, rows, right=heads)
+
+
 def _node_rows(nodes: Sequence[NodePlan]) -> list[tuple[str, ...]]:
     """Return a row for each node; in a large fleet equal nodes share one, the largest first."""
     if len(nodes) <= _MOST_NODES:
@@ -111,12 +126,18 @@ def _node_rows(nodes: Sequence[NodePlan]) -> list[tuple[str, ...]]:
     if len(rows) <= _MOST_NODES:
         return rows
     others = sum(map(len, list(equal.values())[_MOST_NODES:]))
-    return [*rows[:_MOST_NODES], (f"{others} others", "less", "")]
+    return [*rows[:_MOST_NODES], (f"{others} others", "less", "", "")]
 
 
 def _node_cells(name: str, group: Sequence[NodePlan]) -> tuple[str, ...]:
     energy_wh = sum(each.energy_wh_per_day for each in group) / len(group)
-    return (name, f"{group[0].utilisation:.1%}", f"{energy_wh:.1f} Wh")
+    relayed = sum(each.relayed for each in group) / len(group)
+    return (
+        name,
+        f"{group[0].utilisation:.1%}",
+        f"{relayed:.1%}" if relayed else "",
+        f"{energy_wh:.1f} Wh",
+    )
 
 
 def _ranges(addresses: list[int]) -> str:
@@ -129,6 +150,10 @@ def _ranges(addresses: list[int]) -> str:
             runs.append([each])
     told = ", ".join("–".join(map(str, run)) for run in runs[:_MOST_RANGES])
     return told if len(runs) <= _MOST_RANGES else f"{told}, … ({len(addresses)})"
+
+
+def _span(hours: float) -> str:
+    return f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"
 
 
 def _seconds(duration_s: float | None) -> str:

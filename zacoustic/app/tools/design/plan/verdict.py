@@ -1,25 +1,32 @@
 """Whether a walk fits: transmitted, in time, and within the limit of the medium access."""
 
 import math
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import msgspec
 
 from zacoustic.app.tools.crossing import IN_PARTS
-from zacoustic.app.tools.design.plan.fleet import Fleet
+from zacoustic.app.tools.design.plan.fleet import Fleet, Refused
+from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.app.tools.design.plan.walk import Found, Walk
+from zacoustic.core.base.qos import Reliability
 from zacoustic.core.schedule.access.spec import AlohaSpec
+from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream
+from zacoustic.errors import LocalError, PayloadTooLargeError
 
 LEAST_WENT: Final = 0.95
 """Least share of the samples that must be transmitted."""
 ALOHA_LIMIT: Final = 0.18
 """Capacity of unslotted ALOHA: 1/(2e) of the time."""
-MOST_ARRIVALS: Final = 30_000
-"""Most arrivals of a plan without a given length: some two seconds."""
-MOST_TRIED_ARRIVALS: Final = 12_000
+MOST_ARRIVALS: Final = 8_000
+"""Most arrivals of a plan without a given length: some three seconds."""
+MOST_TRIED_ARRIVALS: Final = 2_000
 """The same for each trial."""
 _HALF, _WORST = 0.5, 0.99
+_ENOUGH, _ENOUGH_SURE = 20, 5
+"""So many transmissions, and of what is repeated so many, of which none arrives: none ever does."""
 _TOO_LARGE: Final = f"larger than a frame ({IN_PARTS})"
 
 
@@ -40,6 +47,11 @@ class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
     """99th percentile of the latency, s."""
     bound_s: float | None
     """Promised period or lifespan, s."""
+    arrived: float = 1.0
+    """Least share of the transmitted samples that a receiver has got, 0…1; 1 for what may be lost
+    on its way."""
+    unreached: tuple[int, ...] = ()
+    """Nodes that should receive it, and have received nothing of much of it."""
     refused: float = 0.0
     """Share of its samples that publishing refuses, 0…1."""
     reason: str = ""
@@ -55,6 +67,14 @@ class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
         """Why it does not fit; empty: it does."""
         if self.refused > 1 - LEAST_WENT:
             return f"{self.refused:.0%} of its samples are refused: {self.reason}"
+        if self.unreached:
+            nodes = ", ".join(map(str, self.unreached))
+            return f"nothing of it arrives at node {nodes}"
+        if self.arrived < LEAST_WENT:
+            return (
+                f"{1 - self.arrived:.0%} of it never arrives although it is repeated: pushed out, "
+                "or too old, before it was acknowledged"
+            )
         if self.went < LEAST_WENT:
             return f"{1 - self.went:.0%} of it never goes: pushed out, or too old before its turn"
         if self.bound_s is not None and self.worst_s is not None and self.worst_s > self.bound_s:
@@ -71,6 +91,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the time that all traffic takes if all is transmitted; may be above 1."""
     misfits: tuple[str, ...]
     """What does not fit, the worst first."""
+    agreement: float
+    """Share of the time that agreement on tables takes; may be above 1."""
 
     @property
     def fits(self) -> bool:
@@ -78,20 +100,27 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
         return not self.misfits
 
 
-def walk(fleet: Fleet, until_s: float, seed: int, most_arrivals: int | None = None) -> Found:
-    """Model a fleet's traffic for a time.
+def walk(
+    fleet: Fleet,
+    until_s: float,
+    seed: int,
+    most_arrivals: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Found:
+    """Run the engines of a fleet with its traffic for a time.
 
     Args:
         fleet: The fleet.
         until_s: Time, s.
-        seed: Seed of the model.
+        seed: Seed of all draws, from 1.
         most_arrivals: Stop some seconds after that many frames have arrived, each counted at each
             node: with many nodes a walk is slow.
+        progress: Called with the done share, 0…1.
     """
     started = Walk(
-        fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed, fleet.members
-    )  # fmt: skip
-    return started.run(until_s, most_arrivals)
+        fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed, fleet.security, fleet.members
+    )
+    return started.run(until_s, most_arrivals, progress)
 
 
 def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
@@ -106,7 +135,7 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
         wanted = found.said.get(stream_id, 0) * allowed / len(own)
         latencies = sorted(found.latencies_s.get(stream_id, ()))
         went = found.went.get(stream_id, 0)
-        too_large = found.refused.get(stream_id, 0) / max(1, found.said.get(stream_id, 0))
+        refused = found.refused.get(stream_id, 0) / max(1, found.said.get(stream_id, 0))
         refusal = fleet.refused.get(stream_id)
         rows.append(
             StreamFound(
@@ -118,8 +147,10 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
                 expected_s=_share_of(latencies, _HALF),
                 worst_s=_share_of(latencies, _WORST),
                 bound_s=_bound_s(stream),
-                refused=max(too_large, refusal.share if refusal else 0.0),
-                reason=refusal.reason if refusal and not too_large else _TOO_LARGE,
+                refused=max(refused, refusal.share if refusal else 0.0),
+                reason=_reason(found.refusals.get(stream_id), refusal),
+                unreached=_unreached(fleet, stream, own, found),
+                arrived=_arrived(fleet, stream, own, found),
             )
         )
     return sorted(rows, key=lambda row: -row.demand_s)
@@ -144,16 +175,61 @@ def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found) -> Verdic
             f"all of it is {demand:.0%} of the time; without a schedule (aloha) at most "
             f"{ALOHA_LIMIT:.0%} gets through"
         )
-    if others_s > until_s:
-        misfits.insert(0, f"agreement on tables alone takes {others_s / until_s:.0%} of the time")
+    agreement = found.agreement_s / until_s
+    if agreement > 1:
+        misfits.insert(0, f"agreement on tables alone takes {agreement:.0%} of the time")
     elif demand > 1 and not misfits:
         misfits.append(f"all of it is {demand:.0%} of the time")
-    if others_s <= until_s and misfits and streams and demand:
+    if agreement <= 1 and misfits and streams and demand:
         first = streams[0]
         misfits.insert(
             0, f"{first.stream.name} alone takes {first.demand_s / until_s:.0%} of the time"
         )
-    return Verdict(demand=demand, misfits=tuple(misfits))
+    return Verdict(demand=demand, misfits=tuple(misfits), agreement=agreement)
+
+
+def _reason(error: LocalError | None, refusal: Refused | None) -> str:
+    """Return why samples are refused: by the engine, or when the recording was read."""
+    if error is None:
+        return refusal.reason if refusal else ""
+    return _TOO_LARGE if isinstance(error, PayloadTooLargeError) else str(error)
+
+
+def _unreached(fleet: Fleet, stream: Stream, own: Sequence[Offer], found: Found) -> tuple[int, ...]:
+    """Return the receivers that got nothing, of so much that loss does not explain it."""
+    is_sure = isinstance(stream.spec, ServiceSpec) or (
+        stream.qos.reliability is Reliability.RELIABLE
+    )
+    went = found.went.get(stream.stream_id, 0)
+    if went < (_ENOUGH_SURE if is_sure else _ENOUGH):
+        return ()
+    return tuple(
+        sorted(_receivers(fleet, stream, own) - set(found.arrived.get(stream.stream_id, ())))
+    )
+
+
+def _arrived(fleet: Fleet, stream: Stream, own: Sequence[Offer], found: Found) -> float:
+    """Return the least share of a reliable topic's samples that a receiver has got, 0…1."""
+    went = found.went.get(stream.stream_id, 0)
+    if stream.qos.reliability is not Reliability.RELIABLE or not went:
+        return 1.0
+    by_speaker = went / len({each.node for each in own})
+    got = found.arrived.get(stream.stream_id, {})
+    shares = [
+        # The last ones may still be on their way.
+        (got.get(each, 0) + stream.qos.depth * len(own))
+        / (went - (by_speaker if each in {offer.node for offer in own} else 0.0) or 1.0)
+        for each in _receivers(fleet, stream, own)
+    ]
+    return min(1.0, *shares, 1.0)
+
+
+def _receivers(fleet: Fleet, stream: Stream, own: Sequence[Offer]) -> set[int]:
+    """Return the nodes that should receive the samples of a topic, or the answers of a service."""
+    speakers = {each.node for each in own}
+    if isinstance(stream.spec, ServiceSpec):
+        return speakers
+    return {each for each in fleet.tables if stream.may_subscribe(each) and speakers - {each}}
 
 
 def _share_of(latencies_s: list[float], share: float) -> float | None:

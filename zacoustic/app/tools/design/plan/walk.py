@@ -1,57 +1,53 @@
-"""A model of the traffic, frame by frame: costs, waiting, repetitions.
+"""The engines of a fleet with its traffic, in virtual time, and what they took of the channel.
 
-The problem: a stream's share of the channel is not just its bytes. A frame has a preamble, several
-records share one when they come together, acknowledgements and repetitions come on top, and medium
-access decides how many frames there are. No formula covers all of that.
+A stream's share of the channel is not just its bytes: a frame has a preamble, several records share
+one, acknowledgements, repetitions and relays come on top, and medium access decides how many frames
+there are. No formula covers all of that, so the engines themselves run, on the scenario's channel.
+The airtime of each frame is divided among its streams and causes by the bytes in it.
 
-The idea: step through time with sizes in place of contents. Records wait in lanes, a frame is
-composed when the node's medium access permits it (the real policies, which are pure), the channel
-model of the scenario decides who receives it, and `reliable`, `calls` and `transfers` model the
-consequences. Not modelled: contents, tables that differ, journals, remote commands, actions. So the
-result is an estimate of the engines' behaviour, independent of them; `zacoustic sim` runs the
-engines themselves, and tests/benchmarks/bench_plan.py compares the two.
+A node that represents others (`sampling`) publishes their samples in frames of its own. What each
+node transmits for itself (acknowledgements, introductions, heartbeats) counts for each of them, and
+a confirmation for each node of the fleet.
 """
 
+import itertools
+import math
 import random
+import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
-from zacoustic.app.tools.design.plan.calls import Call
-from zacoustic.app.tools.design.plan.clockwork import head_bytes_of
-from zacoustic.app.tools.design.plan.items import NO_STREAM, NO_VOICE, Item
-from zacoustic.app.tools.design.plan.offers import Offer, Saying
-from zacoustic.app.tools.design.plan.reliable import ReliableLane
-from zacoustic.app.tools.design.plan.speaker import Said, Speaker
-from zacoustic.app.tools.design.plan.transfers import TransferLane
-from zacoustic.channel.agenda import Agenda
-from zacoustic.channel.arrival import Arrival, Emission, Reception
-from zacoustic.channel.driver import Driver
-from zacoustic.channel.medium import Medium
-from zacoustic.channel.scenario import Scenario
-from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.base.linktypes import (
-    BROADCAST,
-    LinkMetrics,
-    ReceivedFrame,
-    Transmission,
-    TransmitOutcome,
-    TransmitReport,
-)
-from zacoustic.core.base.qos import Qos, Reliability, Stamp
-from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.timing import LinkTimes, Pacer
-from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
-from zacoustic.core.streams.table import AGE_FIELD, StreamTable
-from zacoustic.core.values.dense import DenseSample
-from zacoustic.core.wire.access import ANYBODY, NOBODY, TURN_CODE, ClockTime, Turn
-from zacoustic.core.wire.agreement import TAG_BYTES
-from zacoustic.core.wire.frame import SYNC_BYTES
-from zacoustic.core.wire.numbers import NUMBER_BYTES
-from zacoustic.testing.virtualmodems import Modem
+import msgspec
 
+from zacoustic.app.tools.design.plan.offers import Offer
+from zacoustic.app.tools.design.sim.fleetrun import FleetRun
+from zacoustic.channel.scenario import Scenario
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, RouteStats
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES
+from zacoustic.errors import LocalError
+from zacoustic.seal.spec import SecuritySpec
+from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
+
+FIRST_S: Final = 3600.0
+"""The longest beginning of a walk, in which nodes agree on their tables, s."""
+FIRST_ARRIVALS: Final = 2_000
+"""The most arrivals in it."""
 _STRIDE_S: Final = 5.0
-_CLOCK_EVERY_S: Final = 10.0
-_MOST_LATENCIES: Final = 20_000
+_PARTS: Final = 10
+"""Equal parts of a walk, whose scatter tells how sure its result is."""
+_STUDENT: Final = 2.262
+"""The 97.5th percentile of Student's distribution with one degree of freedom less than parts."""
+_AGREEMENT: Final = frozenset({Cause.HELLO, Cause.CONFIRM, Cause.ASK, Cause.TABLE})
+_OF_SAMPLES: Final = frozenset(
+    {Cause.PAYLOAD, Cause.HEADER, Cause.ENVELOPE, Cause.SEAL, Cause.REPEAT, Cause.REPAIR}
+)
+"""What the samples of a represented node cost, once for each sample; all else is of a node."""
+
+Key = tuple[int, Cause]
 
 
 class Found:
@@ -60,39 +56,54 @@ class Found:
     def __init__(self) -> None:
         self.airtime_s: dict[int, float] = {}
         """Airtime by node, s."""
+        self.link_airtime_s: dict[str, float] = {}
+        """Airtime by link, s."""
+        self.relayed_s: dict[int, float] = {}
+        """Airtime by node for frames of routes, bonds and floods that it passes on, and for what
+        these add to its own, s."""
         self.stream_airtime_s: dict[int, float] = {}
-        """Airtime by stream, s; 0: no stream. A frame's airtime is divided by bytes."""
+        """Airtime by stream, s; 0: no stream."""
+        self.agreement_s = 0.0
+        """Airtime of HELLO, TAG, CONFIRM and what follows from differences, s."""
+        self.first_s = 0.0
+        """Length of its beginning, s: at most `FIRST_S`, less with many frames."""
+        self.first_agreement = 0.0
+        """Share of the agreement's bytes in all bytes of the beginning, 0…1."""
         self.walked_s = 0.0
         """Modelled time, s."""
+        self.confidence_s = 0.0
+        """How far all airtime may be off for the shortness of the time: with 95 % by at most this,
+        s."""
         self.arrivals = 0
-        """Received frames, each counted at each receiver."""
+        """Frames, each counted at each node, its own included: the work of the walk."""
         self.frames = 0.0
         self.transmitted_bytes = 0.0
         self.agreement_bytes = 0.0
-        """Bytes of HELLO, TAG and CONFIRM."""
+        """Bytes of HELLO, TAG, CONFIRM and what follows from differences."""
         self.latencies_s: dict[int, list[float]] = {}
         """Time to each arrival by stream, s."""
         self.said: dict[int, int] = {}
         """Number of samples and calls by stream."""
         self.went: dict[int, int] = {}
         """Number of those transmitted, by stream."""
+        self.arrived: dict[int, dict[int, int]] = {}
+        """Number of samples or answers by stream and receiving node."""
         self.refused: dict[int, int] = {}
-        """Number of those larger than a frame that may not cross in parts, by stream."""
-        self.lost_frames = 0
-        """Number of lost arrivals."""
-        self.dropped = 0
-        """Number of items replaced or expired before transmission."""
+        """Number of those that publishing refuses, by stream."""
+        self.refusals: dict[int, LocalError] = {}
+        """The last refusal, by stream."""
 
 
-class Walk(Driver[Said]):
-    """One walk.
+class Walk(Checker):
+    """One simulation, a *walk* through the time of a fleet.
 
     Args:
         scenario: The channel.
         tables: The table of each node.
         rules: The config's rules of transmission, by node.
         offers: The offered traffic.
-        seed: Seed of all draws.
+        seed: Seed of all draws, from 1.
+        security: The seal of each node that has one.
         members: Nodes represented by each node, itself included; none: each represents itself.
     """
 
@@ -103,340 +114,244 @@ class Walk(Driver[Said]):
         rules: Mapping[int, TransmitRules],
         offers: Sequence[Offer],
         seed: int,
+        security: Mapping[int, SecuritySpec],
         members: Mapping[int, tuple[int, ...]],
     ) -> None:
-        medium = self._medium = Medium(scenario)
-        super().__init__(medium, Agenda())
+        super().__init__()
         self.found = Found()
-        self._rng = random.Random(f"plan/{seed}")
-        self._rules = rules
-        self._timings: dict[tuple[int, int], Pacer] = {}
-        self._speakers: dict[int, Speaker] = {}
-        self._transmissions = 0
-        self._calls = 0
-        self._last_said: dict[int, int] = {}
+        self._offers = offers
         self._members = {each: members.get(each, (each,)) for each in tables}
-        silent = {each for group in members.values() for each in group} - set(members)
-        nodes = len(tables) + len(silent)
+        nodes = sum(map(len, self._members.values()))
         self._confirms = (nodes - 1) / max(1, len(tables) - 1)
-        """Confirmations of a node for each modelled one."""
-        modem, farthest_s = Modem(), scenario.farthest_s
-        for address in tables:
-            others = tuple(each for each in medium.addresses if each != address)
-            listed = [each for each in tables[address].nodes if each not in {address, *silent}]
-            capabilities = modem.capabilities(medium.profile(address), farthest_s)
-            self._speakers[address] = Speaker(
-                address, tables[address], listed or others, capabilities,
-                rules[address], self._rng, len(self._members[address]),
-            )  # fmt: skip
-        self._tables = tables
-        self._calls = 0
-        for offer in offers:
-            self._begin(offer)
-        for address, rule in rules.items():
-            if rule.access is not None:
-                self._tell_clock(address)
-            self._beat(address, rule)
+        """Confirmations of a node for each that the walk has."""
+        self._ledgers: dict[int, _Ledger] = {}
+        self._introductions: dict[int, int] = {}
+        """How many represented nodes have yet to say HELLO as the one that represents them has."""
+        self._run: FleetRun | None = None
+        # A plan is of the hours between the quiet ones.
+        rules = {
+            address: msgspec.structs.replace(each, quiet=()) for address, each in rules.items()
+        }
+        # The first seed is the scenario's own.
+        scenario = msgspec.structs.replace(scenario, seed=scenario.seed + seed - 1)
+        self._run = FleetRun(
+            scenario, tables, rules, self, security=security, trace=self._traced, digest=False
+        )
+        self._begin(offers, seed)
 
-    @property
-    def now(self) -> int:
-        """The instant, ns."""
-        return self.agenda.now
+    def run(
+        self,
+        until_s: float,
+        most_arrivals: int | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Found:
+        """Walk for a time, s; or until that many frames have arrived.
 
-    def run(self, until_s: float, most_arrivals: int | None = None) -> Found:
-        """Model a time, s; or until that many frames have arrived."""
-        found = self.found
-        for address in self._speakers:
-            self.serve(address)
+        Args:
+            until_s: The time, s.
+            most_arrivals: Number of frames, each counted at each node.
+            progress: Called with the done share, 0…1.
+        """
+        assert self._run is not None
+        found, network = self.found, self._run.network
+        course = [0.0]
         while found.walked_s < until_s:
             if most_arrivals is not None and found.arrivals >= most_arrivals:
                 break
             found.walked_s = min(found.walked_s + _STRIDE_S, until_s)
-            self.agenda.run(seconds_to_ns(found.walked_s))
-        self.found.dropped = sum(each.dropped for each in self._speakers.values())
-        return self.found
+            network.run(until_s=found.walked_s)
+            course.append(sum(found.airtime_s.values()))
+            frames = sum(stats.frames_transmitted for stats in network.stats())
+            found.arrivals = frames * len(network.addresses)
+            if not found.first_s:
+                self._end_beginning(is_over=found.walked_s >= until_s)
+            if progress is not None:
+                share = found.arrivals / most_arrivals if most_arrivals else 0.0
+                progress(min(1.0, max(share, found.walked_s / until_s)))
+        for address in network.addresses:
+            if network.is_running(address):
+                self._book(address, network.engine(address).stats)
+            self._add_links(address)
+        self._count_first_transmissions()
+        found.confidence_s = _confidence_of(course)
+        return found
 
-    def later(self, at: int, action: Callable[[], object]) -> None:
-        """Schedule an action at an instant, ns."""
-        self.agenda.push(max(at, self.now), action)
+    def _end_beginning(self, *, is_over: bool) -> None:
+        found = self.found
+        if is_over or found.walked_s >= FIRST_S or found.arrivals >= FIRST_ARRIVALS:
+            found.first_s = found.walked_s
+            found.first_agreement = found.agreement_bytes / max(1.0, found.transmitted_bytes)
 
-    def speaker(self, address: int) -> Speaker:
-        """Return a node."""
-        return self._speakers[address]
-
-    def timing(self, source: int, target: int) -> Pacer:
-        """Return the times in which a node answers another one."""
-        return self._timings.setdefault((source, target), Pacer())
-
-    def delivered(self, offer: Offer, began_at: int) -> None:
-        """Note the arrival of an item that began at an instant, ns."""
-        latencies = self.found.latencies_s.setdefault(offer.stream.stream_id, [])
-        if len(latencies) < _MOST_LATENCIES:
-            latencies.append((self.now - began_at) / NS_PER_S)
-
-    def went(self, offer: Offer) -> None:
-        """Note the first transmission of an item."""
-        stream_id = offer.stream.stream_id
-        self.found.went[stream_id] = self.found.went.get(stream_id, 0) + 1
-
-    def serve(self, address: int) -> None:
-        """Let a node transmit, if it may."""
-        speaker = self._speakers[address]
-        ready_at = speaker.ready_at(self.now)
-        if ready_at is not None and ready_at <= self.now:
-            said = speaker.say(self.now)
-            if said is not None:
-                self._transmit(speaker, said)
-                return
-            ready_at = speaker.ready_at(self.now)
-        if ready_at is not None and ready_at != speaker.armed_at:
-            speaker.armed_at = ready_at
-            self.agenda.push(max(ready_at, self.now), self._wake, address, ready_at)
+    def _add_links(self, address: int) -> None:
+        assert self._run is not None
+        for stats in self._run.network.stats_of(address):
+            for name, each in stats.links.items():
+                if not isinstance(each, RouteStats):  # its frames are those of a link
+                    airtime_s = each.airtime_ns / NS_PER_S
+                    before_s = self.found.link_airtime_s.get(name, 0.0)
+                    self.found.link_airtime_s[name] = before_s + airtime_s
 
     # Offered traffic
 
-    def _begin(self, offer: Offer) -> None:
-        say = self._saying(offer)
-        sayings, instants = offer.sayings(self._rng), offer.instants(self._rng)
+    def _begin(self, offers: Sequence[Offer], seed: int) -> None:
+        rng = random.Random(f"plan/{seed}")
+        for offer in offers:
+            self.found.said.setdefault(offer.stream.stream_id, 0)
+            self._repeat(offer, offer.values(rng), offer.instants(rng))
+
+    def _repeat(self, offer: Offer, values: Iterator[object], instants: Iterator[int]) -> None:
+        assert self._run is not None
+        run, stream = self._run, offer.stream
+        run.answers.setdefault(stream.stream_id, offer.answer)
 
         def act() -> None:
-            say(next(sayings))
+            self.found.said[stream.stream_id] += 1
+            run.say(offer.node, stream, offer.instance, next(values))
             go_on()
 
         def go_on() -> None:
             at = next(instants, None)
             if at is not None:
-                self.later(at, act)
+                run.network.at(max(at, run.network.now) / NS_PER_S, act)
 
         go_on()
 
-    def _saying(self, offer: Offer) -> Callable[[Saying], None]:
-        """Return a function that begins one sample or call of an offer."""
-        speaker = self._speakers[offer.node]
-        times = LinkTimes(speaker.capabilities)
-        stream, qos = offer.stream, offer.stream.qos
-        said = self.found.said
-        said.setdefault(stream.stream_id, 0)
-        if isinstance(stream.spec, ServiceSpec):
-            spec = stream.spec
+    # What becomes of it
 
-            def call(saying: Saying) -> None:
-                said[stream.stream_id] += 1
-                self._calls += 1
-                Call(
-                    offer, saying.payload_bytes, self, times, self._rng, spec.server,
-                    self._calls, spec.timeout_s,
-                )  # fmt: skip
+    def received(self, arrived: Arrived) -> None:
+        """Note its latency."""
+        self._note(arrived.publication, arrived)
 
-            return call
-        receivers = tuple(
-            each for each in self._tables if each != offer.node and stream.may_subscribe(each)
-        )
-        room_bytes = speaker.port.envelope.room_bytes
-        if qos.reliability is Reliability.RELIABLE:
-            lane = ReliableLane(offer, receivers, self, times, self._rng)
-            transfers = TransferLane(offer, receivers, self, speaker.capabilities, room_bytes)
-            most_bytes = room_bytes - TAG_BYTES - head_bytes_of(offer) - SYNC_BYTES - NUMBER_BYTES
+    def answered(self, arrived: Arrived) -> None:
+        """Note its latency."""
+        self._note(arrived.publication, arrived)
 
-            def publish(saying: Saying) -> None:
-                said[stream.stream_id] += 1
-                if saying.payload_bytes > most_bytes:
-                    transfers.publish(saying.payload_bytes)
-                else:
-                    lane.publish(saying)
+    def _note(self, publication: Publication, arrived: Arrived) -> None:
+        stream_id, found = publication.stream.stream_id, self.found
+        latency_s = (arrived.at - publication.at) / NS_PER_S
+        found.latencies_s.setdefault(stream_id, []).append(latency_s)
+        nodes = found.arrived.setdefault(stream_id, {})
+        nodes[arrived.node] = nodes.get(arrived.node, 0) + 1
 
-            return publish
-        return lambda saying: self._say(offer, receivers, saying)
-
-    def _say(self, offer: Offer, receivers: tuple[int, ...], saying: Saying) -> None:
-        """Queue a best-effort sample."""
-        stream, now = offer.stream, self.now
-        self.found.said[stream.stream_id] += 1
-        spec = stream.spec
-        listed = spec.subscribers if isinstance(spec, TopicSpec) else None
-        room_bytes = self._speakers[offer.node].port.envelope.room_bytes - TAG_BYTES
-        if head_bytes_of(offer) + saying.payload_bytes > room_bytes:
-            self.found.refused[stream.stream_id] = self.found.refused.get(stream.stream_id, 0) + 1
-            return
-        is_alone = len(receivers) == 1 and (listed is not None or stream.is_on_demand)
-        item = Item(
-            stream.stream_id, receivers[0] if is_alone else BROADCAST,
-            head_bytes_of(offer) + saying.payload_bytes, now,
-        )  # fmt: skip
-        item.open_ended = not stream.codec.delimits_itself
-        item.voice, item.wait_ns = offer.voice, stream.qos.linger_ns
-        if stream.qos.lifespan_s is not None:
-            item.expires_at = now + seconds_to_ns(stream.qos.lifespan_s)
-        if saying.dense_value is not None:
-            value = dict(saying.dense_value)
-            if stream.qos.stamp is Stamp.AGE:
-                value[AGE_FIELD] = 0
-            number = self.found.said[stream.stream_id]
-            item.dense = DenseSample(stream.stream_id, value, number)
-        item.begins = lambda _: self.went(offer)
-        item.heard = lambda node, _: self.delivered(offer, now) if node in receivers else None
-        speaker = self._speakers[offer.node]
-        speaker.push(("sample", stream.stream_id, offer.instance, offer.voice), item, stream.qos)
-        self.serve(offer.node)
-
-    def _beat(self, address: int, rules: TransmitRules) -> None:
-        """Model heartbeats; ignores that a transmitting node sends none."""
-        if rules.contact.heartbeat_s is None:
-            return
-        heartbeat_ns = seconds_to_ns(rules.contact.heartbeat_s)
-        said_at = self.now
-
-        def beat() -> None:
-            nonlocal said_at
-            last_at = self._last_said.get(address, said_at)
-            due_at = last_at + heartbeat_ns * 7 // 8
-            if due_at <= self.now:
-                item = Item(NO_STREAM, BROADCAST, 1, self.now)
-                item.is_control = True
-                self._speakers[address].push(("heartbeat",), item, Qos(), depth=1)
-                said_at = due_at = self.now
-                self.serve(address)
-                due_at = self.now + heartbeat_ns * 7 // 8
-            self.later(due_at, beat)
-
-        self.later(self.now + heartbeat_ns * 7 // 8, beat)
+    def _count_first_transmissions(self) -> None:
+        """Take from the engines what they have composed once, and what they have refused."""
+        assert self._run is not None
+        run, found = self._run, self.found
+        speakers = {(offer.node, offer.stream.stream_id) for offer in self._offers}
+        for address in run.network.addresses:
+            for stats in run.network.stats_of(address):
+                for stream_id, number in stats.transmitted.items():
+                    if (address, stream_id) in speakers:
+                        found.went[stream_id] = found.went.get(stream_id, 0) + number
+        found.refused.update(run.refused)
+        found.refusals.update(run.refusals)
 
     # Frames
 
-    def _wake(self, address: int, armed_at: int) -> None:
-        speaker = self._speakers[address]
-        if speaker.armed_at == armed_at:
-            speaker.armed_at = None
-            speaker.port.access.handle_timeout(self.now)
-            self.serve(address)
+    def _traced(self, record: TraceRecord) -> None:
+        """Book each frame as it is composed, so that a preamble is shared by its bytes alone."""
+        run = self._run
+        if record.what == "transmit" and run is not None and run.network.is_running(record.node):
+            self._book(record.node, run.network.engine(record.node).stats)
 
-    def _transmit(self, speaker: Speaker, said: Said) -> None:
-        now = self.now
-        self._transmissions += 1
-        transmission = Transmission(
-            transmission_id=self._transmissions, frame_bytes=bytes(said.size_bytes),
-            destination=said.destination,
-        )  # fmt: skip
-        speaker.port.transmit(transmission.transmission_id, (), now)
-        speaker.on_air, speaker.armed_at = said, None
-        for item in said.items:
-            if item.begins is not None:
-                item.begins(now)
-        emission = self.channel.transmit(speaker.address, said.size_bytes, now)
-        speaker.spend(said, emission.ends_at - now, now)
-        self._book(speaker.address, said, (emission.ends_at - now) / NS_PER_S)
-        self.spread(emission, said)
-        self.agenda.push(
-            emission.ends_at, self._sounded, speaker.address, transmission, emission, said
-        )
+    def _book(self, address: int, stats: EngineStats) -> None:
+        ledger = self._ledgers.get(address)
+        if ledger is None or ledger.stats is not stats:  # the node has begun another life
+            ledger = self._ledgers[address] = _Ledger(stats)
+        airtime_s, frames, parts = ledger.news()
+        if not parts:
+            return
+        members = self._members[address]
+        has_samples = any(each != NO_STREAM and cause in _OF_SAMPLES for each, cause in parts)
+        if has_samples and len(members) > 1:
+            airtime_s += self._introduce(address, parts)
+        size_bytes = sum(parts.values())
+        counted = 0.0
+        for (stream_id, cause), part in parts.items():
+            is_of_node = not has_samples or cause not in (*_OF_SAMPLES, Cause.HELLO)
+            times = float(len(members) if is_of_node else 1)
+            if cause is Cause.CONFIRM:
+                times *= self._confirms
+            share = part / size_bytes * times
+            counted += share
+            self._count(address, stream_id, cause, part * times, airtime_s * share)
+        self.found.frames += frames * counted
 
-    def _book(self, address: int, said: Said, airtime_s: float) -> None:
-        """Count a frame: a sample for its node, all else for each represented node."""
-        found, members = self.found, self._members[address]
-        if said.destination == BROADCAST:
-            self._last_said[address] = self.now
-        items = said.items or [Item(NO_STREAM, BROADCAST, 1, self.now)]
-        items_bytes = max(1, sum(each.size_bytes for each in items))
-        frames = 0.0
-        for item in items:
-            voices = members if item.voice == NO_VOICE else (item.voice,)
-            times = self._confirms if item.is_confirm and item.voice == NO_VOICE else 1.0
-            share = item.size_bytes / items_bytes * times
-            frames += share * len(voices)
-            for voice in voices:
-                found.airtime_s[voice] = found.airtime_s.get(voice, 0.0) + airtime_s * share
-            before_s = found.stream_airtime_s.get(item.stream_id, 0.0)
-            found.stream_airtime_s[item.stream_id] = before_s + airtime_s * share * len(voices)
-            if item.is_confirm:
-                found.agreement_bytes += item.size_bytes * times * len(voices)
-        found.frames += frames
-        found.transmitted_bytes += said.size_bytes * frames
-        found.agreement_bytes += said.opening_bytes * frames
+    def _introduce(self, address: int, parts: dict[Key, int]) -> float:
+        """Let each represented node say HELLO in a frame of its samples, as this node has.
 
-    def _sounded(
-        self, address: int, transmission: Transmission, emission: Emission, said: Said
+        Returns:
+            The airtime of what the frame has more, s.
+        """
+        hello = (NO_STREAM, Cause.HELLO)
+        owed = self._introductions.get(address, 0)
+        if parts.get(hello, 0) >= HELLO_BYTES:
+            self._introductions[address] = owed + len(self._members[address]) - 1
+        elif parts.get(hello) == TAG_BYTES and owed:
+            assert self._run is not None
+            self._introductions[address] = owed - 1
+            before_bytes = sum(parts.values())
+            parts[hello] = HELLO_BYTES
+            airtime_ns = self._run.network.capabilities(address).airtime_ns
+            return (airtime_ns(sum(parts.values())) - airtime_ns(before_bytes)) / NS_PER_S
+        return 0.0
+
+    def _count(
+        self, address: int, stream_id: int, cause: Cause, size_bytes: float, airtime_s: float
     ) -> None:
-        speaker = self._speakers[address]
-        report = TransmitReport(
-            transmission_id=transmission.transmission_id, outcome=TransmitOutcome.SENT,
-            started_at=emission.started_at, finished_at=self.now,
-        )  # fmt: skip
-        speaker.on_air = None
-        speaker.port.finish(report, self.now)
-        for item in said.items:
-            if item.ends is not None:
-                item.ends(self.now)
-        self.serve(address)
-
-    def notices(self, arrival: Arrival) -> bool:
-        """Tell whether a node's modem notices the beginning of a sound."""
-        is_there = arrival.node in self._speakers
-        return is_there and self._medium.profile(arrival.node).notices(arrival.snr_db)
-
-    def begin(self, arrival: Arrival, sent: Said) -> None:
-        """Handle the beginning of a sound at a node."""
-        self._carrier(self._speakers[arrival.node], 1)
-
-    def _carrier(self, speaker: Speaker, change: int) -> None:
-        was, speaker.carriers = speaker.carriers, speaker.carriers + change
-        if (was == 0) != (speaker.carriers == 0):
-            speaker.port.handle_carrier(speaker.carriers > 0, self.now)
-
-    def end(self, reception: Reception, sent: Said, is_noticed: bool) -> None:
-        """Handle the end of a sound at a node: the frame's contents have arrived, or are lost."""
-        arrival, said = reception.arrival, sent
-        self.found.arrivals += 1
-        speaker = self._speakers.get(arrival.node)
-        if speaker is None:
-            return
-        if is_noticed:
-            self._carrier(speaker, -1)
-        if said.destination not in (arrival.node, BROADCAST):
-            self.serve(arrival.node)
-            return
-        is_received = reception.is_received and reception.corrupt_seed is None
-        self.found.lost_frames += not is_received
-        if is_received:
-            speaker.port.heard(arrival.source, said.size_bytes, self.now)
-            self._control(speaker, arrival, said)
-            speaker.heard(arrival.source, said, self.now)
-        for item in said.items:
-            told = item.heard if is_received else item.lost
-            if told is not None and item.destination in (arrival.node, BROADCAST):
-                told(arrival.node, self.now)
-            if is_received and item.stream_id == NO_STREAM and item.destination == arrival.node:
-                speaker.confirmed(arrival.source)
-        self.serve(arrival.node)
-
-    def _control(self, speaker: Speaker, arrival: Arrival, said: Said) -> None:
-        """Hand over the medium-access controls of a frame, and when its sender listens."""
-        calls = [item.call for item in said.items if item.call is not None]
-        if not calls and not said.controls:
-            return
-        frame = ReceivedFrame(
-            frame_bytes=bytes(said.size_bytes), received_at=self.now, source=arrival.source,
-            destination=said.destination,
-            metrics=LinkMetrics(propagation_s=arrival.propagation_s),
-        )  # fmt: skip
-        for call in calls:
-            speaker.port.handle_call(arrival.source, call, frame, self.now)
-        for control in _controls(said.controls):
-            if isinstance(control, Turn) and control.node not in (
-                NOBODY, ANYBODY, speaker.address,
-            ):  # fmt: skip
-                continue
-            speaker.port.handle_control(arrival.source, control, frame, self.now)
-
-    def _tell_clock(self, address: int) -> None:
-        speaker = self._speakers[address]
-        speaker.port.access.handle_clock(0, 0, self.now)
-        self.later(self.now + seconds_to_ns(_CLOCK_EVERY_S), lambda: self._tell_clock(address))
-        if self.now:
-            self.serve(address)
+        """Count bytes of a node, and of those that it represents."""
+        found, members = self.found, self._members[address]
+        for each in members:
+            found.airtime_s[each] = found.airtime_s.get(each, 0.0) + airtime_s / len(members)
+            if cause is Cause.RELAY:
+                before_s = found.relayed_s.get(each, 0.0)
+                found.relayed_s[each] = before_s + airtime_s / len(members)
+        before_s = found.stream_airtime_s.get(stream_id, 0.0)
+        found.stream_airtime_s[stream_id] = before_s + airtime_s
+        found.transmitted_bytes += size_bytes
+        if cause in _AGREEMENT:
+            found.agreement_bytes += size_bytes
+            found.agreement_s += airtime_s
 
 
-def _controls(said: bytes) -> Iterator[Turn | ClockTime]:
-    while said:
-        size_bytes = 3 if said[0] == TURN_CODE else 8
-        body, said = said[1:size_bytes], said[size_bytes:]
-        yield Turn.decode(body) if size_bytes == 3 else ClockTime.decode(body)
+def _confidence_of(course: Sequence[float]) -> float:
+    """Return how far the end of a course may be off, from the scatter of its equal parts."""
+    steps = (len(course) - 1) // _PARTS
+    if not steps:
+        return 0.0
+    ends = course[len(course) - 1 - steps * _PARTS :: steps]
+    parts = [after - before for before, after in itertools.pairwise(ends)]
+    return _STUDENT * statistics.stdev(parts) * math.sqrt(_PARTS)
+
+
+class _Ledger:
+    """What of an engine's counters is booked.
+
+    Args:
+        stats: The counters.
+    """
+
+    def __init__(self, stats: EngineStats) -> None:
+        self.stats = stats
+        self._airtime_ns = 0
+        self._frames = 0
+        self._parts: dict[Key, int] = {}
+
+    def news(self) -> tuple[float, int, dict[Key, int]]:
+        """Return airtime, s, frames, and bytes by stream and cause, since the last call."""
+        stats, before = self.stats, self._parts
+        parts: dict[Key, int] = {}
+        if stats.frames_transmitted == self._frames:  # a route has composed what a link sends later
+            return 0.0, 0, parts
+        for entry in stats.ledger():
+            key = (entry.stream_id, entry.cause)
+            more = entry.transmitted_bytes - before.get(key, 0)
+            if more:
+                parts[key] = more
+                before[key] = entry.transmitted_bytes
+        if not parts:
+            return 0.0, 0, parts
+        airtime_s = (stats.airtime_ns - self._airtime_ns) / NS_PER_S
+        frames = stats.frames_transmitted - self._frames
+        self._airtime_ns, self._frames = stats.airtime_ns, stats.frames_transmitted
+        return airtime_s, frames, parts

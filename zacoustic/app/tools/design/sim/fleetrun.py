@@ -6,9 +6,12 @@ received yet, which is exact as long as payloads differ.
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from types import MappingProxyType
 
+from zacoustic.app.tools.design.sim.sealing import sealed
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import (
@@ -18,12 +21,12 @@ from zacoustic.core.engine.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.engine.makeengine import MakeEngine
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import LocalError
+from zacoustic.seal.spec import SecuritySpec
 from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
 from zacoustic.testing.virtual import VirtualNetwork
 
@@ -36,9 +39,13 @@ class FleetRun:
         tables: The table of each node.
         rules: Rules of transmission by address; a node without them transmits freely.
         checker: Sees each publication and its outcome.
+        security: The seal of each node that has one.
         trace: Takes each trace record.
         digest: Compute the digest of the trace.
-        build: Creates the engines.
+        build: Creates the engines; those that seal get a `cipher`.
+
+    Raises:
+        ConfigError: Frames are sealed, and the extra `secure` is not installed.
     """
 
     def __init__(
@@ -48,9 +55,10 @@ class FleetRun:
         rules: Mapping[int, TransmitRules],
         checker: Checker,
         *,
+        security: Mapping[int, SecuritySpec] = MappingProxyType({}),
         trace: Callable[[TraceRecord], None] | None = None,
         digest: bool = True,
-        build: MakeEngine = Engine,
+        build: Callable[..., Engine] = Engine,
     ) -> None:
         self.table = next(iter(tables.values()))
         """The streams, as the first node has them."""
@@ -64,16 +72,20 @@ class FleetRun:
         self._number = 0
         self._published: dict[tuple[int, int, Instance, bytes], list[_Sent]] = {}
         self._called: dict[tuple[int, int, int], Publication] = {}
+        first, *others = links_of(rules)
         self.network = VirtualNetwork(
             scenario,
             tables,
+            link=first if others else None,
             deliver=self._deliver,
             trace=trace,
             digest=digest,
             lives=self._live,
             rules=rules,
-            build=build,
+            build=sealed(security, build),
         )
+        for link in others:
+            self.network.add_link(link, scenario.medium_of(link))
         for address in self.network.addresses:
             self._subscribe(address)
 
@@ -170,6 +182,12 @@ class FleetRun:
             if stream.is_on_demand and stream.may_subscribe(address):
                 want = partial(_want, stream.stream_id)
                 self.network.apply(address, want)
+
+
+def links_of(rules: Mapping[int, TransmitRules]) -> list[str]:
+    """Return the names of all links of a fleet, in the order of their nodes and files."""
+    names = (link.name for each in rules.values() for link in each.of_links)
+    return list(dict.fromkeys(names)) or [ONE_LINK]
 
 
 def _want(stream_id: int, engine: Engine, now: int) -> None:

@@ -13,6 +13,7 @@ import msgspec
 
 from zacoustic.app.tools.design.sim.fleetrun import FleetRun
 from zacoustic.app.tools.design.sim.recorder import SimulationRecorder
+from zacoustic.app.tools.design.sim.sealing import security_of
 from zacoustic.app.tools.fleets import configs_of, tables_of
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.channel.traffic import TrafficSpec
@@ -20,12 +21,12 @@ from zacoustic.config import Config
 from zacoustic.config.json5 import read_json5
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.makeengine import MakeEngine
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError
+from zacoustic.seal.spec import SecuritySpec
 from zacoustic.testing.counters import Counters, SimulationResult
 
 DEFAULT_UNTIL_S: Final = 3600.0
@@ -91,11 +92,13 @@ def simulate_scenario(
     tables = tables_of(scenario, configs, source)
     rules = {address: config.rules for address, config in configs.items()}
     scenario = with_journals(scenario, configs)
-    make = Engine if record is None else record.make
+    make: Callable[..., Engine] = Engine if record is None else record.make
     if record is not None and configs:
         ros = next(iter(configs.values())).ros
         record.ros = ros.streams if ros is not None else {}
-    run = _Run(scenario, tables, rules, source=source, trace=trace, build=make)
+    run = _Run(
+        scenario, tables, rules, security_of(configs), source=source, trace=trace, build=make
+    )
     if record is not None:
         record.network = run.network
     run.network.run(until_s=until_s)
@@ -110,15 +113,18 @@ class _Run:
         scenario: Scenario,
         tables: dict[int, StreamTable],
         rules: dict[int, TransmitRules],
+        security: dict[int, SecuritySpec],
         *,
         source: str,
         trace: Callable[[TraceRecord], None] | None,
-        build: MakeEngine,
+        build: Callable[..., Engine],
     ) -> None:
         self._rng = random.Random(scenario.seed)
         late_after_s: dict[int, float] = {}
         self.counters = Counters(tables, late_after_s)
-        self._fleet = FleetRun(scenario, tables, rules, self.counters, trace=trace, build=build)
+        self._fleet = FleetRun(
+            scenario, tables, rules, self.counters, security=security, trace=trace, build=build
+        )
         self.network = self._fleet.network
         for index, traffic in enumerate(scenario.traffic):
             stream = self._begin(traffic, f"{source}: traffic[{index}]")
