@@ -223,6 +223,7 @@ def _ros(
     others: Sequence[Published],
 ) -> tuple[list[Callable[[Any], None]], Callable[[], set[str]]]:
     node = Node(stack.enter_context(ros_session(port)), "autopilot")
+    stack.callback(lambda kept: None, node)  # its tokens and subscriptions go with it
     told = {topic.name: node.subscribe(topic.name, topic.interface) for topic in others}
     speakers = [node.publisher(topic.name, topic.interface) for topic in own]
     return speakers, lambda: {name for name, queue in told.items() if not queue.empty()}
