@@ -32,6 +32,7 @@ from zacoustic.config import Config, read_config
 from zacoustic.config.json5 import read_json5, read_zenoh_config
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
 from zacoustic.errors import ConfigError
 from zacoustic.seal.spec import SecuritySpec
 
@@ -170,9 +171,10 @@ def _of_config(path: Path, channel: AssumedChannel, *, with_values: bool) -> Fle
         ),
     )
     tables = {address: config.table for address, config in configs.items()}
-    offers, notes = offers_of_config(
-        first.table, addresses, first.typical_bits, profile_named(channel.profile).mtu_bytes
-    )
+    room_bytes = profile_named(channel.profile).mtu_bytes
+    if any(config.security is not None for config in configs.values()):
+        room_bytes -= LONG_HEAD_BYTES + STRONG_TAG_BYTES
+    offers, notes = offers_of_config(first.table, addresses, first.typical_bits, room_bytes)
     sized = {
         each.stream.stream_id: partial(in_bytes, voices=_voices(each.stream, members))
         for each in offers
