@@ -54,7 +54,15 @@ def channel(folder: Path, *traffic: dict[str, Any], **more: object) -> Path:
     return path
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+# Both run the engines: one case shows that they are asked the same thing.
+FIRST, *OTHERS = CASES
+
+
+@pytest.mark.parametrize(
+    "case",
+    [FIRST, *(pytest.param(case, marks=pytest.mark.soak) for case in OTHERS)],
+    ids=lambda case: case.name,
+)
 def test_a_plan_is_near_what_sim_measures(
     case: Case, tmp_path: Path, count: Callable[[int], int]
 ) -> None:
@@ -127,6 +135,7 @@ def large_fleet(folder: Path, count: int, **more: object) -> Path:
     return path
 
 
+@pytest.mark.soak
 def test_some_nodes_of_a_large_fleet_speak_for_the_equal_ones(
     tmp_path: Path, sized: Callable[..., int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
