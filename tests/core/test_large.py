@@ -313,6 +313,45 @@ def test_what_waits_for_a_large_one_survives_a_restart(victim: int) -> None:
     assert ended[waiting[1]] is DeliveryOutcome.DELIVERED
 
 
+def test_a_power_cut_while_what_waited_gets_its_number_doubles_nothing() -> None:
+    rig = ends()
+    table = fleet(depth=1)
+    for address in (1, 2):
+        rig.restart(address, table, keeps=True)
+    publish(rig, KEPT, b"hello again")
+    rig.run(60)
+    for newest in (b"newest", PHOTO[1:]):
+        publish(rig, KEPT, PHOTO)
+        rig.run(1, some_fragments(3))
+        waiting = publish(rig, KEPT, newest)
+        before = dict(rig[1].journal)
+        assert any(key.startswith("next/") for key in before)
+        rig.run(20, lambda *_: False)  # asked in vain, so it displaces the photo
+        assert not any(key.startswith("next/") for key in rig[1].journal)
+        rig[1].journal |= {key: each for key, each in before.items() if key.startswith("next/")}
+        told = [each.delivery_id for each in rig[1].got(DeliveryStored)]
+        assert told.count(waiting) == 1
+        rig.restart(1, table, keeps=True)
+        rig.run(120)
+        assert values(rig).count(newest) == 1
+        assert not any(key.startswith("next/") for key in rig[1].journal)
+
+
+def test_memory_for_what_waits_for_large_ones_is_bounded() -> None:
+    table = StreamTable([topic(LAST, "last", depth=64, min_interval_s=1000.0)], nodes=NODES)
+    rules = TransmitRules(objects=ObjectLimits(most_outgoing=3))
+    rig = Rig(dict.fromkeys((1, 2, 3), table), capabilities=link(bit_rate_bps=5000))
+    rig.ends[1] = End(1, table, epoch=2, rules=rules, now=rig.now)
+    rig[1].engine.handle_link_state(LinkState.UP, rig.now, rig.capabilities)
+    publish(rig, LAST, PHOTO)
+    rig.run(20)
+    for _ in range(3):
+        publish(rig, LAST, PHOTO)
+    with pytest.raises(QueueFullError):
+        publish(rig, LAST, PHOTO)
+    assert rig[1].engine.delivering(LAST) == 3
+
+
 def test_large_samples_keep_the_minimum_interval() -> None:
     table = StreamTable([topic(LAST, "last", depth=1, min_interval_s=100.0)], nodes=NODES)
     rig = Rig(dict.fromkeys((1, 2, 3), table), capabilities=link(bit_rate_bps=5000))

@@ -25,7 +25,7 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome, DeliveryStored
 from zacoustic.core.transport.publication import EncodedSample
 from zacoustic.core.transport.reliable.sending.keeping import OTHER_STREAM
-from zacoustic.errors import LocalError
+from zacoustic.errors import LocalError, QueueFullError
 
 _JOURNAL: Final = "next"
 
@@ -39,6 +39,8 @@ class Successor(msgspec.Struct, frozen=True, kw_only=True):
     delivery_id: int
     sample: EncodedSample
     is_delete: bool
+    is_large: bool
+    """Whether it fits no frame."""
 
 
 class _Kept(msgspec.Struct, frozen=True, array_like=True):
@@ -59,7 +61,9 @@ class Successors:
 
     Args:
         context: What the components of its engine share.
+        most_large: The most that may wait and are larger than a frame.
         is_crossing: Returns whether the next sample of a key would displace an object that crosses.
+        is_numbered: Returns whether a sample with this delivery id has a number.
         publish: Publishes a sample under a delivery id.
         emit: Takes the events of those that end before.
     """
@@ -67,7 +71,9 @@ class Successors:
     def __init__(
         self,
         context: Context,
+        most_large: int,
         is_crossing: Callable[[Stream, Instance], bool],
+        is_numbered: Callable[[int], bool],
         publish: Callable[[Stream, Successor, int], None],
         emit: Callable[[DeliveryEnded | DeliveryStored], None],
     ) -> None:
@@ -75,12 +81,16 @@ class Successors:
         self._queue = context.queue
         self._journal = context.journal
         self._timers = context.timers
+        self._most_large = most_large
         self._is_crossing = is_crossing
+        self._is_numbered = is_numbered
         self._publish = publish
         self._emit: Callable[[Any], None] = emit
         self._waiting: dict[Key, list[Successor]] = {}
         self._large_at: dict[Key, int] = {}
         """When the last large sample of a key began, of those with a minimum interval."""
+        self._told_stored: set[int] = set()
+        """Delivery ids of which the application knows that they are journalled."""
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the successors from before a restart, in their order."""
@@ -98,9 +108,12 @@ class Successors:
                 expires_at=None,
             )
             successor = Successor(
-                delivery_id=int(delivery_id), sample=sample, is_delete=kept.is_delete
+                delivery_id=int(delivery_id), sample=sample, is_delete=kept.is_delete, is_large=True
             )
             stream = self._table.get(int(stream_id))
+            if self._is_numbered(successor.delivery_id):
+                self._journal.write(name, None)  # the power was cut between the two writes
+                continue
             if stream is None or stream.digest != kept.digest:
                 self._journal.write(name, None)
                 outcome = DeliveryOutcome.CANCELLED
@@ -127,9 +140,15 @@ class Successors:
         return self._free_at(stream, key) > now
 
     def add(self, stream: Stream, successor: Successor, now: int) -> None:
-        """Let a sample wait."""
+        """Let a sample wait.
+
+        Raises:
+            QueueFullError: Too many large ones wait.
+        """
         sample = successor.sample
         waiting = self._waiting.setdefault((stream.stream_id, sample.instance), [])
+        if len(waiting) < stream.qos.depth:
+            self._check_room(successor)
         waiting.append(successor)
         if stream.journals_sent:
             kept = _Kept(
@@ -141,11 +160,10 @@ class Successors:
                 sample.stamped,
                 successor.is_delete,
             )
-            stored = DeliveryStored(delivery_id=successor.delivery_id, stream_id=stream.stream_id)
             self._journal.write(
                 _name(stream, successor),
                 msgspec.msgpack.encode(kept),
-                lambda at: self._emit(stored),
+                lambda at: self._stored(stream, successor),
             )
         if len(waiting) > stream.qos.depth:
             self._end(stream, waiting, waiting[0], DeliveryOutcome.SUPERSEDED, now)
@@ -155,6 +173,17 @@ class Successors:
         """Note that a large sample of a key begins."""
         if self._interval_ns(stream):
             self._large_at[stream.stream_id, instance] = now
+
+    def knows_stored(self, delivery_id: int) -> bool:
+        """Return whether the application knows that a sample with a number is journalled."""
+        is_known = delivery_id in self._told_stored
+        self._told_stored.discard(delivery_id)
+        return is_known
+
+    def sample_ended(self, delivery_id: int) -> None:
+        """Note the end of a sample of this node."""
+        self._told_stored.discard(delivery_id)
+        self.changed()
 
     def changed(self) -> None:
         """Look again what may go: a sample has ended, or nobody answers."""
@@ -184,6 +213,17 @@ class Successors:
 
     def _each(self) -> Iterator[Successor]:
         return (each for waiting in self._waiting.values() for each in waiting)
+
+    def _check_room(self, successor: Successor) -> None:
+        large = sum(each.is_large for each in self._each())
+        if successor.is_large and large >= self._most_large:
+            raise QueueFullError(f"{large} samples larger than a frame wait already")
+
+    def _stored(self, stream: Stream, successor: Successor) -> None:
+        delivery_id = successor.delivery_id
+        if self.has(delivery_id):  # otherwise the sample with a number tells it
+            self._emit(DeliveryStored(delivery_id=delivery_id, stream_id=stream.stream_id))
+            self._told_stored.add(delivery_id)
 
     def _interval_ns(self, stream: Stream) -> int:
         qos = self._queue.overridden((stream.stream_id, RELIABLE_LANE), stream.qos)
@@ -237,6 +277,7 @@ class Successors:
         now: int,
     ) -> None:
         waiting.remove(successor)
+        self._told_stored.discard(successor.delivery_id)
         self._forget(stream, successor)
         self._emit(_ended(stream.stream_id, successor, outcome, now))
 

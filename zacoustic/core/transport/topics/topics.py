@@ -18,7 +18,12 @@ from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, Stream
 from zacoustic.core.transport.carry.carrying import Carrying
-from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryEvent, SampleReceived
+from zacoustic.core.transport.deliveries import (
+    DeliveryEnded,
+    DeliveryEvent,
+    DeliveryStored,
+    SampleReceived,
+)
 from zacoustic.core.transport.objects.large import LargeSamples
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.progress import ObjectProgress
@@ -81,7 +86,12 @@ class Topics:
         )
         """Samples that fit no frame."""
         self.successors = Successors(
-            context, self.sending.slots.displaces_crossing, self._publish_successor, self._told
+            context,
+            limits.most_outgoing,
+            self.sending.slots.displaces_crossing,
+            self.sending.is_delivering,
+            self._publish_successor,
+            self._told,
         )
         """Samples that wait for a large one of their key."""
         self.copied = CopiedSamples(context)
@@ -200,7 +210,9 @@ class Topics:
     def _told(self, event: ObjectProgress | BulkChanged | DeliveryEvent) -> None:
         """Pass an event on, to the carried topics if it is of one of their hops."""
         if isinstance(event, DeliveryEnded):
-            self.successors.changed()
+            self.successors.sample_ended(event.delivery_id)
+        elif isinstance(event, DeliveryStored) and self.successors.knows_stored(event.delivery_id):
+            return
         is_hop = not isinstance(event, BulkChanged) and event.stream_id == CARRY_STREAM_ID
         if self.carrying is None or not is_hop:
             self._emit(event)
@@ -218,10 +230,13 @@ class Topics:
         self, stream: Stream, sample: EncodedSample, now: int, *, is_delete: bool
     ) -> int:
         self.large.check(stream, len(sample.payload))
-        if not self._is_large(sample, is_delete=is_delete):
+        is_large = self._is_large(sample, is_delete=is_delete)
+        if not is_large:
             self._queue.check_size(stream.name, _needed_bytes(sample), hint=_IN_PARTS)
         delivery_id = self.sending.next_delivery_id()
-        successor = Successor(delivery_id=delivery_id, sample=sample, is_delete=is_delete)
+        successor = Successor(
+            delivery_id=delivery_id, sample=sample, is_delete=is_delete, is_large=is_large
+        )
         if self.successors.must_wait(stream, sample.instance, now):
             self.successors.add(stream, successor, now)
         else:
