@@ -361,8 +361,8 @@ class Composer:
             answered = offer.is_answered if hearers != BROADCAST else None
             if not self._seal.is_known(hearers, now, answered=answered):
                 hello = self._introductions.introduction(self._link, hearers, room_bytes, now)
-                closing = self._seal.settle(hearers, None, None, now, answered=answered)
-                return self._controls(port, hearers, [(Cause.HELLO, hello)], now, closing)
+                said = [(Cause.HELLO, hello)]
+                return self._controls(port, hearers, said, now, answered=answered)
         # The last fragment of a run announces the pause to all nodes, so it goes first.
         if not port.ends_run_now(now) and self._introduces_fragment(destination, now):
             hello = self._introductions.introduction(self._link, destination, room_bytes, now)
@@ -417,12 +417,13 @@ class Composer:
         destination: int,
         said: list[tuple[Cause, bytes]],
         now: int,
-        closing: Closing | None = None,
+        *,
+        answered: bool | None = None,
     ) -> Composed:
-        """Make a frame of controls; closed in the usual way if nothing else is given."""
+        """Make a frame of controls; `answered` is that of a fragment that they precede."""
         for cause, control in said:
             self._stats.attribute(NO_STREAM, cause, len(control))
-        closing = closing or self._seal.settle(destination, None, None, now)
+        closing = self._seal.settle(destination, None, None, now, answered=answered)
         content = b"".join(control for _, control in said)
         return self._composed(port, destination, content, now, closing=closing, needs_no_table=True)
 
