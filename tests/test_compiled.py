@@ -177,3 +177,54 @@ def test_what_a_recording_taps_stays_plain(monkeypatch: pytest.MonkeyPatch) -> N
     tapped = {method_of(each).__qualname__.partition(".")[0] for each in CALLS}
     assert len(tapped) > 5
     assert not tapped & compiled
+
+
+def test_no_property_takes_the_place_of_an_attribute() -> None:
+    """A compiled class reads the attribute of its base there, which nothing has set."""
+    classes = dict(_classes_of("zacoustic/core")) | dict(_classes_of("zacoustic/channel"))
+    assert len(classes) > 300
+    mistaken = [
+        f"{name}.{each}: {base}"
+        for name, (_, bases, properties) in classes.items()
+        for base in _ancestors(bases, classes)
+        for each in properties & classes[base][0]
+    ]
+    assert mistaken == []
+
+
+def _classes_of(room: str) -> Iterator[tuple[str, tuple[set[str], list[str], set[str]]]]:
+    """Yield the attributes, bases and properties of each class below a room."""
+    for file in (ROOT / room).rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.ClassDef):
+                continue
+            attributes = {
+                target.attr
+                for each in ast.walk(node)
+                if isinstance(each, ast.Assign | ast.AnnAssign)
+                for target in (each.targets if isinstance(each, ast.Assign) else [each.target])
+                if isinstance(target, ast.Attribute)
+            }
+            for each in node.body:
+                if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name):
+                    attributes.add(each.target.id)
+                elif isinstance(each, ast.Assign):
+                    attributes |= {to.id for to in each.targets if isinstance(to, ast.Name)}
+            bases = [each.id for each in node.bases if isinstance(each, ast.Name)]
+            properties = {
+                each.name
+                for each in node.body
+                if isinstance(each, ast.FunctionDef)
+                and any(isinstance(d, ast.Name) and d.id == "property" for d in each.decorator_list)
+            }
+            yield node.name, (attributes, bases, properties)
+
+
+def _ancestors(
+    bases: list[str], classes: dict[str, tuple[set[str], list[str], set[str]]]
+) -> set[str]:
+    found: set[str] = set()
+    for base in bases:
+        if base in classes and base not in found:
+            found |= {base} | _ancestors(classes[base][1], classes)
+    return found

@@ -6,7 +6,7 @@ import pytest
 
 from zacoustic.app.tools.design.check.report import report_of
 from zacoustic.config import config_from_mapping
-from zacoustic.core.bond.spec import Bond, BondLink, LinkCost
+from zacoustic.core.bond.spec import Bond, BondLink, LinkCost, Tariff
 from zacoustic.errors import ConfigError
 
 RADIO = {"name": "radio", "locator": "udp/239.1.2.3:7000", "cost": "free"}
@@ -81,6 +81,9 @@ def test_nodes_may_lack_a_link_or_have_it_elsewhere() -> None:
         ({"default_links": ["sat"]}, 'default_links[0]: "sat"; allowed: acoustic, radio'),
         ({"default_links": ["radio", "radio"]}, 'default_links[1]: "radio" a second time'),
         ({"links": [SOUND, {**RADIO, "cost": "cheap"}]}, 'links[1].cost: "cheap"; allowed: "free"'),
+        ({"links": [SOUND, {**RADIO, "cost": {"quantum": 5}}]}, "links[1].cost: {"),
+        ({"links": [SOUND, {**RADIO, "cost": {"per_byte": 0}}]}, "links[1].cost: {"),
+        ({"links": [SOUND, {**RADIO, "cost": {"per_byte": 1, "x": 1}}]}, "links[1].cost: {"),
         ({"links": [SOUND, {**RADIO, "probe_s": 0}]}, "links[1].probe_s: 0; allowed: "),
         ({"links": [SOUND, {**RADIO, "down_after_s": 1e300}]}, "links[1].down_after_s: 1e+300"),
         (
@@ -112,3 +115,15 @@ def test_check_says_which_links_a_stream_has() -> None:
     changed = section(links=[SOUND, {**RADIO, "cost": "airtime"}])
     notes = report_of(config_from_mapping(changed, source="fleet.json5"), None).notes
     assert any(each.startswith("nothing answers on radio") for each in notes)
+    assert any(each.startswith("nobody answers {node}/nav") for each in notes)
+    changed["heartbeat_s"] = 60
+    notes = report_of(config_from_mapping(changed, source="fleet.json5"), None).notes
+    assert not any(each.startswith("nobody answers") for each in notes)
+
+
+def test_a_price_is_a_tariff() -> None:
+    price = {"per_byte": 0.0032, "quantum": 50}
+    links = read(links=[SOUND, {**RADIO, "cost": price}]).links
+    assert links[1].bonded == BondLink(
+        cost=LinkCost.MONEY, tariff=Tariff(per_byte=0.0032, quantum=50)
+    )

@@ -1,11 +1,16 @@
 """The lists `links` of streams, and `default_links`: several links used as one."""
 
-from zacoustic.config.problems import Place
-from zacoustic.config.sections import LinkEntry, RouteEntry
+from typing import Any
+
+import msgspec
+
+from zacoustic.config.problems import Place, shown
+from zacoustic.config.sections import ALLOWED, LinkEntry, RouteEntry
 from zacoustic.core.base.clock import DURATIONS, is_duration
-from zacoustic.core.bond.spec import Bond, BondLink, LinkCost
+from zacoustic.core.bond.spec import Bond, BondLink, LinkCost, Tariff
 from zacoustic.core.relay.route import Route
 from zacoustic.core.wire.relay import LAST_ROUTE
+from zacoustic.errors import ConfigError
 
 
 class Bonds:
@@ -99,16 +104,29 @@ def read_bonded(place: Place, entry: LinkEntry | RouteEntry) -> BondLink:
     Raises:
         ConfigError: A value is outside its range.
     """
-    costs = {each.value: each for each in LinkCost}
-    cost = entry.cost if isinstance(entry, LinkEntry) else None
-    if cost is not None and cost not in costs:
-        place.at("cost").refuse(allowed=", ".join(f'"{each}"' for each in costs))
+    cost, tariff = LinkCost.AIRTIME, None
+    if isinstance(entry, LinkEntry) and entry.cost is not None:
+        cost, tariff = _read_cost(place.at("cost"), entry.cost)
     for name in ("probe_s", "down_after_s"):
         value = getattr(entry, name)
         if value is not None and not is_duration(value):
             place.at(name).refuse(allowed=DURATIONS)
     return BondLink(
-        cost=LinkCost.AIRTIME if cost is None else costs[cost],
+        cost=cost,
+        tariff=tariff,
         probe_s=entry.probe_s or 0.0,
         down_after_s=entry.down_after_s or 0.0,
     )
+
+
+def _read_cost(place: Place, written: str | dict[str, Any]) -> tuple[LinkCost, Tariff | None]:
+    """Read what frames cost: a word, or a price."""
+    if not isinstance(written, dict):
+        costs = {each.value: each for each in LinkCost}
+        if written not in costs:
+            place.refuse(allowed=ALLOWED["cost"])
+        return costs[written], None
+    try:
+        return LinkCost.MONEY, msgspec.convert(written, Tariff, strict=True)
+    except (ConfigError, msgspec.ValidationError) as error:
+        place.refuse(f"{shown(written)}: {error}", allowed=ALLOWED["cost"])

@@ -64,7 +64,7 @@ ALLOWED: Final = {
     "nodes": "a list of { address, name }",
     "agreement": ", ".join(f'"{method.value}"' for method in AgreementMethod),
     "link": "the name of a link; of a stream also that of a route",
-    "cost": '"free", "airtime", "money"',
+    "cost": '"free", "airtime", "money", or a price { per_byte, quantum }',
     "probe_s": "seconds, above 0",
     "down_after_s": "seconds, above 0",
     "default_links": "a list of names of links",
@@ -219,8 +219,9 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     owners: tuple[int, ...] | None = None
     """Addresses of the nodes that have it; default: all. Several nodes may each have an entry with
     the same name and another locator."""
-    cost: str | None = None
-    """What a frame costs, for lists of links: `"free"`, `"airtime"`, the default, or `"money"`."""
+    cost: dict[str, Any] | str | None = None
+    """What a frame costs, for lists of links: `"free"`, `"airtime"`, the default, `"money"`, or the
+    price of a byte and what a frame is rounded up to: `{ per_byte: 0.0032, quantum: 50 }`."""
     probe_s: float | None = None
     """Pause between two tries of the link when it reaches nobody, s; default: 5 s where frames are
     free, else 600 s."""

@@ -26,8 +26,9 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 composer; `prober` measures who hears whom, `paths` has changed paths; `flooding`
                 passes frames on without a route, as `flood` says; a `tunnel` is what both are
                 as links
-`bond`          several links used as one: `spec` lists them, `bonding` chooses for each frame,
-                `reach` tells whether a link reaches a node, `outbox` is a source of the composer
+`bond`          several links used as one: `spec` lists them, `bonding` has a node's part,
+                `policy` chooses for each frame, `reach` tells whether a link reaches a node,
+                `outbox` is a source of the composer
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
                 `composer` and `filling` to `port` (`bulkwindow`) to `transmitter`; `access`,
                 `airtime`, `silence`

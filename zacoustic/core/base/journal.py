@@ -61,14 +61,20 @@ def stored_apart(stored: Mapping[str, bytes], owner: str | None) -> dict[str, by
 class JournalPort:
     """The writes of an engine, and the callbacks for when they are safe."""
 
-    failure: str
-    """Why the journal cannot be written now; empty: it can."""
-
     def __init__(self) -> None:
-        self.failure = ""
+        self._failure = ""
         self._writes: deque[JournalWrite] = deque()
         self._then: dict[int, Callable[[int], None]] = {}
         self._next_write_id = 1
+
+    @property
+    def failure(self) -> str:
+        """Why the journal cannot be written now; empty: it can."""
+        return self._failure
+
+    def fail(self, reason: str) -> None:
+        """Take why it cannot be written; empty: it can again."""
+        self._failure = reason
 
     def write(
         self, key: str, value: bytes | None, then: Callable[[int], None] | None = None
@@ -103,7 +109,8 @@ class _JournalPortOf(JournalPort):
         self._prefix = _key_of(owner)
 
     @property
-    def failure(self) -> str:  # type: ignore[override]
+    def failure(self) -> str:
+        """Why the journal cannot be written now; empty: it can."""
         return self._journal.failure
 
     def write(

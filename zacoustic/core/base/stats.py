@@ -95,9 +95,9 @@ class EngineStats:
         frame to the end of the ACK's frame, ns, by address."""
         self._ledger: dict[tuple[int, Cause], int] = {}
 
-    def on(self, link: str, *, is_route: bool = False) -> "LinkStats":
+    def on(self, link: str, *, is_route: bool = False, quantum_bytes: int = 1) -> "LinkStats":
         """Add the counters of a link, or of a route or bond over other links."""
-        self.links[link] = RouteStats(self) if is_route else LinkStats(self)
+        self.links[link] = RouteStats(self) if is_route else LinkStats(self, quantum_bytes)
         return self.links[link]
 
     def sent(self, frame_bytes: int, airtime_ns: int) -> None:
@@ -139,10 +139,14 @@ class LinkStats(EngineStats):
 
     Args:
         whole: Counters for all links. Counts by stream are kept there alone.
+        quantum_bytes: A frame is paid for as the next multiple of so many bytes.
     """
 
-    def __init__(self, whole: EngineStats) -> None:
+    def __init__(self, whole: EngineStats, quantum_bytes: int = 1) -> None:
         super().__init__()
+        self.paid_bytes = 0
+        """Bytes that are paid for, where frames cost money."""
+        self._quantum_bytes = quantum_bytes
         self._whole = whole
         self.published = whole.published
         self.unsubscribed = whole.unsubscribed
@@ -157,6 +161,7 @@ class LinkStats(EngineStats):
         """Count a frame that is given to the link."""
         super().sent(frame_bytes, airtime_ns)
         self._whole.sent(frame_bytes, airtime_ns)
+        self.paid_bytes += -(-frame_bytes // self._quantum_bytes) * self._quantum_bytes
 
     def heard(self, frame_bytes: int) -> None:
         """Count a frame that has arrived."""

@@ -10,6 +10,8 @@ that receiver, and so a switch loses and doubles nothing:
   Urgent frames do so unless it has just been answered.
 - A receiver takes each frame once: its number and its bytes identify it for a minute.
 
+`zacoustic.core.bond.policy` chooses the links.
+
 While something waits for nodes that a better link does not reach, that link is tried every few
 seconds. An idle node transmits nothing.
 
@@ -39,6 +41,7 @@ from zacoustic.core.base.linktypes import (
 from zacoustic.core.base.stats import LinkStats
 from zacoustic.core.base.timers import Due
 from zacoustic.core.bond.outbox import Outbox, Waiting
+from zacoustic.core.bond.policy import LinkPolicy
 from zacoustic.core.bond.reach import PeerReach, Reach
 from zacoustic.core.bond.spec import Bond, BondLink
 from zacoustic.core.peers.handshake import unit_ns
@@ -104,6 +107,7 @@ class _Awaited(msgspec.Struct):
 
     frame: Transmission
     is_urgent: bool
+    expires_at: int | None
     by_link: dict[str, set[int]]
     """Who has not answered, by the link."""
     due_at: dict[str, int]
@@ -175,9 +179,7 @@ class Bonding:
             )
             for link, rules in links.items()
         }
-        self._up: dict[str, LinkCapabilities] = {}
-        self._room_bytes: dict[str, int] = {}
-        self._units_ns: dict[str, int] = {}
+        self._policy = LinkPolicy(self._rules, self._reach, self.outboxes)
         self._next_seq = rng.randrange(NUMBERS)
         self._awaited: dict[int, _Awaited] = {}
         self._owed: PerPeer[list[tuple[int, int]]] = PerPeer(context.peers, list)
@@ -200,39 +202,19 @@ class Bonding:
     # Getters
 
     @property
-    def in_use(self) -> str | None:
-        """The best link that reaches all nodes, else the last one that is up; None: none is."""
-        links = [link for link in self._rules if link in self._up]
-        used = [self._link_to(each) for each in self._concerned]
-        if not links:
-            return None
-        places = [links.index(each) for each in used if each is not None]
-        return links[max(places, default=len(links) - 1)]
-
-    @property
     def capabilities(self) -> LinkCapabilities | None:
         """What the bond can do as a link at present; None: none of its links is up."""
-        link = self.in_use
-        if link is None:
-            return None
-        used = self._up[link]
-        return LinkCapabilities(
-            # Frames must fit whichever link comes next, so that a switch drops nothing.
-            mtu_bytes=min(self._room_bytes.values()) - HEADER_BYTES,
-            bit_rate_bps=used.bit_rate_bps,
-            preamble_s=used.preamble_s,
-            gap_s=used.gap_s,
-            propagation_s=used.propagation_s,
-            half_duplex=used.half_duplex,
-            # Medium access is at the link itself; the pauses of repetitions follow from these.
-            controls_access=used.controls_access,
-            senses_carrier=used.senses_carrier,
-        )
+        return self._policy.capabilities(self._concerned)
+
+    @property
+    def is_costly(self) -> bool:
+        """Whether every link that is up costs money."""
+        return not self._policy.free_of_money
 
     @property
     def slowest_unit_ns(self) -> int:
         """The time in which the largest frame arrives by the slowest link, ns."""
-        return max(self._units_ns.values(), default=0)
+        return self._policy.slowest_unit_ns
 
     @property
     def status(self) -> BondStatus:
@@ -240,13 +222,17 @@ class Bonding:
         return BondStatus(
             name=self.bond.name,
             links=tuple(self._rules),
-            in_use=self.in_use,
+            in_use=self._policy.in_use(self._concerned),
             reach={
                 peer: {link: self._reach[link][peer].state for link in self._rules}
                 for peer in self._concerned
             },
             again=self._again,
         )
+
+    def extra_bytes(self, now: int) -> int:
+        """Return by how many bytes a frame that goes now may be larger than `capabilities` say."""
+        return self._policy.extra_bytes(self._concerned, now)
 
     # Inputs
 
@@ -268,12 +254,10 @@ class Bonding:
             now: The instant, ns.
         """
         if state is LinkState.UP and capabilities is not None:
-            self._up[link] = capabilities
-            self._room_bytes[link] = room_bytes
-            self._units_ns[link] = unit_ns(capabilities)
+            self._policy.link_up(link, capabilities, room_bytes)
             self._rearm(now)
             return
-        if self._up.pop(link, None) is None:
+        if not self._policy.link_down(link):
             return
         for peer in list(self._reach[link]):
             self._change(link, peer, now, PeerReach.lost)
@@ -290,6 +274,8 @@ class Bonding:
         *,
         is_urgent: bool = False,
         is_granted: bool = False,
+        expires_at: int | None = None,
+        is_heartbeat: bool = False,
     ) -> None:
         """Take a frame of this node.
 
@@ -298,12 +284,18 @@ class Bonding:
             now: The instant, ns.
             is_urgent: Whether it goes before all others.
             is_granted: Whether it may go although the node is silent.
+            expires_at: Instant after which it, or a part of it, is worthless, ns; None: it never
+                is.
+            is_heartbeat: Whether it has nothing but the sign that this node is there: it costs no
+                money, and shows whether other links reach anybody again.
         """
+        policy = self._policy
+        among = policy.free_of_money if is_heartbeat else policy.up
         by_link: dict[str, set[int]] = {}
         for peer in self._hearers_of(frame):
-            for link in self._links_to(peer, now, is_urgent=is_urgent):
+            for link in policy.ways_to(peer, frame, now, expires_at, among, is_urgent=is_urgent):
                 by_link.setdefault(link, set()).add(peer)
-        if not by_link and (last := self._last_up()) is not None:
+        if not by_link and (last := policy.last_of(among)) is not None:
             by_link[last] = set()
         assert self._report is not None
         sent = _Sent(frame, max(1, len(by_link)), self._report)
@@ -314,7 +306,7 @@ class Bonding:
         wanted = {link: peers for link, peers in by_link.items() if self._rules[link].answers}
         awaited = None
         if wanted:
-            awaited = _Awaited(frame, is_urgent, wanted, {}, dict.fromkeys(by_link))
+            awaited = _Awaited(frame, is_urgent, expires_at, wanted, {}, dict.fromkeys(by_link))
             self._awaited[seq] = awaited
         for link in by_link:
             self._give(
@@ -366,35 +358,6 @@ class Bonding:
         """The nodes that frames for all are for: those of the table, and whoever was heard."""
         return tuple(sorted({*self._hearers, *self._heard}))
 
-    def _links_to(self, peer: int, now: int, *, is_urgent: bool = False) -> list[str]:
-        """Return the links for a frame to a node: those in doubt, and the first that is sure."""
-        found: list[str] = []
-        for link in self._rules:
-            reach = self._reach[link][peer]
-            if link not in self._up:
-                continue
-            if reach.state is Reach.DOWN and not reach.is_hopeful(now):
-                continue
-            found.append(link)
-            if reach.is_sure(now) if is_urgent else reach.state is Reach.UP:
-                return found
-        last = self._last_up()
-        if last is not None and last not in found:
-            found.append(last)
-        return found
-
-    def _link_to(self, peer: int) -> str | None:
-        """Return the first link that surely reaches a node, else the last one that is up."""
-        sure = (
-            link
-            for link in self._rules
-            if link in self._up and self._reach[link][peer].state is Reach.UP
-        )
-        return next(sure, self._last_up())
-
-    def _last_up(self) -> str | None:
-        return next((link for link in reversed(self._rules) if link in self._up), None)
-
     def _take_number(self) -> int:
         seq, self._next_seq = self._next_seq, (self._next_seq + 1) % NUMBERS
         self._awaited.pop(seq, None)
@@ -441,7 +404,7 @@ class Bonding:
 
     def _answer_ns(self, link: str) -> int:
         """Return how long the answer to a frame that has left takes, ns."""
-        capabilities = self._up.get(link)
+        capabilities = self._policy.up.get(link)
         if capabilities is None:
             return 0
         return 2 * unit_ns(capabilities) + _ANSWER_NS
@@ -543,8 +506,9 @@ class Bonding:
             del self._awaited[seq]
         further: dict[str, None] = {}
         for peer in silent:
-            further |= dict.fromkeys(each for each in self._links_to(peer, now) if each != link)
-        if not further and silent and (last := self._last_up()) is not None:
+            ways = self._policy.ways_to(peer, awaited.frame, now, awaited.expires_at)
+            further |= dict.fromkeys(each for each in ways if each != link)
+        if not further and silent and (last := self._policy.last_of(self._policy.up)) is not None:
             further[last] = None
         for other in further:
             if other not in awaited.given:
@@ -562,7 +526,9 @@ class Bonding:
 
     @property
     def _tried(self) -> list[str]:
-        return [each for each, rules in self._rules.items() if rules.answers and each in self._up]
+        return [
+            each for each, rules in self._rules.items() if rules.answers and each in self._policy.up
+        ]
 
     def _worse_off(self, link: str) -> list[int]:
         """Return the nodes that only a worse link reaches."""
@@ -571,7 +537,9 @@ class Bonding:
         return [
             peer
             for peer in self._concerned
-            if (used := self._link_to(peer)) is None or links.index(used) > place or used == link
+            if (used := self._policy.used_to(peer)) is None
+            or links.index(used) > place
+            or used == link
         ]
 
     def _probe(self, link: str, now: int) -> None:
@@ -595,7 +563,7 @@ class Bonding:
         for link, known in self._reach.items():
             for peer in self._in_doubt(link):
                 instants.append(known[peer].doubt_ends_at)
-                if link in self._up:
+                if link in self._policy.up:
                     instants.append(known[peer].asks_at)
         if self._is_waiting():
             for link in self._tried:

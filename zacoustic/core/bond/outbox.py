@@ -69,6 +69,11 @@ class Outbox:
         for each in waiting:
             _drop(each, now)
 
+    @property
+    def waiting(self) -> int:
+        """How many frames wait."""
+        return len(self._waiting)
+
     # A source of the composer
 
     @property

@@ -16,8 +16,9 @@ only, for a vehicle at the edge of radio coverage hears the mast, which does not
 link that was up for less than a minute is tried again after twice the pause before.
 
 On a link whose receivers do not answer, silence counts: it goes from ``UP`` to ``DOWN`` when the
-node was not heard for `silence_s` while several frames went, and back when it is heard. The last
-such link of a bond stays ``UP``.
+node was not heard for `silence_s` while several frames went, and back when it is heard. Until then
+a frame in each `pause_s` goes by this link as well: two nodes that both think so would use the next
+one for ever. The last such link of a bond stays ``UP``.
 """
 
 import enum
@@ -90,7 +91,12 @@ class PeerReach:
         return self.state is Reach.UP and is_fresh
 
     def is_hopeful(self, now: int) -> bool:
-        """Return whether a link that is down may reach the node, which was just heard on it."""
+        """Return whether a frame is to go by a link that is down as well.
+
+        The node was just heard on it; where receivers do not answer, a frame is the only question.
+        """
+        if not self._rules.answers:
+            return self.may_try(now)
         heard_at = self._heard_at
         return heard_at is not None and now - heard_at <= _FRESH_NS and self.may_try(now)
 
@@ -102,6 +108,9 @@ class PeerReach:
     def transmitted(self, now: int) -> None:
         """Take that a frame for the node goes by this link."""
         if self._rules.answers or self._is_last:
+            return
+        if self.state is Reach.DOWN:
+            self.tried(now)
             return
         if self._heard_at is None:
             self._heard_at = now

@@ -1,6 +1,7 @@
 """A bond: a list of links of which each frame takes the first that reaches its receivers."""
 
 import enum
+import math
 from typing import Final
 
 import msgspec
@@ -28,11 +29,33 @@ class LinkCost(enum.Enum):
     """Money, which the link counts by itself; otherwise as AIRTIME."""
 
 
+class Tariff(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What frames cost on a link that costs money."""
+
+    per_byte: float
+    """Price of a byte that is paid for, above 0, in any currency."""
+    quantum: int = 1
+    """A frame is paid for as the next multiple of so many bytes, ≥ 1."""
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ConfigError: One is outside its range.
+        """
+        if not 0 < self.per_byte < math.inf:
+            raise ConfigError(f"per_byte is {self.per_byte}; allowed: above 0")
+        if self.quantum < 1:
+            raise ConfigError(f"quantum is {self.quantum}; allowed: at least 1")
+
+
 class BondLink(msgspec.Struct, frozen=True, kw_only=True):
     """How a bond treats one of its links."""
 
     cost: LinkCost = LinkCost.AIRTIME
     """What a frame costs."""
+    tariff: Tariff | None = None
+    """The prices, where it costs money; None: they are not known."""
     probe_s: float = 0.0
     """Pause between two tries of a link that is out of use, s; 0: 5 s, or 600 s where frames
     cost."""
@@ -49,11 +72,23 @@ class BondLink(msgspec.Struct, frozen=True, kw_only=True):
             value = getattr(self, name)
             if not is_duration(value, or_zero=True):
                 raise ConfigError(f"{name} is {value}; allowed: 0, {DURATIONS}")
+        if self.tariff is not None and not self.costs_money:
+            raise ConfigError(f"a tariff with cost {self.cost.value}; allowed: with money")
 
     @property
     def answers(self) -> bool:
         """Whether receivers answer each frame."""
         return self.cost is LinkCost.FREE
+
+    @property
+    def costs_money(self) -> bool:
+        """Whether a frame costs money."""
+        return self.cost is LinkCost.MONEY
+
+    @property
+    def quantum_bytes(self) -> int:
+        """A frame is paid for as the next multiple of so many bytes."""
+        return 1 if self.tariff is None else self.tariff.quantum
 
     @property
     def pause_s(self) -> float:

@@ -150,10 +150,18 @@ class BondPorts:
         for name, stack in self._stacks.items():
             bonding, _ = self._made[name]
             self._follow(bonding, stack, now)
+            if (port := stack.transmitter.port) is not None:
+                port.extra_bytes = bonding.extra_bytes(now)
+            stack.protocols.hold_heartbeats(is_held=bonding.is_costly)
             while (made := stack.make_ranked(now)) is not None:
-                frame, is_urgent = made
-                is_granted = self._silence.is_silent(now)
-                bonding.submit(frame, now, is_urgent=is_urgent, is_granted=is_granted)
+                bonding.submit(
+                    made.transmission,
+                    now,
+                    is_urgent=made.is_urgent,
+                    is_granted=self._silence.is_silent(now),
+                    expires_at=made.expires_at,
+                    is_heartbeat=made.is_heartbeat,
+                )
 
     def handle_state(self, hop: LinkStack, state: LinkState, now: int) -> None:
         """Take the state of a link for the bonds over it."""

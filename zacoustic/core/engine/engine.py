@@ -289,7 +289,8 @@ class Engine:
         """Record why the journal cannot be written; empty: it can again."""
         self._now = now
         if failure != self.journal_failure:
-            self.journal_failure = self._journal.failure = failure
+            self.journal_failure = failure
+            self._journal.fail(failure)
             self._events.append(JournalStateChanged(failure=failure, changed_at=now))
             self._trace.note(now, "journal", detail="fails" if failure else "works")
 
@@ -598,7 +599,10 @@ class Engine:
     ) -> None:
         """Make the stack of each link, of each route that ends here, of each bond, of flooding."""
         links = [
-            (own, Context(node, own.name, index, own.port))
+            (
+                own,
+                Context(node, own.name, index, own.port, quantum_bytes=own.bonded.quantum_bytes),
+            )
             for index, own in enumerate(rules.of_links)
         ]
         ends = [

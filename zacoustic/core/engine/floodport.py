@@ -62,10 +62,10 @@ class FloodPort:
         if self._stack is None or self._flooding is None:
             return
         while (made := self._stack.make_ranked(now)) is not None:
-            frame, is_urgent = made
+            frame = made.transmission
             ended = partial(self._stack.sent, frame.transmission_id, now)
             self._flooding.submit(
-                frame.destination, frame.frame_bytes, now, ended, is_urgent=is_urgent
+                frame.destination, frame.frame_bytes, now, ended, is_urgent=made.is_urgent
             )
 
     def handle_state(

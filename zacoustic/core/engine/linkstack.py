@@ -45,6 +45,19 @@ _MAYBE_UNSEALED: Final = (Refusal.UNSEALED, Refusal.FORGED, Refusal.OUT_OF_STEP)
 _PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
 
+class Outgoing(msgspec.Struct, frozen=True):
+    """A frame on its way to what is below a stack."""
+
+    transmission: Transmission
+    """The frame."""
+    is_urgent: bool
+    """Whether it goes before all others."""
+    expires_at: int | None
+    """Instant after which the first of its records is worthless, ns; None: none ever is."""
+    is_heartbeat: bool
+    """Whether it has nothing but the sign that this node is there."""
+
+
 class LinkStack:
     """One link of an engine.
 
@@ -175,23 +188,24 @@ class LinkStack:
     def make(self, now: int) -> Transmission | None:
         """Return the frame that is worth most now, if the link can take one."""
         made = self.make_ranked(now)
-        return None if made is None else made[0]
+        return None if made is None else made.transmission
 
-    def make_ranked(self, now: int) -> tuple[Transmission, bool] | None:
-        """Return that frame, and whether it is urgent."""
+    def make_ranked(self, now: int) -> Outgoing | None:
+        """Return that frame, and what matters for its way."""
         made = self.transmitter.make(now)
         if made is None:
             return None
-        transmission, streams = made
+        transmission, composed = made
         self._trace.note(
             now,
             "transmit",
             peer=transmission.destination,
             frame=transmission.frame_bytes,
-            streams=streams,
+            streams=composed.streams,
             link=self.name,
         )
-        return transmission, any(map(self._is_urgent, streams))
+        is_urgent = any(map(self._is_urgent, composed.streams))
+        return Outgoing(transmission, is_urgent, composed.expires_at, composed.is_heartbeat)
 
     # Getters
 

@@ -122,9 +122,9 @@ class RoutePorts:
         """Take into custody what the routes transmit."""
         for route, stack, relay in self._ends.values():
             while (made := stack.make_ranked(now)) is not None:
-                frame, is_urgent = made
+                frame = made.transmission
                 ended = partial(stack.sent, frame.transmission_id, now)
-                relay.submit(route, frame.frame_bytes, now, ended, is_urgent=is_urgent)
+                relay.submit(route, frame.frame_bytes, now, ended, is_urgent=made.is_urgent)
 
     def handle_state(
         self, hop: LinkStack, state: LinkState, capabilities: LinkCapabilities | None, now: int

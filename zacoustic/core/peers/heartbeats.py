@@ -37,6 +37,8 @@ class Heartbeats:
         self._hearers = list(hearers) or [BROADCAST]
         self._said_at: dict[int, int] = {}
         self._pause_ns = 0
+        self.is_held = False
+        """Whether none are due: every link that is up costs money."""
         self._announces = announces
         self._announced_at: int | None = None
 
@@ -55,7 +57,7 @@ class Heartbeats:
 
     def due_at(self, now: int) -> int | None:
         """Return the instant at which a heartbeat is due, ns; None: never."""
-        if self._heartbeat_s is None or not self._said_at:
+        if self._heartbeat_s is None or not self._said_at or self.is_held:
             return self._announced_at
         beat_at = min(self._said_at.values()) + self._pause_ns
         return beat_at if self._announced_at is None else min(beat_at, self._announced_at)

@@ -73,6 +73,9 @@ class Profile(ABC):
 
     # Commands
 
+    def hold_heartbeats(self, *, is_held: bool) -> None:
+        """Send no heartbeats until told otherwise."""
+
     @abstractmethod
     def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""

@@ -141,6 +141,16 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
             raise ConfigError(f"default_link is {self.default_link!r}; allowed: {', '.join(names)}")
         return links
 
+    def contact_on(self, link: str) -> ContactRules:
+        """Return the rules about contact on a link: a bond sends the heartbeats of its links.
+
+        On a link that costs money there are none.
+        """
+        costly = any(each.name == link and each.bonded.costs_money for each in self.links)
+        if costly or any(link in each.links for each in self.bonds):
+            return msgspec.structs.replace(self.contact, heartbeat_s=None, announces=False)
+        return self.contact
+
     @property
     def of_peers(self) -> PeerRules:
         """Return how to treat the other nodes, on any link."""

@@ -71,6 +71,8 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     """Receive the begin and the end of its transmission."""
     rides_back: bool = False
     """Whether it goes with the device's acknowledgement of bulk frames."""
+    is_heartbeat: bool = False
+    """Whether it has nothing but the sign that this node is there."""
     caused_by: int | None = None
     """Address of the node because of which it goes; None: it goes for this node's own sake."""
 
@@ -80,6 +82,12 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
         if self.object_stream is not None:
             return (self.object_stream,)
         return tuple(record.stream_id for record in self.records)
+
+    @property
+    def expires_at(self) -> int | None:
+        """Instant after which the first of its records is worthless, ns; None: none ever is."""
+        instants = (record.expires_at for record in self.records)
+        return min((at for at in instants if at is not None), default=None)
 
     @property
     def stream_bytes(self) -> dict[int, int]:
@@ -440,6 +448,7 @@ class Composer:
         parts: Sequence[Part] = (),
         is_pressing: bool = False,
         needs_no_table: bool = False,
+        is_heartbeat: bool = False,
         is_reply: bool = False,
     ) -> Composed:
         """Close a frame, add its envelope, and collect the parts that follow its transmission.
@@ -455,6 +464,7 @@ class Composer:
             parts: Further parts that follow its transmission.
             is_pressing: It carries a payload that may be repeated before any answer can come.
             needs_no_table: It has a HELLO, or no record of any stream.
+            is_heartbeat: It has nothing but the sign that this node is there.
             is_reply: It goes because of its destination.
         """
         closed = self._seal.close(
@@ -482,6 +492,7 @@ class Composer:
             object_stream=object_stream,
             acknowledge=exchange is not None,
             parts=tuple(part for part in told if part is not None),
+            is_heartbeat=is_heartbeat,
             caused_by=destination if is_reply and destination != BROADCAST else None,
         )
 
@@ -493,7 +504,7 @@ class Composer:
         priority = lane.qos.priority if lane else None
         is_due = self._introductions.is_due(self._link, offer.destination)
         closing = self._seal.settle(offer.destination, item, priority, now, introduces=is_due)
-        draft = _Draft(offer.destination, port.envelope.room_bytes, closing)
+        draft = _Draft(offer.destination, port.room_bytes, closing)
         self._introductions.begin_frame(draft.destination)
         self._answer(draft, now)
         first_bytes = first[1].size_bytes if first else 0
@@ -515,7 +526,8 @@ class Composer:
             # It never has room beside a TAG: it gives its turn to the TAG, as if it had been lost.
             self._queue.take(lane, now)
             draft.parts += filter(None, [item.part])
-        if draft.is_empty and not items:
+        is_empty = draft.is_empty and not items
+        if is_empty:
             if offer.must_go is None:
                 return None
             draft.say(offer.must_go, PADDING)
@@ -533,6 +545,7 @@ class Composer:
             parts=draft.parts,
             is_pressing=first is not None and first[0].qos.priority in MOST_COPIES,
             needs_no_table=bool(draft.introduction) or not items,
+            is_heartbeat=is_empty and offer.must_go is Cause.HEARTBEAT,
             is_reply=offer.is_reply,
         )
 
@@ -608,7 +621,7 @@ class Composer:
             draft.say(Cause.ACCESS, said)
         comfort_bytes = port.comfort_bytes(now, is_copy=self._queue.has_copy)
         if comfort_bytes is not None:
-            spent_bytes = port.envelope.room_bytes - draft.room_bytes
+            spent_bytes = port.room_bytes - draft.room_bytes
             most_bytes = max(first_bytes, comfort_bytes - spent_bytes)
             draft.room_bytes = min(draft.room_bytes, most_bytes)
 

@@ -144,6 +144,7 @@ class Context:
         port: The link's number in sealed frames, the same at both ends; None: the index.
         other_end: For a route over relays the node at its other end; None: it is a link.
         is_bond: It is a bond of links.
+        quantum_bytes: A frame on the link is paid for as the next multiple of so many bytes.
     """
 
     def __init__(
@@ -155,6 +156,7 @@ class Context:
         *,
         other_end: int | None = None,
         is_bond: bool = False,
+        quantum_bytes: int = 1,
     ) -> None:
         apart = index > 0
         self.port_number = index if port is None else port
@@ -181,7 +183,8 @@ class Context:
         """The only other node on this link; None: there may be more."""
         self.settling_ns = 0
         """A duplicate may arrive so late, ns, if that is later than the link itself shows."""
-        self.stats = node.stats.on(link, is_route=other_end is not None or is_bond)
+        is_route = other_end is not None or is_bond
+        self.stats = node.stats.on(link, is_route=is_route, quantum_bytes=quantum_bytes)
         self.peers = node.peers
         """The other nodes, and signals about them."""
         self.doubt = node.doubt

@@ -94,6 +94,9 @@ class LinkPort:
         self.access: MediumAccess = choose(access, capabilities, address, rng)
         self.listening = Listening(capabilities)
         """The pauses of this node and of others."""
+        self.extra_bytes = 0
+        """What a frame of records may have beyond `mtu_bytes`, because of the link of a bond that
+        it goes by now."""
         self._address = address
         self._measurements = measurements or Measurements(Peers())
         has_bulk = capabilities.bulk is not None and not self.access.is_scheduled
@@ -132,6 +135,11 @@ class LinkPort:
     def takes_bulk(self) -> bool:
         """Whether a frame of the service for much data may be given to the link."""
         return self.bulk is not None and not self.bulk.is_full and not self._outstanding
+
+    @property
+    def room_bytes(self) -> int:
+        """The largest content of a frame of records without envelope, bytes."""
+        return self.envelope.room_bytes + self.extra_bytes
 
     @property
     def bulk_room_bytes(self) -> int:
@@ -328,7 +336,7 @@ class LinkPort:
     def broadcast_bytes(self) -> int:
         """The largest content of a broadcast frame without envelope, bytes."""
         limit_bytes = self.capabilities.broadcast_mtu_bytes or self.capabilities.mtu_bytes
-        return limit_bytes - self.capabilities.mtu_bytes + self.envelope.room_bytes
+        return limit_bytes - self.capabilities.mtu_bytes + self.room_bytes
 
     def end_run(self) -> None:
         """Record that the frame that is being composed announces a listen window."""

@@ -214,11 +214,11 @@ class Transmitter:
             self._frames_at_up = None
             self._emit(NothingHeard(frames=sent, up_at=self._up_at, changed_at=now, link=self.link))
 
-    def make(self, now: int) -> tuple[Transmission, tuple[int, ...]] | None:
+    def make(self, now: int) -> tuple[Transmission, Composed] | None:
         """Make the transmission that is worth most now, if one may begin.
 
         Returns:
-            The transmission, and the streams of its records; None: none may begin.
+            The transmission, and what it is made of; None: none may begin.
         """
         port = self.port
         if port is None:
@@ -263,7 +263,7 @@ class Transmitter:
             even_at = self._replies.spend(composed.caused_by, airtime_ns, now)
             if even_at > now:
                 source.queue.hold_replies(composed.caused_by, even_at)
-        return transmission, composed.streams
+        return transmission, composed
 
     def _ride_back(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame to a node that sends this one much data, if anything waits."""

@@ -211,6 +211,11 @@ class Composition:
             clock=self._clock,
             dates=dates,
             seal=self._node.seal.report if self._node.seal is not None else None,
+            tariffs={
+                each.name: each.bonded.tariff
+                for each in self._node.parts.rules.links
+                if each.bonded.tariff is not None
+            },
         )
         peers = PeerTable(runner, self._traffic)
         stream_status = StreamStatus(runner, self._traffic, lambda: routes.jobs)

@@ -337,6 +337,7 @@ class _GatewayBoard:
                 frames_sent=link.frames_transmitted,
                 frames_heard=link.frames_received,
                 airtime_s=round(link.airtime_s, 3),
+                paid=link.paid,
             )
             for name, link in named.items()
         )

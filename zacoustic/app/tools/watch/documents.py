@@ -36,6 +36,8 @@ class LinkDocument(msgspec.Struct, frozen=True, kw_only=True):
     bytes_transmitted: int = 0
     bytes_received: int = 0
     airtime_s: float = 0.0
+    paid_bytes: int | None = None
+    paid: float | None = None
     reports: dict[str, int] = {}
 
 

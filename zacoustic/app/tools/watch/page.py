@@ -287,7 +287,8 @@ def link_rows(view: GatewayView) -> list[dict[str, Any]]:
             "state": one_line(f"{link.state}, {link.detail}" if link.detail else link.state),
             "sent": link.frames_sent,
             "heard": link.frames_heard,
-            "airtime": f"{link.airtime_s:.1f} s",
+            "airtime": f"{link.airtime_s:.1f} s"
+            + ("" if link.paid is None else f", {link.paid:.2f} paid"),
         }
         for link in view.links
     ]

@@ -71,6 +71,8 @@ class LinkView(msgspec.Struct, frozen=True, kw_only=True):
     """Received frames, including damaged ones."""
     airtime_s: float
     """Airtime of the frames sent, s."""
+    paid: float | None = None
+    """What they cost, in the currency of the tariff; None: it has none."""
 
 
 class RouteView(msgspec.Struct, frozen=True, kw_only=True):

@@ -86,11 +86,12 @@ class Protocols(Profile):
     ) -> None:
         super().__init__(context)
         self._relay = relay
+        contact = rules.contact_on(context.link)
         self.heartbeats = Heartbeats(
             context.others,
-            rules.contact.heartbeat_s,
+            contact.heartbeat_s,
             context.generators.of("contact"),
-            announces=rules.contact.announces and _has_lived(context),
+            announces=contact.announces and _has_lived(context),
         )
         self.services: Services = Services(context, self.repeater)
         self.actions: Actions = Actions(context, self.repeater)
@@ -124,6 +125,10 @@ class Protocols(Profile):
         self.composer = Composer(context.link, context.handshake, made_of, context.stats)
 
     # Commands
+
+    def hold_heartbeats(self, *, is_held: bool) -> None:
+        """Send no heartbeats until told otherwise."""
+        self.heartbeats.is_held = is_held
 
     def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""

@@ -44,7 +44,7 @@ class Auto(MediumAccess):
         self._was_sure = False
 
     @property
-    def is_scheduled(self) -> bool:  # type: ignore[override]
+    def is_scheduled(self) -> bool:
         """Whether the schedule is in use."""
         return not self._why
 

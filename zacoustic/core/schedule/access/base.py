@@ -103,10 +103,13 @@ class AccessState(msgspec.Struct, frozen=True, kw_only=True):
 class MediumAccess(ABC):
     """Decides when a frame may start."""
 
-    is_scheduled: bool = False
-    """Whether it gives all nodes turns, so that no node needs listen windows."""
     answers_to: int = BROADCAST
     """The node for which a frame of its own is meant, or `BROADCAST`."""
+
+    @property
+    def is_scheduled(self) -> bool:
+        """Whether it gives all nodes turns, so that no node needs listen windows."""
+        return False
 
     @abstractmethod
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
@@ -172,3 +175,12 @@ class MediumAccess(ABC):
             error_ns: The largest error of that instant, ns.
             now: The instant.
         """
+
+
+class TurnAccess(MediumAccess):
+    """Gives all nodes turns, so that no node needs listen windows."""
+
+    @property
+    def is_scheduled(self) -> bool:
+        """Whether it gives all nodes turns: yes."""
+        return True

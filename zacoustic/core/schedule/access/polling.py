@@ -20,7 +20,7 @@ from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
-from zacoustic.core.schedule.access.base import MediumAccess, Wanted
+from zacoustic.core.schedule.access.base import TurnAccess, Wanted
 from zacoustic.core.schedule.access.spec import SLOWEST_SOUND_M_S, PollingSpec
 from zacoustic.core.wire.access import (
     LONGEST_SPAN_NS,
@@ -91,10 +91,8 @@ class _Times:
         self.idle_ns = seconds_to_ns(spec.idle_s)
 
 
-class Polled(MediumAccess):
+class Polled(TurnAccess):
     """A node that transmits when it is polled."""
-
-    is_scheduled = True
 
     def __init__(self, spec: PollingSpec, times: _Times) -> None:
         self.answers_to = spec.poller
@@ -135,10 +133,8 @@ class Polled(MediumAccess):
             self._ends_at = now + control.span_ns
 
 
-class Poller(MediumAccess):
+class Poller(TurnAccess):
     """The node that polls."""
-
-    is_scheduled = True
 
     def __init__(self, spec: PollingSpec, times: _Times) -> None:
         self._nodes = spec.nodes

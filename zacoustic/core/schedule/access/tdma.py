@@ -37,7 +37,7 @@ from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
-from zacoustic.core.schedule.access.base import AccessState, Arrival, MediumAccess, Wanted
+from zacoustic.core.schedule.access.base import AccessState, Arrival, TurnAccess, Wanted
 from zacoustic.core.schedule.access.networktime import NetworkTime
 from zacoustic.core.schedule.access.slotwatch import SlotWatch, Window
 from zacoustic.core.schedule.access.spec import ScheduleSpec, TdmaSpec, TimedSlot
@@ -48,7 +48,7 @@ _CLOCK_EVERY_NS: Final = 60 * NS_PER_S
 """A frame that goes anyway carries the time unless it was sent within this time."""
 
 
-class Tdma(MediumAccess):
+class Tdma(TurnAccess):
     """Waits for the slots of this node.
 
     Args:
@@ -59,8 +59,6 @@ class Tdma(MediumAccess):
     Raises:
         ConfigError: A slot does not hold the largest frame and the guard.
     """
-
-    is_scheduled = True
 
     def __init__(
         self, spec: TdmaSpec | ScheduleSpec, capabilities: LinkCapabilities, address: int

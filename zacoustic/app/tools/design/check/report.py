@@ -21,7 +21,8 @@ from zacoustic.config import Config
 from zacoustic.config.ros import RosConfig
 from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
-from zacoustic.core.base.qos import Stamp
+from zacoustic.core.base.qos import Reliability, Stamp
+from zacoustic.core.bond.spec import Bond, BondLink
 from zacoustic.core.relay.flood import FLOOD_NAME
 from zacoustic.core.schedule.access import (
     AutoSpec,
@@ -444,6 +445,29 @@ def _bond_notes(config: Config) -> Iterator[str]:
                 f"nothing answers on {bond.links[0]}, so it is only out of use after "
                 f'{here[0].silence_s:g} s without a frame; cost: "free" if it is'
             )
+        yield from _unanswered(config, bond, own)
+
+
+def _unanswered(config: Config, bond: Bond, own: dict[str, BondLink]) -> Iterator[str]:
+    """Say which streams would leave a link because nobody answers them."""
+    silent = [each for each in bond.links[:-1] if each in own and not own[each].answers]
+    if not silent or config.rules.contact.heartbeat_s is not None:
+        return
+    names = [
+        stream.name
+        for stream in config.table
+        if config.rules.links_of_streams.get(stream.stream_id, config.rules.default_link)
+        == bond.name
+        and isinstance(stream.spec, TopicSpec)
+        and config.address in (stream.spec.publishers or (config.address,))
+        and stream.qos.reliability is Reliability.BEST_EFFORT
+    ]
+    if names:
+        yield (
+            f"nobody answers {', '.join(names)}, so a node that hears nothing else leaves "
+            f"{silent[0]} for {bond.links[-1]} after {own[silent[0]].silence_s:g} s; with "
+            "heartbeat_s at the other nodes it stays"
+        )
 
 
 def _lost_contact(config: Config) -> Iterator[str]:

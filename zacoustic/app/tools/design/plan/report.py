@@ -92,6 +92,8 @@ class LinkPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Its modem."""
     utilisation: float
     """Share of the time with a frame on it, summed over all nodes."""
+    paid_per_day: float | None = None
+    """What a day of all nodes costs there, in the currency of its tariff; None: it has none."""
 
 
 class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -251,11 +253,22 @@ def _link_plans(fleet: Fleet, found: Found) -> tuple[LinkPlan, ...]:
     if not others:
         return ()
     media = {first: fleet.scenario, **{each: fleet.scenario.medium_of(each) for each in others}}
+    tariffs = {
+        each.name: each.bonded.tariff for rules in fleet.rules.values() for each in rules.of_links
+    }
+
+    def per_day(name: str) -> float | None:
+        tariff, paid_bytes = tariffs.get(name), found.link_paid_bytes.get(name, 0)
+        if tariff is None:
+            return None
+        return paid_bytes * tariff.per_byte * _H_PER_DAY * 3600.0 / found.walked_s
+
     return tuple(
         LinkPlan(
             name=name,
             profile=medium.profile,
             utilisation=found.link_airtime_s.get(name, 0.0) / found.walked_s,
+            paid_per_day=per_day(name),
         )
         for name, medium in media.items()
     )

@@ -37,7 +37,11 @@ def _lines(report: PlanReport) -> Iterator[str]:
     )
     yield f"simulated: {_span(report.hours)} of virtual time, one seed; ± is for 95 of 100 seeds"
     if report.links:
-        shares = (f"{each.name} {each.utilisation:.1%} ({each.profile})" for each in report.links)
+        shares = (
+            f"{each.name} {each.utilisation:.1%} ({each.profile})"
+            + ("" if each.paid_per_day is None else f", {each.paid_per_day:.4g} a day")
+            for each in report.links
+        )
         yield one_line(f"by link: {', '.join(shares)}")
     if report.fits:
         yield "it fits"

@@ -14,6 +14,7 @@ import itertools
 import math
 import random
 import statistics
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
@@ -58,6 +59,8 @@ class Found:
         """Airtime by node, s."""
         self.link_airtime_s: dict[str, float] = {}
         """Airtime by link, s."""
+        self.link_paid_bytes: Counter[str] = Counter()
+        """Bytes by link that are paid for, where frames cost money."""
         self.relayed_s: dict[int, float] = {}
         """Airtime by node for frames of routes, bonds and floods that it passes on, and for what
         these add to its own, s."""
@@ -190,6 +193,7 @@ class Walk(Checker):
                     airtime_s = each.airtime_ns / NS_PER_S
                     before_s = self.found.link_airtime_s.get(name, 0.0)
                     self.found.link_airtime_s[name] = before_s + airtime_s
+                    self.found.link_paid_bytes[name] += each.paid_bytes
 
     # Offered traffic
 

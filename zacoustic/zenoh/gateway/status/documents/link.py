@@ -1,12 +1,14 @@
 """Documents about the node, its link, its journal, and the bytes by stream and cause."""
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import msgspec
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.bond.bonding import BondStatus
+from zacoustic.core.bond.spec import Tariff
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.relay.route import Route
 from zacoustic.core.transport.carry.status import CarryStatus
@@ -24,6 +26,7 @@ class LinkStatus:
         clock: Source of the engine's instants.
         dates: Dates of the documents.
         seal: Returns public facts of the key and the life; None: frames are not sealed.
+        tariffs: The prices of links that cost money, by their names.
     """
 
     def __init__(
@@ -35,7 +38,9 @@ class LinkStatus:
         clock: Clock,
         dates: Dates,
         seal: Callable[[], dict[str, object]] | None = None,
+        tariffs: Mapping[str, Tariff] = MappingProxyType({}),
     ) -> None:
+        self._tariffs = tariffs
         self._seal = seal
         self._runner = runner
         self._about = dict(about)
@@ -170,7 +175,16 @@ class LinkStatus:
             "frames_received": stats.frames_received,
             "bytes_received": stats.bytes_received,
             "reports": stats.reports,
+            **self._paid(name),
         }
+
+    def _paid(self, name: str) -> dict[str, object]:
+        """Return what was paid on a link with a tariff; nothing if it has none."""
+        tariff = self._tariffs.get(name)
+        if tariff is None:
+            return {}
+        paid_bytes = self._engine.stats.links[name].paid_bytes
+        return {"paid_bytes": paid_bytes, "paid": round(paid_bytes * tariff.per_byte, 4)}
 
     def _access(self, name: str) -> dict[str, object]:
         """Return what the schedule of a link does; nothing if it has none."""
