@@ -7,6 +7,7 @@ import pty
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,20 @@ import pytest
 from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main
 from zacoustic.app.cli.support import atwork
+from zacoustic.app.cli.tree import whole_tree
+from zacoustic.link.command import Command, CommandGroup
 
+AT_ONCE = {
+    *("config schema", "config show", "acl", "completion", "mavlink streams"),
+    *("key new", "key show", "key rotate", "key revoke", "key rejoin", "key check"),
+}
+"""Leaves that read a file or two and print, in less than two seconds."""
+RUNNING = {
+    *("run gateway", "run demo", "run medium", "run modems desert", "run modems evologics"),
+    *("run modems iridium", "mavlink vehicle", "mavlink shore", "monitor", "dashboard", "record"),
+    "sim campaign",
+}
+"""Leaves that say themselves that they run, or how far they are."""
 SLOW = (sys.executable, "-m", "zacoustic", "topic", "list", "--connect", "tcp/127.0.0.1:1")
 """It looks for a router for three seconds."""
 
@@ -40,6 +54,20 @@ def test_a_verb_of_more_than_two_seconds_says_that_it_is_at_work() -> None:
     assert any(part.startswith("zacoustic topic list: at work for ") for part in shown)
     # The last of it is taken away before what it ends with.
     assert shown[-1].startswith("zacoustic topic list: no Zenoh router")
+
+
+def test_each_verb_shows_that_it_is_at_work_unless_it_is_quick_or_says_so_itself() -> None:
+    assert {words for words, verb in leaves() if not verb.prints_late} == AT_ONCE | RUNNING
+
+
+def leaves(words: str = "", verb: Command | None = None) -> Iterator[tuple[str, Command]]:
+    """All verbs with the words to type; of `sim`, which also runs alone, its sub-verb only."""
+    if verb is not None and not isinstance(verb, CommandGroup):
+        yield words, verb
+        return
+    below = whole_tree().everything() if verb is None else verb._members
+    for name, inner in below.items():
+        yield from leaves(f"{words} {name}".strip(), inner)
 
 
 def test_a_verb_that_knows_how_far_it_is_shows_that(monkeypatch: pytest.MonkeyPatch) -> None:

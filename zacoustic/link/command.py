@@ -40,7 +40,7 @@ class Command(ABC):
     """One line for the list of verbs, without a full stop."""
 
     prints_late: ClassVar[bool] = False
-    """Whether it prints only when its work is done; until then the terminal shows its running
+    """Whether it may take its time before it prints; until it does, the terminal shows its running
     time."""
 
     @abstractmethod

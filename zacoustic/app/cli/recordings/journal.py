@@ -28,6 +28,7 @@ class JournalCommand(Command):
 
     name = "journal"
     summary = "copy a journal while its node runs, or check one"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare what to do, and the files."""

@@ -18,6 +18,7 @@ class AuditCommand(Command):
 
     name = "audit"
     summary = "who commanded, called or refused what, when, and what came of it"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the log, and which lines."""

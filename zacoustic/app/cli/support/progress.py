@@ -4,6 +4,7 @@ import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
+from zacoustic.app.cli.support.atwork import AT_WORK
 from zacoustic.app.cli.support.printing import print_line, print_note
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class ProgressLine:
 
     def show(self, step: "Step") -> None:
         """Show a step."""
+        AT_WORK.end()
         if self._as_json:
             record = {
                 "key": self._key,

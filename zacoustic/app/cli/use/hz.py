@@ -30,6 +30,7 @@ class HzCommand(Command):
 
     name = "hz"
     summary = "how often samples of a topic arrive: mean, shortest and longest time between"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare key, where from, window and periods."""

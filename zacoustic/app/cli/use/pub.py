@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from zacoustic.app.cli.support.arguments import check_positive
+from zacoustic.app.cli.support.atwork import AT_WORK
 from zacoustic.app.cli.support.participant import add_node_arguments, class_of, make_node
 from zacoustic.app.cli.support.printing import print_line, print_note
 from zacoustic.errors import ConfigError, DeliveryError
@@ -33,6 +34,7 @@ class PubCommand(Command):
 
     name = "pub"
     summary = "publish a value, on Zenoh or straight on a link"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare key, value, where to, how often."""
@@ -93,7 +95,10 @@ async def _publish(arguments: argparse.Namespace) -> int:
             record = {"key": publisher.key, **shown, "unix_s": time.time()}
             print_line(record, f"{publisher.key}: {line_of(shown)}", as_json=arguments.json)
         try:
-            with ProgressLine(publisher.key, as_json=arguments.json) as line:
+            with (
+                AT_WORK.begin("zacoustic topic pub"),
+                ProgressLine(publisher.key, as_json=arguments.json) as line,
+            ):
                 async with asyncio.timeout(arguments.timeout), followed(delivery, line.show):
                     await node.flush()
                     end = await _end(delivery, follower, line) if arguments.wait else None

@@ -30,6 +30,7 @@ class SubCommand(Command):
 
     name = "sub"
     summary = "print the samples of a topic, on Zenoh or straight on a link"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare key, where from, how many and how long."""

@@ -29,6 +29,7 @@ class BwCommand(Command):
 
     name = "bw"
     summary = "how many bytes of the channel a topic takes: per second, per sample"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the topic, gateways, their network, periods and the form of the output."""
