@@ -12,9 +12,9 @@ from typing import Annotated, Literal
 import msgspec
 
 from zacoustic import Bounds, Node, Qos, Stamp
-from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.link import Link
-from zacoustic_sim.medium import SimMedium
+from zacoustic.testing import NodeSpec, Scenario
+from zacoustic_sim import SimMedium
 
 ADDRESSES = {"shore": 1, "vehicle": 2}
 NAV_ID = 10  # on the channel a topic is one byte, the same on all nodes

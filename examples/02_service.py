@@ -11,9 +11,9 @@ from typing import Literal
 import msgspec
 
 from zacoustic import CallContext, CallTimeoutError, Node, ServiceError
-from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.link import Link
-from zacoustic_sim.medium import SimMedium
+from zacoustic.testing import NodeSpec, Scenario
+from zacoustic_sim import SimMedium
 
 FLEET = __file__.replace(".py", ".json5")  # ids, ranges and steps are there
 

@@ -15,11 +15,11 @@ from pathlib import Path
 import cbor2
 import zenoh
 
-from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.config import read_config
+from zacoustic import read_config
 from zacoustic.gateway import Gateway, read_marker
 from zacoustic.json5 import read_json5
-from zacoustic_sim.medium import SimMedium
+from zacoustic.testing import scenario_from_mapping
+from zacoustic_sim import SimMedium
 
 HERE = Path(__file__).parent
 TIME_SCALE = 4.0  # times faster than real, so that nobody waits

@@ -8,12 +8,16 @@ from typing import Annotated
 
 import msgspec
 
-from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.base.qos import Qos, Stamp
-from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.values.types import Bounds, TypeTable, type_from_struct
-from zacoustic.testing import VirtualNetwork
+from zacoustic import Bounds, Qos, Stamp
+from zacoustic.testing import (
+    NodeSpec,
+    Scenario,
+    StreamTable,
+    TopicSpec,
+    TypeTable,
+    VirtualNetwork,
+    type_from_struct,
+)
 
 HOURS = 24
 

@@ -8,9 +8,9 @@ import argparse
 import asyncio
 
 from zacoustic import Node
-from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.link import Link
-from zacoustic_sim.medium import SimMedium
+from zacoustic.testing import scenario_from_mapping
+from zacoustic_sim import SimMedium
 
 FLEET = __file__.replace(".py", ".json5")  # has reliability and depth
 CHANNEL = {

@@ -15,13 +15,13 @@ from pathlib import Path
 
 import zenoh
 
-from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.config import read_config
+from zacoustic import read_config
 from zacoustic.gateway import Gateway
 from zacoustic.json5 import read_json5
 from zacoustic.ros.attachment import Attachment
 from zacoustic.ros.streams import RosService, RosTopic
-from zacoustic_sim.medium import SimMedium
+from zacoustic.testing import scenario_from_mapping
+from zacoustic_sim import SimMedium
 
 HERE = Path(__file__).parent
 CONFIG = read_config(HERE / "08_fleet.json5", address=1)

@@ -5,13 +5,9 @@ Run it: python examples/10_write_your_own_transport.py
 
 from functools import partial
 
-from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
-from zacoustic.core.engine.engine import Engine
-from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport import contract as ct
-from zacoustic.testing import VirtualNetwork
+from zacoustic.testing import Engine, NodeSpec, Scenario, StreamTable, TopicSpec, VirtualNetwork
 
 CODE = 0xE0
 """For private use (docs/wire.md, section 3): behind it, in one byte, number and direction."""

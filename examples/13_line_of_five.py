@@ -5,14 +5,18 @@ Run it: python examples/13_line_of_five.py
 
 from functools import partial
 
-from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, RequestReceived, ResponseReceived
-from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.relay.route import Route
-from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
-from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing import VirtualNetwork
+from zacoustic.testing import (
+    Engine,
+    NodeSpec,
+    Route,
+    Scenario,
+    ServiceSpec,
+    StreamTable,
+    TopicSpec,
+    TransmitRules,
+    VirtualNetwork,
+)
 
 SHORE, AUV = 1, 5
 NAV, ARM = 1, 2

@@ -9,14 +9,21 @@ Run it: python examples/14_surfacing.py
 from collections.abc import Sequence
 from functools import partial
 
-from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.bond.spec import Bond, BondLink, LinkCost
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.peers.contact import ContactRules
-from zacoustic.core.profiles.rules import LinkRules, TransmitRules
-from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing import Modem, VirtualNetwork
+from zacoustic.testing import (
+    Bond,
+    BondLink,
+    ContactRules,
+    LinkCost,
+    LinkRules,
+    Modem,
+    NodeSpec,
+    Scenario,
+    StreamTable,
+    TopicSpec,
+    TransmitRules,
+    VirtualNetwork,
+)
 
 SHORE, AUV = 1, 2
 NAV = 1

@@ -6,13 +6,9 @@ Run it: python examples/15_data_mule.py
 from collections.abc import Sequence
 from functools import partial
 
-from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic import Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.streams.carry import Carry
-from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import StreamTable
-from zacoustic.testing import VirtualNetwork
+from zacoustic.testing import Carry, NodeSpec, Scenario, StreamTable, TopicSpec, VirtualNetwork
 
 MOORING, GLIDER, SHIP = 1, 2, 3
 LOG = 1

@@ -11,8 +11,8 @@ import asyncio
 import msgspec
 
 from zacoustic import GoalStatus, Node, ServerGoalHandle
-from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic_sim.medium import SimMedium
+from zacoustic.testing import NodeSpec, Scenario
+from zacoustic_sim import SimMedium
 
 FLEET = __file__.replace(".py", ".json5")  # ids, ranges and steps are there
 TIME_SCALE = 20.0  # times faster than real, so that nobody waits

@@ -14,9 +14,8 @@ from examples.auv.page import Page
 from examples.auv.session import open_session
 from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
-from zacoustic.app.tools.pages.webpage import serve_page
-from zacoustic.errors import ZacousticError
-from zacoustic.text.safetext import one_line
+from zacoustic import ZacousticError
+from zacoustic.console import one_line, serve_page
 
 _HOST: Final = "127.0.0.1"
 _PERIOD_S: Final = 0.2

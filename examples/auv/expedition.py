@@ -14,9 +14,9 @@ from typing import Any, Final
 
 from examples.auv.roswords import FLEET, shore_section
 from examples.auv.start import SHORE, VEHICLE, modem_at
+from zacoustic import ZacousticError
 from zacoustic.app.tools.demo.children import Child
 from zacoustic.app.tools.demo.networks import free_ports
-from zacoustic.errors import ZacousticError
 from zacoustic.json5 import read_json5
 
 START_LIMIT_S: Final = 60.0

@@ -13,10 +13,9 @@ from examples.auv.expedition import expedition
 from examples.auv.session import open_session
 from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
-from zacoustic.command import EXIT_INTERRUPTED
-from zacoustic.errors import ZacousticError
-from zacoustic.link.serving import stopped_by_signals, until_stopped
-from zacoustic.text.safetext import one_line
+from zacoustic import ZacousticError
+from zacoustic.command import EXIT_INTERRUPTED, stopped_by_signals, until_stopped
+from zacoustic.console import one_line
 
 _PAUSE_S = 0.2
 ACCOUNT_LIMIT_S: Final = 150.0

@@ -9,8 +9,7 @@ from typing import Final
 
 from examples.auv.ladder import KINDS
 from examples.auv.readout import Line, OrderLine, Value, ago
-from zacoustic.app.tools.pages.truth import age_html
-from zacoustic.text.safetext import html_text
+from zacoustic.console import age_html, html_text
 
 _HERE: Final = Path(__file__).parent
 CSS: Final = (_HERE / "console.css").read_text(encoding="utf-8")

@@ -27,8 +27,7 @@ from examples.auv.drawing import (
 )
 from examples.auv.ladder import LADDER_PX, ladder_of
 from examples.auv.messages import ELEVATOR, RUDDER, THRUST, Waypoint
-from zacoustic.app.tools.pages.webpage import Banner
-from zacoustic.text.safetext import html_text
+from zacoustic.console import Banner, html_text
 
 REFRESH_S: Final = 0.5
 _CLOSE_ENOUGH: Final = 1e-6

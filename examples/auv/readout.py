@@ -15,7 +15,7 @@ from examples.auv.linkwatch import Frame
 from examples.auv.messages import ELEVATOR, RUDDER, STOP, THRUST, Mode
 from examples.auv.setpoints import Setpoints
 from examples.auv.start import NAV_PERIOD_S, STATUS_PERIOD_S
-from zacoustic.app.tools.pages.truth import Alarm
+from zacoustic.console import Alarm
 
 OLD_REPORTS: Final = 4
 """A value is old when so many of its reports have not come."""

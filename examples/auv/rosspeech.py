@@ -15,7 +15,7 @@ import zenoh.ext
 from examples.auv.messages import GOTO
 from examples.auv.roswords import FLEET, from_ros, name_in_ros, to_ros
 from examples.auv.speech import Later, Question, Said, Speech
-from zacoustic.config import read_config
+from zacoustic import read_config
 from zacoustic.config.ros import RosConfig
 from zacoustic.ros.attachment import Attachment, read_attachment
 from zacoustic.ros.messages import RosMessage

@@ -34,11 +34,9 @@ from examples.auv.start import (
     VEHICLE,
     modem_at,
 )
-from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic import Reliability
 from zacoustic.config import config_from_mapping
-from zacoustic.core.base.qos import Reliability
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import (
     CallFailed,
     DeliveryEnded,
@@ -61,7 +59,7 @@ from zacoustic.core.transport.actions.events import (
     ResultReceived,
 )
 from zacoustic.json5 import read_json5
-from zacoustic.testing import Modem, VirtualNetwork
+from zacoustic.testing import Engine, Modem, VirtualNetwork, scenario_from_mapping
 
 TICK_S: Final = 0.5
 
