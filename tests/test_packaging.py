@@ -188,6 +188,26 @@ def test_installed_wheel_offers_its_command_links_and_verbs(wheel: Path, tmp_pat
     assert "usage: zacoustic" in run(str(python.with_name("zacoustic")), "--help")
 
 
+def test_what_the_pages_and_the_errors_advise_to_install_can_be_installed(
+    tmp_path: Path, sized: Callable[..., int]
+) -> None:
+    """Typed in the checkout, into an empty environment; pip resolves all and writes nothing."""
+    from tests.pages.test_installing import advised_packages
+
+    ours = [each for each in advised_packages() if each.startswith(".")]
+    assert {".", ".[all]", ".[gateway]"} <= {*ours}
+    python = str(make_environment(tmp_path))
+    into = ["-m", "pip", "--python", python, "install", "--dry-run", "--quiet"]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    for what in ours[:: sized(1, share=7)]:
+        process = subprocess.run(
+            [sys.executable, *into, what], cwd=ROOT, env=environment, capture_output=True,
+            text=True, check=False,
+        )  # fmt: skip
+        assert process.returncode == 0, (what, process.stderr)
+        assert "does not provide the extra" not in process.stderr, (what, process.stderr)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="a script of sh")
 def test_a_bundle_is_installed_from_its_folder_alone(wheel: Path, tmp_path: Path) -> None:
     bundle = tmp_path / "a ship's disk"

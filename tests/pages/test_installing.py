@@ -1,7 +1,7 @@
 """Every advice to install works before zacoustic is on an index: from a checkout, with real extras.
 
 Looked at is each `pip install` of the pages, the examples, the container file and the sources, and
-what the sources make of names that they fill in.
+what the sources make of names that they fill in. `tests/test_packaging.py` has pip carry them out.
 """
 
 import re
@@ -63,6 +63,12 @@ def advised() -> Iterator[tuple[str, str]]:
             text = text.replace(f"pip install {later}", "")
         for found in re.finditer(r"pip install\b[^\n]*", text):
             yield name, found[0]
+
+
+def advised_packages() -> list[str]:
+    """What follows `pip install`, each once; `tests/test_packaging.py` has pip look at each."""
+    found = {_ADVICE.match(advice) for _, advice in advised()}
+    return sorted({shlex.split(each["what"])[0] for each in found if each is not None})
 
 
 def fault(advice: str) -> str:

@@ -39,7 +39,8 @@ def test_every_command_of_the_workflow_is_a_target_of_the_makefile() -> None:
     assert [command[0] for command in words] == ["make"] * len(words)
     named = {target for command in words for target in command[1:]}
     assert named <= targets()
-    assert named >= {"format", "lint", "types", "contracts", "unit", "package"}
+    assert named >= {"format", "lint", "types", "contracts", "unit", "package", "container"}
+    assert named >= {"docs", "tutorial", "frictions", "test-browser", "hadolint"}
 
 
 def test_the_workflow_runs_every_python_that_the_metadata_names() -> None:
