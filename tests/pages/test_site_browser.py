@@ -11,19 +11,20 @@ from typing import Any, Final
 import pytest
 
 from tests.axe import findings, source
-from tests.pages.blocks import ROOT
+from tests.pages.blocks import PAGES, ROOT
 from tests.pages.walk import Walk
 
 BROWSER: Final = shutil.which("chromium") or shutil.which("google-chrome")
 SITE: Final = ROOT / "dist" / "site"
-SHOWN: Final = (
-    "index",
-    "tutorial",
-    "comparison",
-    "config",
-    "howto/arrived",
-    "api/node",
-    "api/link",
+SHOWN: Final = {
+    *("index", "tutorial", "comparison", "config", "howto/arrived", "api/node", "api/link"),
+    *("api/console", "api/parts"),
+}
+"""One page of each kind; `make soak` looks at all."""
+EVERY: Final = sorted(
+    Path(page).relative_to("docs").with_suffix("").as_posix()
+    for page in PAGES
+    if page != "README.md"
 )
 
 pytestmark = [
@@ -46,7 +47,13 @@ def test_axe_is_there_for_all_tests_that_look_for_barriers() -> None:
         pytest.skip("NOT RUN: npm cannot fetch axe-core, so no page was looked at for barriers")
 
 
-@pytest.mark.parametrize("name", SHOWN)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in SHOWN else pytest.mark.soak, id=name)
+        for name in EVERY
+    ],
+)
 def test_nothing_on_the_site_is_a_serious_barrier_or_comes_from_elsewhere(
     browser: Any, name: str
 ) -> None:
