@@ -157,6 +157,8 @@ class LinkPort:
     @property
     def keeps_reserve(self) -> bool:
         """Whether an urgent frame may begin although the port is full: it overtakes the others."""
+        if self.bulk is not None and self.bulk.service.overtakes and self.bulk:
+            return len(self._outstanding) <= MOST_OUTSTANDING
         return self._most_outstanding > MOST_OUTSTANDING
 
     def free_at(self, wanted: Wanted, now: int) -> int | None:

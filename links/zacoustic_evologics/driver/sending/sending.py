@@ -92,6 +92,8 @@ class Sending:
         """When to call `handle_timeout`, ns."""
         self.report: TransmitReport | None = None
         """Its report, in the phase OVER."""
+        self.has_begun = False
+        """Whether it was started."""
         self.suspicion = ""
         """Why the modem is not trustworthy any more; empty: it is."""
         self._transmission = transmission
@@ -118,6 +120,7 @@ class Sending:
 
     def start(self, now: int) -> None:
         """Begin."""
+        self.has_begun = True
         self._enter(now)
 
     def handle_answer(self, answer: Answer, now: int) -> None:
