@@ -37,6 +37,7 @@ from zacoustic_evologics.driver.events import (
 )
 from zacoustic_evologics.driver.sending.bursts import Bursts
 from zacoustic_evologics.driver.sending.sending import Sending
+from zacoustic_evologics.driver.sending.service import Service as Carried
 from zacoustic_evologics.driver.sending.service import choose_carriage
 from zacoustic_evologics.driver.sending.states import HAS_FRAME, Phase
 from zacoustic_evologics.driver.session.inquiries import Inquiries
@@ -175,6 +176,8 @@ class AtDialogue:
             sending = Sending(transmission, carriage, self._channel, self._session, now)
             if transmission.is_urgent:
                 self._starts_at = self._bursts.make_way(now)
+            elif carriage.service is not Carried.PIGGYBACK:
+                self._bursts.hold()
             if self._sending is not None and self._sending.phase is not Phase.PAUSING:
                 self._waiting = sending
                 return

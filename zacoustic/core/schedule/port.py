@@ -195,15 +195,16 @@ class LinkPort:
         """Whether frames to a node that sends this one much data ride back."""
         return self.bulk is not None and self.bulk.service.rides_back
 
-    def rides_back_to(self, now: int) -> int | None:
-        """Return the node to which a frame that starts now rides back; None: to none.
+    def rides_back_to(self, now: int, *, is_urgent: bool) -> int | None:
+        """Return the node to which a frame that is given now rides back; None: to none.
 
-        A frame of a bulk service has just come, and the device will acknowledge it.
+        A frame of a bulk service has just come, and the device will acknowledge it. An urgent frame
+        is given at once: it goes with whatever the device says to that node next.
         """
         address, heard_at = self._bulk_heard
-        if not self.rides_back or not address or heard_at != now or self.is_full:
+        if not self.rides_back or not address or self.is_full:
             return None
-        return address
+        return address if heard_at == now or (is_urgent and now < self._bulk_run_until) else None
 
     def may_ask_for_pause(self, now: int) -> bool:
         """Return whether it is time to ask that node for a pause: it first sends what it has."""
@@ -349,7 +350,7 @@ class LinkPort:
         if frame.service is Service.BULK:
             goes_on = call is not ListenHint.ANSWER
             self._bulk_run_until = now + _BULK_RUN_NS if goes_on else 0
-            self._bulk_heard = (source if call is ListenHint.NONE else 0, now)
+            self._bulk_heard = (source if goes_on else 0, now)
             if call is ListenHint.WINDOW:
                 gap_ns = seconds_to_ns(self.capabilities.gap_s)
                 self._bulk_pause_until = now + gap_ns + BULK_PAUSE_MARGIN_NS

@@ -267,7 +267,7 @@ class Transmitter:
 
     def _ride_back(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame to a node that sends this one much data, if anything waits."""
-        address = port.rides_back_to(now)
+        address = port.rides_back_to(now, is_urgent=self._source.is_urgent(now))
         if address is None or self.link_state is not LinkState.UP or not self._source.may_speak:
             return None
         if not _is_over(self._source.due_at(now), now):

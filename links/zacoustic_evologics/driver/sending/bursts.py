@@ -12,7 +12,8 @@ full buffer is asked again when it reports anything that may have made room, at 
 pause; after `busy_s` in which it reports nothing at all the frame is rejected. A frame that the
 modem may have is never given again.
 
-An urgent message does not wait behind burst data: the modem drops those (`ATZ1`), they are reported
+While a message waits for the modem, no frames are given: some modems may send it when they have no
+burst data any more. An urgent message does not wait behind burst data: the modem drops those (`ATZ1`), they are reported
 ABORTED, and the next frames are given when the message has gone. A train on the air ends first, and
 its receiver, which then acknowledges it, hears nothing for a moment.
 
@@ -51,7 +52,7 @@ from zacoustic_evologics.driver.session.session import ModemSession
 
 MOST_OUTSTANDING: Final = 32
 """Frames that the driver takes; those for which the modem's buffer has no room wait here."""
-TRAIN_LIMIT_S: Final = 4.2
+TRAIN_LIMIT_S: Final = 4.1
 """The longest train of packets that the driver asks for, s; each has at least one packet."""
 _MOST_PACKETS: Final = 10
 """The most packets in a train: more are for modems that do not move."""
@@ -139,13 +140,17 @@ class Bursts:
         self._waiting.append(_Burst(transmission, now))
         self._go_on(now)
 
+    def hold(self) -> None:
+        """Give the modem no more frames: a message waits that it may send last of all."""
+        self._is_held = True
+
     def make_way(self, now: int) -> int:
         """Let the modem drop the frames that it has, for a message that does not wait.
 
         Returns:
             The instant from which the receiver of those frames can hear the message, ns.
         """
-        self._is_held = True
+        self.hold()
         if not self._given and self._step is not _Step.GIVING:
             return now
         self._makes_way = True
