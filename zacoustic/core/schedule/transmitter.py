@@ -230,14 +230,14 @@ class Transmitter:
             if _is_over(self._last_word_at(granted, now), now):
                 composed = source.compose_only(port, granted, now)
                 self._silence.use_grant()
+        elif (composed := self._ride_back(port, now)) is not None:
+            pass  # better than a frame of its own, which may meet one of that node
         elif _is_over(self._transmit_at(now), now):
             composed = source.compose(port, now)
         elif _is_over(self._granted_at(now), now):
             composed = source.compose_granted(port, now)
         if composed is None and _is_over(self._speak_at(now), now):
             composed = source.speak(port, now)
-        if composed is None and granted is None:
-            composed = self._ride_back(port, now)
         service = Service.PLAIN
         if composed is None and granted is None and _is_over(self._bulk_at(now), now):
             composed, service = source.compose_bulk(port, now), Service.BULK
