@@ -167,7 +167,7 @@ class LinkPort:
             return None
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
         if now > self._bulk_pause_until:
-            due_at = max(due_at, self._free_of_bulk_at(is_urgent=wanted.is_urgent))
+            due_at = max(due_at, self._free_of_bulk_at(wanted))
         if self._listens:
             due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
             follows = wanted.is_urgent or wanted.is_copy
@@ -183,12 +183,19 @@ class LinkPort:
         )
         return self.access.ready_at(wanted, now)
 
-    def _free_of_bulk_at(self, *, is_urgent: bool) -> int:
+    def _free_of_bulk_at(self, wanted: Wanted) -> int:
         """Return the instant until which a node hears nothing that sends this one much data, ns."""
-        if not is_urgent or not self._bulk_run_until:
+        if wanted.is_for_others or not self._bulk_run_until:
+            return 0
+        if not wanted.is_urgent:
             return self._bulk_run_until
-        # It knows of an urgent frame where that can be asked for; otherwise perhaps others hear it.
-        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if self.rides_back else 0
+        # What cannot ride back is perhaps heard by others, if that node does not hear it.
+        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if wanted.rides_back else 0
+
+    @property
+    def bulk_source(self) -> int:
+        """The node that sends this one much data and has frames ride back; 0: none does."""
+        return self._bulk_heard[0] if self.rides_back and self._bulk_run_until else 0
 
     @property
     def rides_back(self) -> bool:
