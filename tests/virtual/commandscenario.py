@@ -220,7 +220,8 @@ class CommandScenario(JudgedScenario):
                 before.ends_at = ends_at  # the answer to the first order may still be on its way
             elif was_silent and before is not None and not before.is_proved:
                 # The same command again, with the epoch that the answer has told: one more word.
-                before.ends_at, before.words, before.is_proved = ends_at, 0, True
+                before.begun_at, before.ends_at = at, ends_at
+                before.words, before.is_proved = 0, True
             else:
                 self._hush = Hush(at, ends_at, was_silent)
 

@@ -37,8 +37,9 @@ from zacoustic_evologics.driver.events import (
 )
 from zacoustic_evologics.driver.sending.bursts import Bursts
 from zacoustic_evologics.driver.sending.sending import Sending
+from zacoustic_evologics.driver.sending.service import Service as Carried
 from zacoustic_evologics.driver.sending.service import choose_carriage
-from zacoustic_evologics.driver.sending.states import HAS_FRAME
+from zacoustic_evologics.driver.sending.states import HAS_FRAME, Phase
 from zacoustic_evologics.driver.session.inquiries import Inquiries
 from zacoustic_evologics.driver.session.outbox import Outbox
 from zacoustic_evologics.driver.session.reception import Received, Reception
@@ -80,6 +81,10 @@ class AtDialogue:
         self._bursts = Bursts(self._channel, self._session)
         self._inquiries = Inquiries(self._channel, self._session, self._outbox.put)
         self._due_at: int | None = None
+        self._waiting: Sending | None = None
+        """An urgent frame that waits for the end of another one, or one that it has overtaken."""
+        self._starts_at: int | None = None
+        """When the frame begins that burst data have made way for, ns; None: it has."""
 
     @property
     def detail(self) -> str:
@@ -137,6 +142,8 @@ class AtDialogue:
             self._handle_answer(answer, now)
         if self._startup is not None:
             self._run(self._startup.handle_timeout, now)
+        if self._starts_at is not None:
+            self._start(now)
         if self._sending is not None:
             self._sending.handle_timeout(now)
             self._collect(now)
@@ -155,26 +162,36 @@ class AtDialogue:
                 self._outbox.refuse(transmission, TransmitOutcome.REJECTED, refusal, now)
             else:
                 self._bursts.transmit(transmission, now)
-        elif self.state is State.SENDING:
+        elif self.state is State.SENDING and not self._overtakes(transmission):
             self._outbox.refuse(
                 transmission, TransmitOutcome.REJECTED, "another frame is outstanding", now
             )
-        elif self.state is not State.READY:
+        elif self.state not in UP:
             self._outbox.refuse(
                 transmission, TransmitOutcome.ABORTED, f"link down: {self.detail}", now
             )
         elif isinstance(carriage := choose_carriage(transmission, self._session, now), str):
             self._outbox.refuse(transmission, TransmitOutcome.REJECTED, carriage, now)
         else:
-            self._step(Input.TRANSMIT)
-            self._sending = Sending(transmission, carriage, self._channel, self._session, now)
-            self._sending.start(now)
+            sending = Sending(transmission, carriage, self._channel, self._session, now)
+            if transmission.is_urgent:
+                self._starts_at = self._bursts.make_way(now)
+            elif carriage.service is not Carried.PIGGYBACK:
+                self._bursts.hold()
+            if self._sending is not None and self._sending.phase is not Phase.PAUSING:
+                self._waiting = sending
+                return
+            self._waiting, self._sending = self._sending, sending
+            if self.state is State.READY:
+                self._step(Input.TRANSMIT)
+            self._start(now)
 
     def close(self, now: int) -> None:
         """End the dialogue; an outstanding frame is reported."""
-        if self._sending is not None:
-            self._sending.handle_lost("link closed", now)
-            self._report(self._sending)
+        for sending in (self._sending, self._waiting):
+            if sending is not None:
+                sending.handle_lost("link closed", now)
+                self._report(sending)
         self._bursts.handle_lost("link closed", now)
         self._collect_bursts(now)
         self._step(Input.CLOSED)
@@ -194,7 +211,7 @@ class AtDialogue:
     def poll_timeout(self) -> int | None:
         """Return when to call `handle_timeout`, ns; None: not before another input."""
         instants = [self._due_at, self._channel.due_at, self._reception.due_at, self._flush_at()]
-        instants += [self._bursts.due_at]
+        instants += [self._bursts.due_at, self._starts_at]
         instants += [each.due_at for each in (self._startup, self._sending) if each is not None]
         return min((instant for instant in instants if instant is not None), default=None)
 
@@ -323,11 +340,28 @@ class AtDialogue:
             self._give_up(sending.suspicion, now)
             return
         self._report(sending)
-        self._step(Input.ENDED)
+        self._sending, self._waiting = self._waiting, None
+        if self._sending is None:
+            self._step(Input.ENDED)
+            self._bursts.go_on(now)
+        else:
+            self._start(now)
         if sending.report.outcome is TransmitOutcome.DELIVERED:
             to = sending.carriage.destination
             self._inquiries.measure_delay(to, sending.report, sending.answer, now)
         self._inquiries.read_battery(now)
+
+    def _overtakes(self, transmission: Transmission) -> bool:
+        """Return whether a frame may be given although another one has not ended."""
+        return self._session.has_bulk and transmission.is_urgent and self._waiting is None
+
+    def _start(self, now: int) -> None:
+        """Begin with the frame, unless it has begun, or the receiver of burst data is deaf yet."""
+        if self._starts_at is not None and now < self._starts_at:
+            return
+        self._starts_at = None
+        if self._sending is not None and not self._sending.has_begun:
+            self._sending.start(now)
 
     def _collect_bursts(self, now: int) -> None:
         """Report the burst data that have ended."""
@@ -350,10 +384,10 @@ class AtDialogue:
     def _fall(self, event: Input, reason: str, now: int) -> None:
         """Leave any state for one without a modem: report DOWN first, then the frame."""
         self._step(event)
-        sending = self._sending
+        under_way = [each for each in (self._sending, self._waiting) if each is not None]
         self._clear(now)
         self._outbox.down(reason)
-        if sending is not None:
+        for sending in under_way:
             sending.handle_lost(reason, now)
             self._report(sending)
         self._bursts.handle_lost(reason, now)
@@ -361,8 +395,8 @@ class AtDialogue:
 
     def _clear(self, now: int) -> None:
         """End the work of the state, and its timers."""
-        self._due_at = None
-        self._startup = self._sending = None
+        self._due_at = self._starts_at = None
+        self._startup = self._sending = self._waiting = None
         self._channel.reset()
         self._inquiries.forget()
         self._decoder = AtDecoder()

@@ -78,6 +78,9 @@ class BulkService(msgspec.Struct, frozen=True, kw_only=True):
     rides_back: bool = False
     """Whether a frame to the sender, given at once when a frame of this service has arrived, goes
     with the device's acknowledgement, and so costs little."""
+    overtakes: bool = False
+    """Whether an urgent frame of the plain service may be given although another one is
+    outstanding, while frames of this service are: it goes first."""
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -271,6 +274,9 @@ class Transmission(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the link that transmits it."""
     service: Service = Service.PLAIN
     """The service that carries it; `Service.BULK` only where the link has `bulk`, to one node."""
+    is_urgent: bool = False
+    """Whether it goes before all others: a device may drop frames of its bulk service for it, and
+    reports them ABORTED."""
     rides_back: bool = False
     """Whether its destination sends bulk frames and goes on, so that it may wait for the device's
     next acknowledgement of them, some seconds; only where `BulkService.rides_back`."""

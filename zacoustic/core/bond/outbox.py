@@ -124,7 +124,7 @@ class Outbox:
             return None
         self._stats.attribute(NO_STREAM, Cause.RELAY, len(content) - frame.claim())
         part = Part() if frame.ended is None else Part(reported=frame.ended)
-        return Forwarded(content=content, part=part)
+        return Forwarded(content=content, part=part, is_urgent=frame.is_urgent)
 
     def _first(self) -> Waiting:
         return next((each for each in self._waiting if each.is_urgent), self._waiting[0])

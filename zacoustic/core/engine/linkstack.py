@@ -16,6 +16,7 @@ from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkState,
     ReceivedFrame,
+    Service,
     Transmission,
     TransmitOutcome,
     TransmitReport,
@@ -204,7 +205,9 @@ class LinkStack:
             streams=composed.streams,
             link=self.name,
         )
-        is_urgent = any(map(self._is_urgent, composed.streams))
+        is_urgent = composed.is_urgent or any(map(self._is_urgent, composed.streams))
+        if is_urgent and transmission.service is Service.PLAIN:
+            transmission = msgspec.structs.replace(transmission, is_urgent=True)
         return Outgoing(transmission, is_urgent, composed.expires_at, composed.is_heartbeat)
 
     # Getters

@@ -190,6 +190,10 @@ class Profile(ABC):
         """Return whether something waits that goes before everything else."""
         return self.queue.is_urgent(now)
 
+    def rides_back(self, address: int, now: int) -> bool:
+        """Return whether all that is urgent may go with what the device says to a node."""
+        return False
+
     @property
     def has_granted(self) -> bool:
         """Whether a frame of another link waits that may go although the node is silent."""

@@ -221,7 +221,9 @@ class Flooding:
         self._stats.attribute(NO_STREAM, Cause.RELAY, HEADER_BYTES if is_in_ledger else len(said))
         if not waiting.is_own and self._hop is not None:
             self._account.spend(self._hop.airtime_ns(len(said)), now)
-        return Forwarded(content=said, part=Part(reported=partial(self._reported, waiting)))
+        part = Part(reported=partial(self._reported, waiting))
+        is_urgent = waiting.is_own and waiting.is_urgent
+        return Forwarded(content=said, part=part, is_urgent=is_urgent)
 
     # Below the methods above
 

@@ -344,7 +344,9 @@ class Relay:
         self._stats.attribute(NO_STREAM, Cause.RELAY, new_bytes)
         if not custody.is_own:
             self._spend(said, now)
-        return Forwarded(content=said, part=Part(reported=partial(self._reported, flow, custody)))
+        part = Part(reported=partial(self._reported, flow, custody))
+        is_urgent = custody.is_own and custody.is_urgent
+        return Forwarded(content=said, part=part, is_urgent=is_urgent)
 
     # What this node hears
 

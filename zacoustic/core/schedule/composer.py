@@ -71,6 +71,8 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     """Receive the begin and the end of its transmission."""
     rides_back: bool = False
     """Whether it goes with the device's acknowledgement of bulk frames."""
+    is_urgent: bool = False
+    """Whether it is a frame of a route or bond that goes before all others."""
     is_heartbeat: bool = False
     """Whether it has nothing but the sign that this node is there."""
     caused_by: int | None = None
@@ -354,7 +356,12 @@ class Composer:
     def _forward(self, port: LinkPort, destination: int, taken: Forwarded) -> Composed:
         frame_bytes = port.envelope.wrap(taken.content, destination)
         self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(taken.content))
-        return Composed(destination=destination, frame_bytes=frame_bytes, parts=(taken.part,))
+        return Composed(
+            destination=destination,
+            frame_bytes=frame_bytes,
+            parts=(taken.part,),
+            is_urgent=taken.is_urgent,
+        )
 
     def _is_urgent(self, now: int) -> bool:
         is_forwarded = self._relay is not None and self._relay.is_urgent

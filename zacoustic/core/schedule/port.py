@@ -157,6 +157,8 @@ class LinkPort:
     @property
     def keeps_reserve(self) -> bool:
         """Whether an urgent frame may begin although the port is full: it overtakes the others."""
+        if self.bulk is not None and self.bulk.service.overtakes and self.bulk:
+            return len(self._outstanding) <= MOST_OUTSTANDING
         return self._most_outstanding > MOST_OUTSTANDING
 
     def free_at(self, wanted: Wanted, now: int) -> int | None:
@@ -165,7 +167,7 @@ class LinkPort:
             return None
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
         if now > self._bulk_pause_until:
-            due_at = max(due_at, self._free_of_bulk_at(is_urgent=wanted.is_urgent))
+            due_at = max(due_at, self._free_of_bulk_at(wanted))
         if self._listens:
             due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
             follows = wanted.is_urgent or wanted.is_copy
@@ -181,27 +183,35 @@ class LinkPort:
         )
         return self.access.ready_at(wanted, now)
 
-    def _free_of_bulk_at(self, *, is_urgent: bool) -> int:
+    def _free_of_bulk_at(self, wanted: Wanted) -> int:
         """Return the instant until which a node hears nothing that sends this one much data, ns."""
-        if not is_urgent or not self._bulk_run_until:
+        if wanted.is_for_others or not self._bulk_run_until:
+            return 0
+        if not wanted.is_urgent:
             return self._bulk_run_until
-        # It knows of an urgent frame where that can be asked for; otherwise perhaps others hear it.
-        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if self.rides_back else 0
+        # What cannot ride back is perhaps heard by others, if that node does not hear it.
+        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if wanted.rides_back else 0
+
+    @property
+    def bulk_source(self) -> int:
+        """The node that sends this one much data and has frames ride back; 0: none does."""
+        return self._bulk_heard[0] if self.rides_back and self._bulk_run_until else 0
 
     @property
     def rides_back(self) -> bool:
         """Whether frames to a node that sends this one much data ride back."""
         return self.bulk is not None and self.bulk.service.rides_back
 
-    def rides_back_to(self, now: int) -> int | None:
-        """Return the node to which a frame that starts now rides back; None: to none.
+    def rides_back_to(self, now: int, *, is_urgent: bool) -> int | None:
+        """Return the node to which a frame that is given now rides back; None: to none.
 
-        A frame of a bulk service has just come, and the device will acknowledge it.
+        A frame of a bulk service has just come, and the device will acknowledge it. An urgent frame
+        is given at once: it goes with whatever the device says to that node next.
         """
         address, heard_at = self._bulk_heard
-        if not self.rides_back or not address or heard_at != now or self.is_full:
+        if not self.rides_back or not address or self.is_full:
             return None
-        return address
+        return address if heard_at == now or (is_urgent and now < self._bulk_run_until) else None
 
     def may_ask_for_pause(self, now: int) -> bool:
         """Return whether it is time to ask that node for a pause: it first sends what it has."""
@@ -347,7 +357,7 @@ class LinkPort:
         if frame.service is Service.BULK:
             goes_on = call is not ListenHint.ANSWER
             self._bulk_run_until = now + _BULK_RUN_NS if goes_on else 0
-            self._bulk_heard = (source if call is ListenHint.NONE else 0, now)
+            self._bulk_heard = (source if goes_on else 0, now)
             if call is ListenHint.WINDOW:
                 gap_ns = seconds_to_ns(self.capabilities.gap_s)
                 self._bulk_pause_until = now + gap_ns + BULK_PAUSE_MARGIN_NS

@@ -18,7 +18,7 @@ Memory is bounded by the table: lanes by keys, nodes and streams, each lane by i
 
 import heapq
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
@@ -281,6 +281,15 @@ class TransmitQueue:
             if lane.patience_ns == _BEFORE_ALL and lane.is_on and lane.held_until <= now:
                 return True
         return False
+
+    def is_urgent_only_to(self, destinations: Collection[int], now: int) -> bool:
+        """Return whether each REAL_TIME payload that waits, and may go, is for one of these."""
+        return all(
+            item.destination in destinations
+            for lane in self._busy.values()
+            if lane.patience_ns == _BEFORE_ALL and lane.is_on and lane.held_until <= now
+            for item in lane.items
+        )
 
     @property
     def has_copy(self) -> bool:

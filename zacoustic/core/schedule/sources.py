@@ -49,6 +49,8 @@ class Forwarded(msgspec.Struct, frozen=True, kw_only=True):
     """It goes as it is, and needs the frame for itself."""
     part: Part = Part()
     """Follows its transmission."""
+    is_urgent: bool = False
+    """Whether this node has made it, and it goes before all others."""
 
 
 class ForwardingSource(Source, Protocol):

@@ -11,6 +11,7 @@ from typing import Final, Protocol
 import msgspec
 
 from zacoustic.core.base.linktypes import (
+    BROADCAST,
     ONE_LINK,
     LinkCapabilities,
     LinkState,
@@ -112,6 +113,9 @@ class FrameSource(Protocol):
 
     def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame of the bulk service, or return None."""
+
+    def rides_back(self, address: int, now: int) -> bool:
+        """Return whether all that is urgent may go with what the device says to a node."""
 
     def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
         """Make a frame that goes with the acknowledgement of a node's bulk frames, or None."""
@@ -230,14 +234,14 @@ class Transmitter:
             if _is_over(self._last_word_at(granted, now), now):
                 composed = source.compose_only(port, granted, now)
                 self._silence.use_grant()
+        elif (composed := self._ride_back(port, now)) is not None:
+            pass  # better than a frame of its own, which may meet one of that node
         elif _is_over(self._transmit_at(now), now):
             composed = source.compose(port, now)
         elif _is_over(self._granted_at(now), now):
             composed = source.compose_granted(port, now)
         if composed is None and _is_over(self._speak_at(now), now):
             composed = source.speak(port, now)
-        if composed is None and granted is None:
-            composed = self._ride_back(port, now)
         service = Service.PLAIN
         if composed is None and granted is None and _is_over(self._bulk_at(now), now):
             composed, service = source.compose_bulk(port, now), Service.BULK
@@ -267,7 +271,7 @@ class Transmitter:
 
     def _ride_back(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame to a node that sends this one much data, if anything waits."""
-        address = port.rides_back_to(now)
+        address = port.rides_back_to(now, is_urgent=self._source.is_urgent(now))
         if address is None or self.link_state is not LinkState.UP or not self._source.may_speak:
             return None
         if not _is_over(self._source.due_at(now), now):
@@ -354,7 +358,18 @@ class Transmitter:
         wanted = Wanted(
             due_at, is_urgent, is_copy=source.queue.has_copy, is_in_train=source.goes_on
         )
+        if bulk_source := self.port.bulk_source:
+            wanted = self._beside_bulk(wanted, bulk_source, now)
         return self._after_silence(self.port.free_at(wanted, now), now)
+
+    def _beside_bulk(self, wanted: Wanted, address: int, now: int) -> Wanted:
+        """Return what waits, as it concerns a node that sends this one much data."""
+        if wanted.is_urgent:
+            rides_back = self._source.rides_back(address, now)
+            return msgspec.structs.replace(wanted, rides_back=rides_back)
+        _, first = next(self._source.queue.candidates(now), (None, None))
+        is_for_others = first is not None and first.destination not in (BROADCAST, address)
+        return msgspec.structs.replace(wanted, is_for_others=is_for_others)
 
     def _last_word_at(self, lane: LaneKey, now: int) -> int | None:
         """Return the instant of the frame that a silence grants to a lane, ns."""

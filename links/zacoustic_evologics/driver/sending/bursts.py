@@ -12,6 +12,14 @@ full buffer is asked again when it reports anything that may have made room, at 
 pause; after `busy_s` in which it reports nothing at all the frame is rejected. A frame that the
 modem may have is never given again.
 
+While a message waits for the modem, no frames are given: some modems may send it when they have no
+burst data any more. An urgent message does not wait behind burst data: the modem drops those (`ATZ1`), they are reported
+ABORTED, and the next frames are given when the message has gone. A train on the air ends first, and
+its receiver, which then acknowledges it, hears nothing for a moment.
+
+Trains are kept to `TRAIN_LIMIT_S` by the number of packets in them (`AT!ZC`): who has something to
+say to this node, or to the one that receives the data, waits for the end of a train.
+
 A modem that reports none of its frames for long may have been restarted. The driver asks it; it
 also drops all of them after `BURST_LIMIT_S` without any report.
 """
@@ -22,14 +30,17 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
-from zacoustic_evologics.at.commands import Act, Action, Query, SendBurst
+from zacoustic_evologics.at.commands import Act, Action, Query, SendBurst, Set
 from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.notifications import (
+    BitRate,
     Delivered,
+    Direction,
     Failed,
     Notification,
     RecvEnd,
     RecvFailed,
+    SendStart,
     Status,
 )
 from zacoustic_evologics.at.replies import Accepted, Number, Refused
@@ -41,6 +52,13 @@ from zacoustic_evologics.driver.session.session import ModemSession
 
 MOST_OUTSTANDING: Final = 32
 """Frames that the driver takes; those for which the modem's buffer has no room wait here."""
+TRAIN_LIMIT_S: Final = 4.1
+"""The longest train of packets that the driver asks for, s; each has at least one packet."""
+_MOST_PACKETS: Final = 10
+"""The most packets in a train: more are for modems that do not move."""
+_ACKNOWLEDGING_S: Final = 0.8
+"""After the end of a train its receiver turns round and acknowledges, s: 0.25, and up to half a
+second more with a piggyback message."""
 _STIRRING: Final = (Delivered, Failed, Status, RecvEnd, RecvFailed)
 _DROP_BURSTS: Final = Act(Action.RESET, 1)
 
@@ -91,6 +109,10 @@ class Bursts:
         self._early: Delivered | Failed | None = None
         self._refusal = ""
         self._has_cleared = False
+        self._is_held = False
+        self._makes_way = False
+        self._cluster: int | None = None
+        self._sounds_until = 0
         self._reports: list[TransmitReport] = []
 
     def __len__(self) -> int:
@@ -117,6 +139,29 @@ class Bursts:
             self._stirred_at = now
         self._waiting.append(_Burst(transmission, now))
         self._go_on(now)
+
+    def hold(self) -> None:
+        """Give the modem no more frames: a message waits that it may send last of all."""
+        self._is_held = True
+
+    def make_way(self, now: int) -> int:
+        """Let the modem drop the frames that it has, for a message that does not wait.
+
+        Returns:
+            The instant from which the receiver of those frames can hear the message, ns.
+        """
+        self.hold()
+        if not self._given and self._step is not _Step.GIVING:
+            return now
+        self._makes_way = True
+        self._channel.ask(_DROP_BURSTS, now)
+        return max(now, self._sounds_until + seconds_to_ns(_ACKNOWLEDGING_S))
+
+    def go_on(self, now: int) -> None:
+        """Give frames again: that message has gone."""
+        if self._is_held:
+            self._is_held = self._makes_way = False
+            self._go_on(now)
 
     def handle_answer(self, answer: Answer, now: int) -> None:
         """Take the answer to the command of `ticket`."""
@@ -152,6 +197,10 @@ class Bursts:
         """Take a message of the modem; most are about other matters."""
         if isinstance(record, Delivered | Failed):
             self._end_given(record, now)
+        elif isinstance(record, SendStart):
+            self._sounds_until = now + 1000 * (record.delay_us + record.duration_us)
+        elif isinstance(record, BitRate) and record.direction is Direction.LOCAL:
+            self._limit_trains(record.bit_rate_bps, now)
         if isinstance(record, _STIRRING) and len(self):
             self._stirred_at = now
             if self._step is _Step.PAUSING:
@@ -186,7 +235,8 @@ class Bursts:
         while self._waiting:
             self._report(self._waiting.popleft(), TransmitOutcome.ABORTED, reason, now)
         self._step = _Step.IDLE
-        self.ticket = self.due_at = None
+        self._is_held = self._makes_way = False
+        self._cluster = self.ticket = self.due_at = None
 
     def poll_report(self) -> TransmitReport | None:
         """Return the next report."""
@@ -195,10 +245,18 @@ class Bursts:
     # Below the methods above
 
     def _go_on(self, now: int) -> None:
-        if self._step is _Step.IDLE and self._waiting:
+        if self._step is _Step.IDLE and self._waiting and not self._is_held:
             self._step = _Step.COUNTING
             self.ticket = self._channel.ask(Query("PC"), now)
         self._arm(now)
+
+    def _limit_trains(self, bit_rate_bps: int, now: int) -> None:
+        """Ask for trains of as many packets as take `TRAIN_LIMIT_S` at a bit rate."""
+        packets = int(TRAIN_LIMIT_S * bit_rate_bps / (8 * BURST_LIMIT_BYTES))
+        cluster = max(1, min(_MOST_PACKETS, packets))
+        if len(self) and cluster != self._cluster:
+            self._cluster = cluster
+            self._channel.ask(Set("ZC", cluster), now)
 
     def _ask_to_give(self, now: int) -> None:
         self._step, self._early = _Step.GIVING, None
@@ -264,6 +322,9 @@ class Bursts:
         if burst is None:
             return
         is_there = isinstance(record, Delivered)
+        if self._makes_way and not is_there:
+            self._report(burst, TransmitOutcome.ABORTED, "it made way for a message", now)
+            return
         outcome = TransmitOutcome.DELIVERED if is_there else TransmitOutcome.NOT_DELIVERED
         self._report(burst, outcome, "", now)
 

@@ -92,6 +92,8 @@ class Sending:
         """When to call `handle_timeout`, ns."""
         self.report: TransmitReport | None = None
         """Its report, in the phase OVER."""
+        self.has_begun = False
+        """Whether it was started."""
         self.suspicion = ""
         """Why the modem is not trustworthy any more; empty: it is."""
         self._transmission = transmission
@@ -118,6 +120,7 @@ class Sending:
 
     def start(self, now: int) -> None:
         """Begin."""
+        self.has_begun = True
         self._enter(now)
 
     def handle_answer(self, answer: Answer, now: int) -> None:
@@ -181,9 +184,10 @@ class Sending:
         """Handle the end of the phase's time."""
         if self.due_at is None or now < self.due_at:
             return
-        end_at = self._times.busy_until if self.phase is Phase.PAUSING else self._limit_at
-        if self.phase is Phase.PAUSING and self._session.has_bursts:
-            end_at += seconds_to_ns(BURSTS_BUSY_S)  # it may have to send those first
+        is_pausing = self.phase is Phase.PAUSING
+        end_at = self._later(self._times.busy_until) if is_pausing else self._limit_at
+        if self.phase is Phase.FLYING:
+            end_at = self._later(end_at)
         self._step(Word.EXPIRED if now >= end_at else Word.DUE, now)
 
     def handle_lost(self, reason: str, now: int) -> None:
@@ -246,10 +250,7 @@ class Sending:
             case Phase.PAUSING:
                 self._evidence.forget()
                 pause_ns = seconds_to_ns(self._session.rng.uniform(*BUSY_PAUSE_S))
-                end_at = self._times.busy_until
-                if self._session.has_bursts:
-                    end_at += seconds_to_ns(BURSTS_BUSY_S)
-                self.due_at = min(now + pause_ns, end_at)
+                self.due_at = min(now + pause_ns, self._later(self._times.busy_until))
             case Phase.MENDING:
                 self._evidence.forget()
                 self._mended.add(self._remedy)
@@ -296,10 +297,14 @@ class Sending:
         if self._evidence.outcome is not None and not self._has_asked:
             self._step(Word.PROVEN if self._evidence.is_certain else Word.RUMOUR, now)
         elif self._limit_at:
-            self.due_at = min(now + self._times.poll_ns, self._limit_at)
+            self.due_at = min(now + self._times.poll_ns, self._later(self._limit_at))
         else:
             self._limit_at = self._evidence.given_at + self._times.limit_ns
             self.due_at = self._first_poll_at(now)
+
+    def _later(self, limit_at: int) -> int:
+        """Return a limit as it is while the modem may send burst data before this frame, ns."""
+        return limit_at + seconds_to_ns(BURSTS_BUSY_S) * self._session.has_bursts
 
     def _first_poll_at(self, now: int) -> int:
         given_at, ends_at = self._evidence.given_at, self._evidence.ends_at

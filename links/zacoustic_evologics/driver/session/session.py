@@ -43,6 +43,7 @@ _BULK: Final = BulkService(
     preamble_s=0.1,
     most_outstanding=32,
     rides_back=True,
+    overtakes=True,
 )
 """Burst data. Its bit rate is the middle one of three that captures have. The modem's buffer holds
 16 KiB as it is delivered; the driver keeps what it has no room for. A piggyback message goes with

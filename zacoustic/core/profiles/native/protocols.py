@@ -11,7 +11,7 @@ from collections.abc import Sequence, Set
 from types import MappingProxyType
 
 from zacoustic.core.base.journal import LIFE_KEY
-from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
@@ -205,6 +205,11 @@ class Protocols(Profile):
         """Return whether something waits that goes before everything else."""
         is_forwarded = self._relay is not None and self._relay.is_urgent
         return is_forwarded or super().is_urgent(now)
+
+    def rides_back(self, address: int, now: int) -> bool:
+        """Return whether all that is urgent may go with what the device says to a node."""
+        is_alone = self._context.handshake.introductions.is_only_other(address)
+        return self.queue.is_urgent_only_to((address, BROADCAST) if is_alone else (address,), now)
 
     @property
     def has_granted(self) -> bool:

@@ -32,6 +32,10 @@ class Wanted(msgspec.Struct, frozen=True):
     on."""
     is_in_rhythm: bool = False
     """Whether other nodes count on the run that it belongs to, or it is part of an object."""
+    rides_back: bool = False
+    """Whether it may go with what the device says to a node that sends this one much data."""
+    is_for_others: bool = False
+    """Whether it is for another node than that one."""
     is_in_train: bool = False
     """Whether the last frame has announced that this one follows at once."""
 
