@@ -3,10 +3,11 @@
     .venv/bin/python tests/benchmarks/bench_init.py [SECONDS] [json|cbor|ros …]
 
 For each system a vehicle of twelve topics runs on a Zenoh router. `zacoustic config init` listens
-to it and writes both sides' files; the only hand is one that names the modem in each. Two gateways
+to it and to the shore, and writes both sides' files and a scenario of what was published, which is
+planned; the only hand is one that names the modem in each file. Two gateways
 then run with them over a simulated channel, in real time, for `SECONDS` (300 unless told
 otherwise). Printed are the edited lines, the topics that have crossed, and the share of the time on
-the air: planned from the file, and measured. Exits 1 when more than three lines were edited, a
+the air: planned from the scenario, and measured. Exits 1 when more than three lines were edited, a
 topic has not crossed, or the plan is more than 10 % off.
 """
 
@@ -95,22 +96,28 @@ def main() -> int:
 
 async def tried(system: System, folder: Path, seconds: float) -> Outcome:
     """Let a system run, write its files, and run the gateways with them."""
-    vehicle_port, shore_port, medium_port = free_port(), free_port(), free_port()
+    vehicle_port, shore_port, observed_port, medium_port = (free_port() for _ in range(4))
     with contextlib.ExitStack() as stack:
         stack.enter_context(zenoh.open(_router(vehicle_port)))
         vehicle = stack.enter_context(living(system, vehicle_port, is_shore=False))
-        await asyncio.to_thread(
-            zacoustic, folder, "config", "init", "--connect", f"tcp/127.0.0.1:{vehicle_port}",
-            "--listen-s", str(OBSERVED_S), "--output", "auv1.json5", "--peer", "shore.json5",
-            "--peer-listen", f"tcp/127.0.0.1:{shore_port}",
-        )  # fmt: skip
+        # The shore's programs run as well while `init` listens, on a router of their own.
+        with (
+            zenoh.open(_router(observed_port)),
+            living(system, observed_port, is_shore=True),
+        ):
+            await asyncio.to_thread(
+                zacoustic, folder, "config", "init", "--connect", f"tcp/127.0.0.1:{vehicle_port}",
+                "--listen-s", str(OBSERVED_S), "--output", "auv1.json5", "--peer", "shore.json5",
+                "--peer-connect", f"tcp/127.0.0.1:{observed_port}",
+                "--peer-listen", f"tcp/127.0.0.1:{shore_port}", "--traffic", "traffic.json5",
+            )  # fmt: skip
         edited = sum(
             name_modem(folder / name, f"sim/127.0.0.1:{medium_port}")
             for name in ("auv1.json5", "shore.json5")
         )
         (folder / "water.json5").write_text(json.dumps(CHANNEL), encoding="utf-8")
         report = await asyncio.to_thread(
-            zacoustic, folder, "config", "plan", "auv1.json5", "--hours", "1", "--json"
+            zacoustic, folder, "config", "plan", "traffic.json5", "--hours", "1", "--json"
         )
         plan = json.loads(report)
         planned = plan["utilisation"]

@@ -90,9 +90,28 @@ def test_both_sides_get_a_file_that_check_accepts(
     assert 'mode: "router"' in there.read_text(encoding="utf-8")
 
 
+def test_the_traffic_that_was_seen_is_a_scenario_that_plan_takes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, scenario = tmp_path / "auv1.json5", tmp_path / "runs" / "traffic.json5"
+    scenario.parent.mkdir()
+    with network() as endpoint:
+        words = ["config", "init", "--connect", endpoint, "--listen-s", "0.5"]
+        assert main([*words, "--output", str(first), "--traffic", str(scenario)]) == 0
+    assert f"zacoustic config plan {scenario}" in capsys.readouterr().err
+    text = scenario.read_text(encoding="utf-8")
+    assert 'config: "../auv1.json5"' in text
+    assert '// nobody published it: { node: 2, topic: "auv1/orders"' in text
+    assert main(["config", "plan", str(scenario), "--hours", "0.1", "--json"]) in (0, 1)
+    streams = {each["name"]: each for each in json.loads(capsys.readouterr().out)["streams"]}
+    assert {"auv1/nav", "auv1/status"} <= {*streams}
+    assert streams["auv1/nav"]["per_h"] > 3600  # as often as it was published, not as it may cross
+
+
 @pytest.mark.parametrize(
     ("words", "error"),
     [
+        (["--traffic", "t.json5"], "--traffic; allowed: with --output, the file that it names"),
         (["--interactive"], "--interactive; allowed: on a terminal"),
         (["--peer-address", "1"], "--peer-address 1; allowed: another address"),
         (["--address", "255"], "--address 255; allowed: 1..254"),

@@ -1,6 +1,7 @@
 """The verb `zacoustic config init`: a configuration from the traffic of a live network."""
 
 import argparse
+import os
 import re
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -28,6 +29,8 @@ examples:
   zacoustic config init --connect tcp/127.0.0.1:7447 --listen-s 30 --output auv1.json5 \\
     --peer shore.json5 --link evologics/tcp:192.168.0.209:9200 \\
     --peer-link evologics/tcp:192.168.0.210:9200
+  zacoustic config init --connect tcp/127.0.0.1:7447 --peer-connect tcp/192.168.0.3:7447 \\
+    --listen-s 30 --output auv1.json5 --peer shore.json5 --traffic traffic.json5
 """
 
 
@@ -56,6 +59,10 @@ class InitCommand(Command):
         parser.add_argument(
             "--peer", type=Path, metavar="FILE",
             help="a new file for the other side; the names of the nodes are those of the files",
+        )  # fmt: skip
+        parser.add_argument(
+            "--traffic", type=Path, metavar="FILE",
+            help="a new scenario with what was published, for zacoustic config plan and sim",
         )  # fmt: skip
         parser.add_argument(
             "--peer-connect", metavar="ENDPOINT", help="listen to the other side's network as well"
@@ -89,6 +96,7 @@ class InitCommand(Command):
             SessionError: No router answers.
         """
         from zacoustic.app.tools.design.first.asking import ask_about
+        from zacoustic.app.tools.design.first.traffic import write_traffic
         from zacoustic.app.tools.design.first.writing import write_files
         from zacoustic.channel.profiles import DEFAULT_PROFILE
 
@@ -96,21 +104,31 @@ class InitCommand(Command):
         with (
             new_file("--output", arguments.output) as file,
             new_file("--peer", arguments.peer) as peer_file,
+            new_file("--traffic", arguments.traffic) as traffic_file,
         ):
             survey, peer = _listen(arguments)
+            here = _side(arguments, "", arguments.output, "here")
+            there = _side(arguments, "peer_", arguments.peer, "there")
+            profile = arguments.profile or DEFAULT_PROFILE
             files = write_files(
                 survey,
-                here=_side(arguments, "", arguments.output, "here"),
-                there=_side(arguments, "peer_", arguments.peer, "there"),
+                here=here,
+                there=there,
                 peer=peer,
                 peer_listen=arguments.peer_listen,
-                profile=arguments.profile or DEFAULT_PROFILE,
+                profile=profile,
                 choose=ask_about if arguments.interactive else lambda drafts: drafts,
             )
             if file is not None:
                 file.write(files.text.encode())
             if peer_file is not None:
                 peer_file.write(files.peer_text.encode())
+            if traffic_file is not None:
+                config = os.path.relpath(arguments.output, arguments.traffic.parent)
+                text = write_traffic(
+                    files, here=here, there=there, config=Path(config).as_posix(), profile=profile
+                )
+                traffic_file.write(text.encode())
         if arguments.json:
             print_json(_seen(arguments, survey, files))
         elif arguments.output is None:
@@ -131,6 +149,8 @@ def _check(arguments: argparse.Namespace) -> None:
             raise ConfigError(f"--{option} {getattr(arguments, name)}; allowed: 1..254")
     if arguments.address == arguments.peer_address:
         raise ConfigError(f"--peer-address {arguments.peer_address}; allowed: another address")
+    if arguments.traffic is not None and arguments.output is None:
+        raise ConfigError("--traffic; allowed: with --output, the file that it names")
     if arguments.interactive and not sys.stdin.isatty():
         raise ConfigError("--interactive; allowed: on a terminal")
 
@@ -191,4 +211,4 @@ def _tell(arguments: argparse.Namespace, files: "Files") -> None:
     paths = " and ".join(str(each) for each in (arguments.output, arguments.peer) if each)
     print_note(f"{paths}: {len(files.config.table)} streams{look}")
     print_note(f"  zacoustic config check {arguments.output}")
-    print_note(f"  zacoustic config plan {arguments.output}")
+    print_note(f"  zacoustic config plan {arguments.traffic or arguments.output}")

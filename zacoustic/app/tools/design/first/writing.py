@@ -66,6 +66,8 @@ class Files(msgspec.Struct, frozen=True, kw_only=True):
     """The configuration that the first defines."""
     drafts: tuple[TopicDraft, ...]
     """The topics in it."""
+    examples: tuple[Any, ...]
+    """The last observed value of each topic, as it crosses; None: none, or it has no type."""
     left_out: tuple[str, ...]
     """What is not in it, with the reason."""
 
@@ -140,6 +142,7 @@ def write_files(
         peer_text=peer_text,
         config=_read(text),
         drafts=tuple(drafts),
+        examples=tuple(_example(each, content.ros) for each in drafts),
         left_out=tuple(content.left_out),
     )
 
@@ -211,12 +214,21 @@ def _largest_bytes(draft: TopicDraft, stream: Stream, ros: RosNetwork | None) ->
     seen = draft.seen
     if not draft.values:
         return seen.largest_bytes or _UNSEEN_BYTES
-    values: Sequence[Any] = draft.values
-    if draft.ros is not None and ros is not None:
-        values = _overlaid(draft.ros, draft, ros)
-    largest = max(len(stream.codec.encode(value)) for value in values)
+    largest = max(len(stream.codec.encode(value)) for value in _crossing(draft, ros))
     # What is too large to be a value of a type was only counted.
     return max(largest, seen.largest_bytes) if seen.largest_bytes > PAYLOAD_LIMIT_BYTES else largest
+
+
+def _example(draft: TopicDraft, ros: RosNetwork | None) -> Any:  # noqa: ANN401
+    is_typed = draft.types or draft.ros is not None
+    return _crossing(draft, ros)[-1] if is_typed and draft.values else None
+
+
+def _crossing(draft: TopicDraft, ros: RosNetwork | None) -> Sequence[Any]:
+    """Return the observed values as they cross."""
+    if draft.ros is not None and ros is not None:
+        return _overlaid(draft.ros, draft, ros)
+    return draft.values
 
 
 def _overlaid(said: RosDraft, draft: TopicDraft, ros: RosNetwork) -> list[Any]:
