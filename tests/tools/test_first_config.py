@@ -14,7 +14,9 @@ from zacoustic.app.cli import main
 from zacoustic.app.tools.design.first.asking import ask_about
 from zacoustic.app.tools.design.first.inference import NoTypeError, infer_type
 from zacoustic.app.tools.design.first.survey import SeenTopic, Survey
-from zacoustic.app.tools.design.first.writing import Side, write_config, write_files
+from zacoustic.app.tools.design.first.traffic import write_traffic
+from zacoustic.app.tools.design.first.writing import HERE, THERE, Side, write_config, write_files
+from zacoustic.channel.profiles import DEFAULT_PROFILE
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.config.json5 import parse_json5
@@ -23,6 +25,8 @@ from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.values.encoding import decode_application
 from zacoustic.errors import ConfigError
 from zacoustic.testing import VirtualNetwork
+
+BOOL_HASH = "feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9"
 
 
 def seen(key: str, *payloads: bytes, encoding: str = "zenoh/bytes", rate: float = 1.0) -> SeenTopic:
@@ -325,3 +329,23 @@ def test_a_text_that_grew_by_a_letter_after_the_kept_payloads_still_fits_a_frame
     grown = msgspec.structs.replace(seen("auv1/nav", payload), largest_bytes=len(payload) + 1)
     _, config = write_config(survey(grown))
     assert topics_of(config)["auv1/nav"].qos.reliability is Reliability.BEST_EFFORT
+
+
+def test_what_ros_publishes_on_the_other_side_is_from_there() -> None:
+    """Its keys are not taken for names; a type that both sides publish gets no constants."""
+    key = "0/{}/std_msgs::msg::dds_::Bool_/RIHS01_" + BOOL_HASH
+    leak = seen(key.format("auv1/leak"), b"\0\1\0\0\0")
+    abort = seen(key.format("auv1/abort"), b"\0\1\0\0\1", rate=0.1)
+    files = write_files(survey(leak), peer=survey(abort))
+    publishers = {
+        stream.name: stream.spec.publishers
+        for stream in files.config.table
+        if isinstance(stream.spec, TopicSpec)
+    }
+    assert publishers == {"auv1/leak": (1,), "auv1/abort": (2,)}
+    both = write_files(survey(leak), peer=survey(leak, abort))
+    assert len([*both.config.table]) == 2
+    alone = write_files(survey(), peer=survey(abort))
+    assert [draft.is_from_peer for draft in alone.drafts] == [True]
+    text = write_traffic(both, here=HERE, there=THERE, config="f.json5", profile=DEFAULT_PROFILE)
+    assert '{ node: 2, topic: "auv1/abort", every_s: 10, value: {"data": true} }' in text

@@ -81,6 +81,42 @@ def ros_network(survey: Survey) -> RosNetwork | None:
     )
 
 
+def joined(own: RosNetwork | None, peer: RosNetwork | None) -> RosNetwork | None:
+    """Return the networks of both sides as one: what was published on the other is from there.
+
+    A type whose values were seen on both sides gets no rules: those of one side may refuse the
+    other's.
+    """
+    if peer is None:
+        return own
+    spoken = {
+        draft.name: msgspec.structs.replace(draft, is_from_peer=True)
+        for draft in peer.drafts
+        if draft.seen.samples
+    }
+    if own is None:
+        unseen = [
+            msgspec.structs.replace(draft, is_from_peer=False)
+            for draft in peer.drafts
+            if not draft.seen.samples
+        ]
+        return msgspec.structs.replace(peer, drafts=(*spoken.values(), *unseen), services=())
+    drafts = []
+    for draft in own.drafts:
+        theirs = spoken.pop(draft.name, draft)
+        drafts.append(draft if draft.seen.samples else theirs)
+    both = {each.interface for each in own.overlays} & {each.interface for each in peer.overlays}
+    overlays = [each for each in (*own.overlays, *peer.overlays) if each.interface not in both]
+    left_out = dict.fromkeys((*own.left_out, *peer.left_out))
+    return msgspec.structs.replace(
+        own,
+        drafts=(*drafts, *spoken.values()),
+        overlays=tuple(overlays),
+        left_out=tuple(left_out),
+        keys=own.keys | peer.keys,
+    )
+
+
 class _Drafting:
     def __init__(self, interfaces: Any) -> None:  # noqa: ANN401 (of an extra, imported late)
         from zacoustic.ros.mapping import TypeMapper

@@ -48,7 +48,7 @@ def _lines(files: Files, here: Side, there: Side, config: str, profile: str) -> 
     for draft, example in zip(files.drafts, files.examples, strict=True):
         side = there if draft.is_from_peer else here
         said, fault = _said(draft, example)
-        who = f"node: {side.address}, topic: {json_line(draft.name)}"
+        who = f"node: {side.address}, topic: {json_line(draft.name.lstrip('/'))}"
         yield f"    {f'// {fault}: ' if fault else ''}{{ {who}, {said} }},"
     yield "  ],"
     yield "}"

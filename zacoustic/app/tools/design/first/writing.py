@@ -19,7 +19,7 @@ from zacoustic.app.tools.design.first.drafting import (
 from zacoustic.app.tools.design.first.guessing import COMMANDING, USUAL, priority_of
 from zacoustic.app.tools.design.first.inference import InferredType
 from zacoustic.app.tools.design.first.pacing import LIFESPAN_S, paced, sized
-from zacoustic.app.tools.design.first.rosdrafting import RosNetwork, ros_network
+from zacoustic.app.tools.design.first.rosdrafting import RosNetwork, joined, ros_network
 from zacoustic.app.tools.design.first.survey import PAYLOAD_LIMIT_BYTES, SeenTopic, Survey
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.config import Config, config_from_mapping
@@ -150,11 +150,13 @@ def write_files(
 def _content(
     survey: Survey, here: Side, there: Side, peer: Survey | None, peer_listen: str
 ) -> _Content:
-    ros = ros_network(survey)
+    ros = joined(ros_network(survey), None if peer is None else ros_network(peer))
     accounted = ros.keys if ros is not None else frozenset()
     topics = [topic for topic in survey.topics if topic.key not in accounted]
     own = {topic.key for topic in topics}
-    from_peer = [] if peer is None else [each for each in peer.topics if each.key not in own]
+    from_peer = (
+        [] if peer is None else [each for each in peer.topics if each.key not in own | accounted]
+    )
     known = own | {topic.key for topic in from_peer} | accounted
     from_peer += [_unseen(key) for key in survey.subscribed if key not in known]
     everything = [*topics, *from_peer]
