@@ -103,7 +103,9 @@ def test_the_traffic_that_was_seen_is_a_scenario_that_plan_takes(
     text = scenario.read_text(encoding="utf-8")
     assert 'config: "../auv1.json5"' in text
     assert '// nobody published it: { node: 2, topic: "auv1/orders"' in text
-    found = re.search(r'topic: "auv1/nav", every_s: ([\d.]+), value: (.*) },', text)
+    found = re.search(
+        r'topic: "auv1/nav", every_s: ([\d.]+), first_s: [\d.]+, value: (.*) },', text
+    )
     assert found is not None
     assert 0.01 < float(found[1]) < 0.5  # as often as it was published, not as it may cross
     assert json.loads(found[2]).keys() == {"lat", "depth", "count"}

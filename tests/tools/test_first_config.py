@@ -348,4 +348,18 @@ def test_what_ros_publishes_on_the_other_side_is_from_there() -> None:
     alone = write_files(survey(), peer=survey(abort))
     assert [draft.is_from_peer for draft in alone.drafts] == [True]
     text = write_traffic(both, here=HERE, there=THERE, config="f.json5", profile=DEFAULT_PROFILE)
-    assert '{ node: 2, topic: "auv1/abort", every_s: 10, value: {"data": true} }' in text
+    assert (
+        '{ node: 2, topic: "auv1/abort", every_s: 10, first_s: 0, value: {"data": true} }' in text
+    )
+
+
+@pytest.mark.parametrize("period_s", [5.0, 4.9996, 7.3, 12.34, 60.0, 59.97, 3000.0])
+def test_no_interval_is_longer_than_the_period_that_was_measured(period_s: float) -> None:
+    """Otherwise each sample waits longer than the one before, until one is left out."""
+    topic = msgspec.structs.replace(
+        seen("auv1/leak", b"{}", b"{}", encoding="application/json"), period_s=period_s
+    )
+    (stream,) = write_files(survey(topic)).config.table
+    least_s = 5.0 if period_s < 5 else period_s
+    assert stream.qos.min_interval_s is not None
+    assert 0.9 * period_s <= stream.qos.min_interval_s <= least_s * 1.001

@@ -177,7 +177,7 @@ ROS: Final = System(name="ros", topics=_ROS, encoding="application/cdr", write=c
 def survey_of(system: System) -> Survey:
     """Return what listening to the system for a while observes."""
     seen = []
-    for topic in system.topics:
+    for number, topic in enumerate(system.topics):
         if topic.is_ordered:
             continue
         count = max(1, int(OBSERVED_S / topic.every_s))
@@ -193,6 +193,7 @@ def survey_of(system: System) -> Survey:
                 largest_bytes=max(map(len, payloads)),
                 payloads=payloads,
                 period_s=topic.every_s,
+                last_s=0.37 * number,
             )
         )
     return Survey(

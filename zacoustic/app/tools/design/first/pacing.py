@@ -27,6 +27,8 @@ LONGEST_S: Final = 3600.0
 """Longest interval that is proposed, s."""
 
 _WEIGHTS: Final = {"real_time": 0.2, "interactive_high": 0.4, "data_low": 2.0, "background": 4.0}
+_MEASURED: Final = 1.001
+"""A period is measured that exactly."""
 _HEAD_BYTES: Final = 8  # id, number, SYNC and the like
 _PARTS_MARGIN: Final = 3
 _FRAGMENT_HEAD_BYTES: Final = 12
@@ -98,11 +100,14 @@ def _interval_s(draft: TopicDraft, stretch: float) -> float | None:
 
 
 def _near(period_s: float) -> float:
-    """Return a measured period in two digits, not above: each sample of it crosses."""
+    """Return a measured period in two digits, not above: no sample waits for the end of it.
+
+    An interval that is a little longer than the period delays each sample more than the one before.
+    """
     if period_s <= 0:
         return 0.0
     unit = 10.0 ** (math.floor(math.log10(period_s)) - 1)
-    return float(f"{math.floor(period_s * 1.02 / unit) * unit:.6g}")
+    return float(f"{math.floor(period_s * _MEASURED / unit) * unit:.6g}")
 
 
 def _rounded(seconds: float) -> float:

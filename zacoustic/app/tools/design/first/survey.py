@@ -27,6 +27,7 @@ GAPS_LIMIT: Final = 256
 PAYLOAD_LIMIT_BYTES: Final = 4096
 """Larger payloads are only counted: they are not values of a type."""
 
+_EPOCH_S: Final = time.monotonic()
 _ASK_LIMIT_S: Final = 2.0
 _CONNECT_LIMIT_MS: Final = 3000
 _LISTED: Final = re.compile(r"@/[^/]+/[^/]+/(?:queryable|subscriber)/(.+)")
@@ -52,6 +53,8 @@ class SeenTopic(msgspec.Struct, frozen=True, kw_only=True):
     """The first payloads, in order."""
     period_s: float | None = None
     """Median time between two samples, s; None: there was only one."""
+    last_s: float = 0.0
+    """Instant of the last sample, s since an epoch that all surveys of this process have."""
 
 
 class Survey(msgspec.Struct, frozen=True, kw_only=True):
@@ -174,6 +177,7 @@ class _Heard:
             largest_bytes=self._sizes[1],
             payloads=tuple(self._payloads),
             period_s=statistics.median(self._gaps_s) if self._gaps_s else None,
+            last_s=max(0.0, (self._last_s or _EPOCH_S) - _EPOCH_S),
         )
 
 
