@@ -56,6 +56,8 @@ ALARM_LIMIT_S: Final = 10.0
 LOST_LIMIT: Final = 0.05
 _PACKET_BYTES: Final = 1024
 _LIMIT_S: Final = 20_000.0
+_CHANNELS: Final = 6
+"""With losses each guess has so many channels: one lost train more or less is luck."""
 
 
 class Goodput(msgspec.Struct, frozen=True, kw_only=True):
@@ -187,11 +189,16 @@ def goodput(kib: int, distance_m: float, loss: float, guesses: int) -> Goodput:
     raw: list[float] = []
     engine: list[float] = []
     for seed in range(guesses):
-        scenario = _scenario(distance_m, loss, seed)
         guess = burst_guess(seed)
         content = random.Random(seed).randbytes(kib << 10)
-        raw.append(8 * len(content) / RawClient(scenario, guess, content).run())
-        engine.append(8 * len(content) / EngineClient(scenario, guess).send(content))
+        raw_s = engine_s = 0.0
+        channels = _CHANNELS if loss else 1
+        for channel in range(channels):
+            scenario = _scenario(distance_m, loss, seed + 1000 * channel)
+            raw_s += RawClient(scenario, guess, content).run()
+            engine_s += EngineClient(scenario, guess).send(content)
+        raw.append(8 * len(content) * channels / raw_s)
+        engine.append(8 * len(content) * channels / engine_s)
     return Goodput(
         kib=kib,
         distance_m=distance_m,
@@ -225,8 +232,8 @@ def small_samples(distance_m: float, guesses: int, period_s: float) -> list[Smal
                         beyond_s=[
                             beyond
                             for each in clients
-                            for beyond in each.beyond_s
-                            if has_object and source == 1 and stream_id == REPORT
+                            for beyond in each.beyond_s[source]
+                            if has_object and stream_id == REPORT
                         ],
                     )
                 )
@@ -328,9 +335,9 @@ class EngineClient:
             for stream_id in (REPORT, URGENT):
                 self.published[source, stream_id] = 0
                 self.delays_s[source, stream_id] = []
-        self.beyond_s: list[float] = []
-        """Of the reports of the publisher: the delay beyond what was under way, s."""
-        self._under_way: dict[bytes, set[int]] = {}
+        self.beyond_s: dict[int, list[float]] = {1: [], 2: []}
+        """Of the reports of a node: the delay beyond what was under way, s."""
+        self._under_way: dict[tuple[int, bytes], set[int]] = {}
         self._has_arrived = self._has_ended = False
         self._at: dict[tuple[int, int, bytes], int] = {}
         fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
@@ -354,7 +361,10 @@ class EngineClient:
         for key in self.published:
             self.published[key] = 0
             self.delays_s[key].clear()
+        for beyond_s in self.beyond_s.values():
+            beyond_s.clear()
         self._at.clear()
+        self._under_way.clear()
         if content:
             self.send(content)
         else:
@@ -372,8 +382,8 @@ class EngineClient:
             number = self.published[source, stream_id].to_bytes(4, "big")
             value = number + bytes(16 if stream_id == REPORT else 4)
             self._at[source, stream_id, value] = self.sea.now
-            if (source, stream_id) == (1, REPORT):
-                self._under_way[value] = self._bulk_under_way()
+            if stream_id == REPORT:
+                self._under_way[source, value] = self._bulk_under_way()
             self._publish(source, stream_id, value)
             self.sea.after(pause_s(), publish)
 
@@ -394,10 +404,10 @@ class EngineClient:
         if published_at is not None:
             delay_s = ns_to_seconds(self.sea.now - published_at)
             self.delays_s[event.source, event.stream_id].append(delay_s)
-            if event.value in self._under_way:
-                ends_at = self._ends_at(self._under_way.pop(event.value))
-                beyond_ns = self.sea.now - max(published_at, ends_at)
-                self.beyond_s.append(max(0.0, beyond_ns / 1e9))
+            under_way = self._under_way.pop((event.source, event.value), None)
+            if under_way is not None:
+                beyond_ns = self.sea.now - max(published_at, self._ends_at(under_way))
+                self.beyond_s[event.source].append(max(0.0, beyond_ns / 1e9))
 
     def _bulk_under_way(self) -> set[int]:
         """Return the ids of the bulk frames of the publisher that are not reported."""
