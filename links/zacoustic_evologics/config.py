@@ -28,10 +28,9 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     and are rejected if it does not. `burst`: burst data to one receiver. `auto`: instant messages
     up to 64 bytes, burst data above, and a piggyback message if that is sooner: to a modem that
     awaits an acknowledgement."""
-    bulk: bool = False
-    """Large samples to one node go as burst data, beside instant messages for all else; with
-    `service` `auto` and `mtu` up to 64. Off by default: on an emulated modem an emergency from the
-    receiver of a large sample arrives in 65…71 % of cases meanwhile, p95 34…36 s."""
+    bulk: bool | None = None
+    """Whether large samples to one node go as burst data, beside instant messages for all else;
+    only with `service` `auto` and `mtu` up to 64, where it is the default."""
     mtu: int = IM_LIMIT_BYTES
     """Largest frame, bytes, 16…64, with burst data up to 1024. Frames above 64 need one receiver:
     burst data has no broadcast."""
@@ -71,6 +70,12 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     """Time limit of an answer, s, above 0, besides the time on a serial port."""
     wait_s: float = 15.0
     """Time for which `open` waits for the modem, s, above 0; it boots in about 5 s."""
+
+    @property
+    def has_bulk(self) -> bool:
+        """Whether large samples to one node go as burst data."""
+        is_possible = self.service == "auto" and self.mtu <= IM_LIMIT_BYTES
+        return is_possible if self.bulk is None else self.bulk
 
     def __post_init__(self) -> None:
         """Check the ranges.

@@ -10,11 +10,14 @@ are in its time.
 
 - *goodput*: the share of the raw client's bit rate, mean and least.
 - *reports*: both nodes publish a report of 20 bytes every `--period` seconds meanwhile: how many
-  arrive, and their delay, beside the same without any large sample.
+  arrive, and their delay, beside the same without any large sample; *beyond* is the delay without
+  the time that the frames take which were under way when it was published.
 - *real_time*: either node publishes a real_time sample now and then meanwhile: their delay.
+- *alarms*: a third node, as far from both, has reliable real_time samples for one of them.
 
-Must hold: in the mean 0.85 of the raw client, 0.7 in each guess; reports and real_time samples in
-6 s at the 95th percentile.
+Must hold: in the mean 0.85 of the raw client, 0.7 in each guess; at the 95th percentile reports 6 s
+beyond what was under way, real_time samples 6 s, alarms 10 s; of 1000 alarms 999 in 30 s, and in
+60 s if more than 20 % of the frames are lost; at most 5 % of the reports lost.
 
     python tests/benchmarks/bench_bulk.py [--guesses N] [--kib N …] [--json] [--strict]
 """
@@ -25,6 +28,7 @@ import random
 import statistics
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -33,22 +37,27 @@ from tests.links.evologics.driver.crew import CrewedSea, CrewNode
 from tests.links.evologics.emulator.sea import Host
 from tests.links.evologics.emulator.sea import Sea as HostSea
 from zacoustic.channel.faults.loss import LossSpec
-from zacoustic.channel.scenario import Scenario
+from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.linktypes import Service
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic_evologics.at.notifications import Delivered, Failed, Recv
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import BurstGuess, EmulatedFleet, burst_guess, scenario_of
 
-PHOTO, REPORT, URGENT = 10, 11, 12
+PHOTO, REPORT, URGENT, ALARM = 10, 11, 12, 13
 MEAN_LIMIT: Final = 0.85
 LEAST_LIMIT: Final = 0.7
 DELAY_LIMIT_S: Final = 6.0
+ALARM_LIMIT_S: Final = 10.0
+LOST_LIMIT: Final = 0.05
 _PACKET_BYTES: Final = 1024
 _LIMIT_S: Final = 20_000.0
+_CHANNELS: Final = 6
+"""With losses each guess has so many channels: one lost train more or less is luck."""
 
 
 class Goodput(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,10 +82,26 @@ class Small(msgspec.Struct, frozen=True, kw_only=True):
     what: str
     published: int
     delays_s: list[float]
+    beyond_s: list[float] = []
+    limit_s: float = DELAY_LIMIT_S
+    last_limit_s: float | None = None
+    """That of 999 of 1000; None: there is none."""
 
-    def percentile_s(self, share: float) -> float:
-        """Return a percentile of the delays, s."""
-        ordered = sorted(self.delays_s) or [float("nan")]
+    @property
+    def judged_s(self) -> float:
+        """The delay at the 95th percentile that is judged, s."""
+        return self.percentile_s(0.95, beyond=bool(self.beyond_s))
+
+    @property
+    def holds(self) -> bool:
+        """Whether its limits hold."""
+        is_late = self.last_limit_s is not None and self.percentile_s(0.999) > self.last_limit_s
+        lost = 1 - len(self.delays_s) / max(1, self.published)
+        return self.judged_s <= self.limit_s and lost <= LOST_LIMIT and not is_late
+
+    def percentile_s(self, share: float, *, beyond: bool = False) -> float:
+        """Return a percentile of the delays, or of what is beyond the frames under way, s."""
+        ordered = sorted(self.beyond_s if beyond else self.delays_s) or [float("nan")]
         return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
@@ -102,6 +127,12 @@ def main() -> int:
         for distance_m in arguments.distance
         for each in small_samples(distance_m, arguments.guesses, arguments.period)
     ]
+    small += [
+        alarms(distance_m, loss, arguments.guesses, end)
+        for distance_m in arguments.distance
+        for loss in sorted({*arguments.loss, 0.4})
+        for end in (1, 2)
+    ]
     verdicts = _judge(rows, small)
     if arguments.json:
         told = [msgspec.to_builtins(row) for row in (*rows, *small)]
@@ -119,9 +150,7 @@ def _judge(rows: Sequence[Goodput], small: Sequence[Small]) -> dict[str, bool]:
             statistics.fmean(shares) >= MEAN_LIMIT
         ),
         f"goodput: {LEAST_LIMIT:g} in each guess": min(shares) >= LEAST_LIMIT,
-        f"small samples: p95 at most {DELAY_LIMIT_S:g} s": all(
-            each.percentile_s(0.95) <= DELAY_LIMIT_S for each in during
-        ),
+        "small samples: each in its time": all(each.holds for each in during),
     }
 
 
@@ -138,12 +167,18 @@ def report(rows: Sequence[Goodput], small: Sequence[Small], verdicts: dict[str, 
             f"{statistics.fmean(shares):7.2f}{min(shares):7.2f}  "
             + ", ".join(f"{guess}: {shares[guess]:.2f}" for guess in worst)
         )
-    print(f"\n{'small samples':52}{'sent':>6}{'arrived':>9}{'p50 s':>8}{'p95 s':>8}")
+    print(
+        f"\n{'small samples':52}{'sent':>6}{'arrived':>9}{'p50 s':>8}{'p95 s':>8}{'99.9 %':>8}"
+        f"{'beyond':>8}"
+    )
     for each in small:
         arrived = len(each.delays_s) / max(1, each.published)
         print(
             f"{each.what:52}{each.published:6d}{arrived:9.0%}"
             f"{each.percentile_s(0.5):8.1f}{each.percentile_s(0.95):8.1f}"
+            f"{each.percentile_s(0.999):8.1f}"
+            + (f"{each.judged_s:8.1f}" if each.beyond_s else " " * 8)
+            + ("" if each.holds or "without" in each.what else "  MISSED")
         )
     for limit, holds in verdicts.items():
         print(f"{limit}: {'holds' if holds else 'MISSED'}")
@@ -154,11 +189,16 @@ def goodput(kib: int, distance_m: float, loss: float, guesses: int) -> Goodput:
     raw: list[float] = []
     engine: list[float] = []
     for seed in range(guesses):
-        scenario = _scenario(distance_m, loss, seed)
         guess = burst_guess(seed)
         content = random.Random(seed).randbytes(kib << 10)
-        raw.append(8 * len(content) / RawClient(scenario, guess, content).run())
-        engine.append(8 * len(content) / EngineClient(scenario, guess).send(content))
+        raw_s = engine_s = 0.0
+        channels = _CHANNELS if loss else 1
+        for channel in range(channels):
+            scenario = _scenario(distance_m, loss, seed + 1000 * channel)
+            raw_s += RawClient(scenario, guess, content).run()
+            engine_s += EngineClient(scenario, guess).send(content)
+        raw.append(8 * len(content) * channels / raw_s)
+        engine.append(8 * len(content) * channels / engine_s)
     return Goodput(
         kib=kib,
         distance_m=distance_m,
@@ -189,9 +229,27 @@ def small_samples(distance_m: float, guesses: int, period_s: float) -> list[Smal
                         delays_s=[
                             delay for each in clients for delay in each.delays_s[source, stream_id]
                         ],
+                        beyond_s=[
+                            beyond
+                            for each in clients
+                            for beyond in each.beyond_s[source]
+                            if has_object and stream_id == REPORT
+                        ],
                     )
                 )
     return results
+
+
+def alarms(distance_m: float, loss: float, guesses: int, end: int) -> Small:
+    """Let a third node have alarms for an end of a large sample that is under way."""
+    runs = [AlarmRun(distance_m, loss, seed, end) for seed in range(guesses)]
+    return Small(
+        what=f"{distance_m:.0f} m, {loss:.0%} lost, alarms of a third node for {end}",
+        published=sum(each.published for each in runs),
+        delays_s=[delay_s for each in runs for delay_s in each.delays_s],
+        limit_s=ALARM_LIMIT_S,
+        last_limit_s=60.0 if loss > 0.2 else 30.0,
+    )
 
 
 def _scenario(distance_m: float, loss: float, seed: int) -> Scenario:
@@ -277,10 +335,13 @@ class EngineClient:
             for stream_id in (REPORT, URGENT):
                 self.published[source, stream_id] = 0
                 self.delays_s[source, stream_id] = []
+        self.beyond_s: dict[int, list[float]] = {1: [], 2: []}
+        """Of the reports of a node: the delay beyond what was under way, s."""
+        self._under_way: dict[tuple[int, bytes], set[int]] = {}
         self._has_arrived = self._has_ended = False
         self._at: dict[tuple[int, int, bytes], int] = {}
         fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
-        self.sea = CrewedSea(fleet, _table(), self._deliver, config=EvologicsConfig(bulk=True))
+        self.sea = CrewedSea(fleet, _table(), self._deliver, config=EvologicsConfig())
         self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
 
     def send(self, content: bytes) -> float:
@@ -300,7 +361,10 @@ class EngineClient:
         for key in self.published:
             self.published[key] = 0
             self.delays_s[key].clear()
+        for beyond_s in self.beyond_s.values():
+            beyond_s.clear()
         self._at.clear()
+        self._under_way.clear()
         if content:
             self.send(content)
         else:
@@ -318,6 +382,8 @@ class EngineClient:
             number = self.published[source, stream_id].to_bytes(4, "big")
             value = number + bytes(16 if stream_id == REPORT else 4)
             self._at[source, stream_id, value] = self.sea.now
+            if stream_id == REPORT:
+                self._under_way[source, value] = self._bulk_under_way()
             self._publish(source, stream_id, value)
             self.sea.after(pause_s(), publish)
 
@@ -338,11 +404,94 @@ class EngineClient:
         if published_at is not None:
             delay_s = ns_to_seconds(self.sea.now - published_at)
             self.delays_s[event.source, event.stream_id].append(delay_s)
+            under_way = self._under_way.pop((event.source, event.value), None)
+            if under_way is not None:
+                beyond_ns = self.sea.now - max(published_at, self._ends_at(under_way))
+                self.beyond_s[event.source].append(max(0.0, beyond_ns / 1e9))
+
+    def _bulk_under_way(self) -> set[int]:
+        """Return the ids of the bulk frames of the publisher that are not reported."""
+        node = self.sea.crew[0]
+        ids = {
+            each.transmission.transmission_id
+            for each in node.given
+            if each.transmission.service is Service.BULK
+        }
+        return ids - {each.transmission_id for each in node.reports}
+
+    def _ends_at(self, ids: set[int]) -> int:
+        """Return when the last of these frames was reported, so far, ns."""
+        reports = self.sea.crew[0].reports
+        return max((each.finished_at for each in reports if each.transmission_id in ids), default=0)
 
 
-def _table() -> StreamTable:
+class AlarmRun:
+    """A large sample from node 1 to node 2, and alarms of node 3.
+
+    Args:
+        distance_m: The distance between any two of them.
+        loss: Share of the frames that are lost.
+        seed: Everything follows from it.
+        end: The node that the alarms are for.
+    """
+
+    def __init__(self, distance_m: float, loss: float, seed: int, end: int) -> None:
+        self.published = 0
+        self.delays_s: list[float] = []
+        self._end = end
+        self._at: dict[bytes, int] = {}
+        self._has_arrived = False
+        self._rng = random.Random(f"alarms/{seed}")
+        scenario = scenario_of(3, spacing_m=distance_m, seed=seed + 1)
+        far = NodeSpec(address=3, position=(distance_m / 2, distance_m * 0.75**0.5, 10.0))
+        scenario = msgspec.structs.replace(
+            scenario, nodes=(*scenario.nodes[:2], far), loss=LossSpec(frame=loss)
+        )
+        guess = burst_guess(seed)
+        fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
+        self.sea = CrewedSea(fleet, _table(end), self._deliver, config=EvologicsConfig())
+        self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
+        for address in (1, 2, 3):
+            self.sea.after(10.0 * address, partial(self._publish, address, REPORT, b"here"))
+        self.sea.run(90.0)
+        self.sea.after(self._rng.uniform(5.0, 30.0), self._alarm)
+        self._publish(1, PHOTO, self._rng.randbytes(64 << 10))
+        self.sea.until(lambda: self._has_arrived, limit_s=_LIMIT_S)
+        self.sea.run(120.0)
+
+    def _alarm(self) -> None:
+        if self._has_arrived:
+            return
+        self.published += 1
+        value = self.published.to_bytes(8, "big")
+        self._at[value] = self.sea.now
+        self._publish(3, ALARM, value)
+        self.sea.after(self._rng.uniform(20.0, 60.0), self._alarm)
+
+    def _publish(self, source: int, stream_id: int, value: bytes) -> None:
+        node = self.sea.crew[source - 1]
+        self.sea.apply(node, lambda engine, now: engine.publish(stream_id, value, now))
+
+    def _deliver(self, node: CrewNode, event: Event) -> None:
+        if not isinstance(event, SampleReceived):
+            return
+        if event.stream_id == PHOTO:
+            self._has_arrived = True
+        elif event.stream_id == ALARM and node.address == self._end:
+            assert isinstance(event.value, bytes)
+            self.delays_s.append(ns_to_seconds(self.sea.now - self._at[event.value]))
+
+
+def _table(end: int | None = None) -> StreamTable:
+    """Return the table of two nodes, or of three of which the third has alarms for one."""
+    urgent = Qos(priority=Priority.REAL_TIME, reliability=Reliability.RELIABLE, depth=8)
+    alarm = TopicSpec(
+        stream_id=ALARM, name="alarm", publishers=(3,), subscribers=(end or 1,), qos=urgent
+    )
+    third: dict[int, str] = {3: "third"} if end else {}
     return StreamTable(
         [
+            *([alarm] if end else []),
             TopicSpec(
                 stream_id=PHOTO,
                 name="photo",
@@ -353,7 +502,7 @@ def _table() -> StreamTable:
             TopicSpec(stream_id=REPORT, name="report", qos=Qos(depth=1)),
             TopicSpec(stream_id=URGENT, name="urgent", qos=Qos(priority=Priority.REAL_TIME)),
         ],
-        nodes={1: "shore", 2: "vehicle"},
+        nodes={1: "shore", 2: "vehicle"} | third,
     )
 
 

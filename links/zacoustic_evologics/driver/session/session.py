@@ -135,7 +135,7 @@ class ModemSession:
     @property
     def has_bulk(self) -> bool:
         """Frames above an instant message go as burst data of a service of their own."""
-        return self.config.bulk
+        return self.config.has_bulk
 
     def hear(self, now: int) -> None:
         """Note that the modem sends something, perhaps after a restart."""
