@@ -13,9 +13,10 @@ pause; after `busy_s` in which it reports nothing at all the frame is rejected. 
 modem may have is never given again.
 
 While a message waits for the modem, no frames are given: some modems may send it when they have no
-burst data any more. An urgent message does not wait behind burst data: the modem drops those (`ATZ1`), they are reported
-ABORTED, and the next frames are given when the message has gone. A train on the air ends first, and
-its receiver, which then acknowledges it, hears nothing for a moment.
+burst data any more. An urgent message does not wait behind burst data: the modem drops those
+(`ATZ1`), they are reported ABORTED, and the next frames are given when the message has gone. A
+train on the air ends first, and its receiver, which then acknowledges it, hears nothing for a
+moment.
 
 Trains are kept to `TRAIN_LIMIT_S` by the number of packets in them (`AT!ZC`): who has something to
 say to this node, or to the one that receives the data, waits for the end of a train.
