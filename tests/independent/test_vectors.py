@@ -32,7 +32,7 @@ from tests.independent import (
 )
 from tests.independent.agreement import Ask, Confirm, Hello, Row, Tag
 from tests.independent.cursor import Cursor
-from tests.independent.errors import LimitError, ReadError
+from tests.independent.errors import ReadError
 from tests.independent.fleet import AUV, NAV_VALUE, SHORE
 from tests.independent.record import Acknowledgement, Call, Goal, Sample, Way
 from tests.independent.reliable import Holding, Sync
@@ -569,22 +569,11 @@ def test_refused_payload(one: dict[str, Any]) -> None:
 @pytest.mark.parametrize("plain", DENSE["bytes without a type, packed"])
 def test_packed_bytes(plain: str) -> None:
     payload = bytes.fromhex(DENSE["bytes without a type, packed"][plain])
-    if payload and payload[0] >= 0xC0:
-        with pytest.raises(LimitError):
-            packed.read_bytes(payload)
-    else:
-        assert packed.read_bytes(payload).hex() == plain
-        assert packed.write_bytes(bytes.fromhex(plain)) == payload
+    assert packed.read_bytes(payload).hex() == plain
+    assert packed.write_bytes(bytes.fromhex(plain)) == payload
 
 
-def test_packed_text_is_a_limit_of_this_reader() -> None:
-    (item,) = frame.read(NATIVE["packed_text"], ALL).items
-    assert isinstance(item, frame.Unread)
-    with pytest.raises(LimitError):
-        packed.read_bytes(NATIVE["packed_text"][1:])
-
-
-# Dense blocks: found, and not read
+# Dense blocks in frames
 
 
 @pytest.mark.parametrize("name", BLOCKS)
