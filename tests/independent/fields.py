@@ -104,7 +104,7 @@ def _object(item: objects.Fragment | objects.Feedback) -> Fields:
     if item.kind == objects.COMPLETE:
         return {**front, "kind": "complete", "digest": item.digest.hex()}
     if item.kind == objects.REFUSED:
-        word = objects.REASONS[item.reason].replace(" ", "_")
+        word = objects.REASONS.get(item.reason, "unlisted").replace(" ", "_")
         return {**front, "kind": "refused", "reason": item.reason, "word": word}
     return {**front, "kind": "headless", "held": item.held}
 
