@@ -53,6 +53,7 @@ Item = (
     | relay.Relayed
     | relay.HopAcknowledgement
     | relay.Flooded
+    | relay.Probe
     | record.Record
     | Unread
 )

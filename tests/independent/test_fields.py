@@ -23,7 +23,7 @@ NATIVE = [one for one in fleet.load("wire_native.json") if "source" in one]
 BY_NAME = {one["name"]: one for one in NATIVE}
 SEALED = fleet.load("wire_sealed.json")
 CONVERSATIONS = [
-    "call", "contact", "dense", "goal", "object", "reliable", "sealed", "tables"
+    "call", "contact", "dense", "goal", "object", "reliable", "reliable_sealed", "sealed", "tables",
 ]  # fmt: skip
 
 
