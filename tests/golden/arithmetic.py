@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final
 from tests.golden.dense import DIGEST
 from tests.golden.fields import in_json
 from tests.golden.tables import fields_of, lines
-from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Speaker
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Snapshot, Speaker
 from zacoustic.core.values.dense.coder import curve
 from zacoustic.core.values.dense.coder.reader import Reader
 from zacoustic.core.values.dense.coder.shares import ends_of
@@ -38,7 +38,11 @@ DEEP: Final = TypeSpec(
 SAMPLES: Final = (
     {"depth": 12.5, "mode": "survey"},
     {"depth": 13.0, "mode": "survey"},
+    {"depth": 13.5, "mode": "survey"},
+    {"depth": 14.5, "mode": "abort"},
+    {"depth": 14.5, "mode": "abort"},
 )
+"""The page shows how the first two are coded."""
 STREAM: Final = 7
 _FIRST_LISTED: Final = 32
 
@@ -130,6 +134,7 @@ def _dense_example() -> dict[str, Any]:
                 "name": decoded.snapshot.name,
                 "mark": f"{listener.mark:04x}",
                 "steps": steps,
+                "state": _state(codec, decoded.snapshot),
             }
         )
     return {
@@ -137,6 +142,35 @@ def _dense_example() -> dict[str, Any]:
         "stream": STREAM,
         "type": fields_of(DEEP),
         "blocks": blocks,
+    }
+
+
+def _state(codec: DenseCodec, snapshot: Snapshot) -> dict[str, Any]:
+    """Return all that the next block depends on."""
+    state, _, habit = snapshot.streams[0]
+    assert state is not None
+    shape, presence = codec.streams[STREAM].model.shape, snapshot.presence
+    return {
+        "row": state.row,
+        "velocity": state.velocity,
+        "steadiness": state.steadiness,
+        "adaptations": {
+            str(place): {
+                "weights": shape.unpacked(each.weights),
+                "energies": each.energies,
+                "log_scales": [manner[0] for manner in each.manners],
+                "nearer": [manner[1] for manner in each.manners],
+                "holds": [manner[2] for manner in each.manners],
+                "widths": each.widths,
+            }
+            for place, each in state.adaptations.items()
+        },
+        "single": presence.single,
+        "chances": list(presence.chances),
+        "in_turn": presence.in_turn,
+        "more": list(habit.more),
+        "regular": habit.regular,
+        "steps": list(habit.steps[0]),
     }
 
 
@@ -268,8 +302,8 @@ def as_json() -> dict[str, Any]:
         "about": "Annexes A to C of docs/wire.md, made by tests/golden/arithmetic.py; a changed "
         "one is a changed wire. `texts`: those that both ends know, spelled. `digests`: SHA-256 of "
         "tables. `steps`: each symbol of an example: kind, what it depends on, value, w and D "
-        "after it. `refused`: why, and the block: of a text, and of the table of the dense "
-        "example with no block held.",
+        "after it. `state`: what the next block depends on. `refused`: why, "
+        "and the block: of a text, and of the table of the dense example with no block held.",
         "texts": known_texts(),
         "digests": digests(),
         "text": _text_example(),

@@ -17,7 +17,7 @@ from zacoustic.core.wire.agreement import WIRE_VERSION
 
 FOLDER: Final = Path(__file__).parent
 FROZEN: Final = {
-    "arithmetic.json": "174b6e3c08909c26",
+    "arithmetic.json": "647bcc4f550c0444",
     "conversations/call.json": "9291fba34ba98a2c",
     "conversations/contact.json": "d0b616570633aeeb",
     "conversations/dense.json": "2a4c817332fefbea",

@@ -115,9 +115,50 @@ def test_symbols_of_the_dense_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
         assert samples == [(ANNEXES["dense"]["stream"], example["value"])]
         assert (block.digest.hex(), block.name) == (example["digest"], example["name"])
         assert f"{block.mark:04x}" == example["mark"]
+        assert _state(reader, block) == example["state"]
         # Several bits are several symbols here, and one there.
         assert set(_noted(example)) <= set(noted)
         assert noted[-1] == _noted(example)[-1]
+
+
+def _state(reader: blocks.Reader, block: blocks.Block) -> dict[str, Any]:
+    ((state, habit),) = block.streams
+    assert state is not None
+    count = reader.streams[0].rows.count
+    return {
+        "row": state.row,
+        "velocity": state.velocity,
+        "steadiness": list(state.steadiness),
+        "adaptations": {
+            str(place): {
+                "weights": _by_quantity(each.weights, count),
+                "energies": list(each.energies),
+                "log_scales": [manner.log_scale for manner in each.manners],
+                "nearer": [manner.nearer for manner in each.manners],
+                "holds": [manner.hold for manner in each.manners],
+                "widths": list(each.widths),
+            }
+            for place, each in state.adaptations.items()
+        },
+        "single": block.single,
+        "chances": list(block.chances),
+        "in_turn": block.in_turn,
+        "more": list(habit.more),
+        "regular": habit.regular,
+        "steps": list(habit.steps),
+    }
+
+
+def _by_quantity(weights: tuple[int, ...], count: int) -> list[list[int]]:
+    """Return the weights of each quantity for those before it, each with its sign."""
+    found: list[list[int]] = [[] for _ in range(count)]
+    for i, whole in enumerate(weights):
+        left = whole
+        for k in range(count - 1, i, -1):
+            weight = (left + (1 << 95)) % (1 << 96) - (1 << 95)
+            found[k].append(weight)
+            left = (left - weight) >> 96
+    return found
 
 
 def _example_reader() -> blocks.Reader:
