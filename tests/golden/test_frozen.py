@@ -34,7 +34,7 @@ FROZEN: Final = {
     "payload_refused.json": "b5998c8cd928cf97",
     "refusals.json": "cda20b031678ee2f",
     "tables.json": "2b204b6ecb9bfa44",
-    "wire_native.json": "015b8a4980ebfa09",
+    "wire_native.json": "2c6ed74cee97870c",
     "wire_relayed.json": "9b02230a81e5eff7",
     "wire_sealed.json": "7677bd3dbd54735f",
 }

@@ -133,6 +133,7 @@ def vectors() -> Iterator[Vector]:
     yield from _routing()
     yield from _carried()
     yield from _keys()
+    yield from _later()
 
 
 def _vector(name: str, frame: Sent, meaning: str, *, reader: Reader | None = None) -> Vector:
@@ -651,6 +652,16 @@ def _keys() -> Iterator[Vector]:
     meaning = "HELLO; named answer of node 2: it has stored it"
     yield _vector("keys_answer", _to_client(hello + said), meaning)
     yield _digest("digest_of_stream_173", "base", KEYS_STREAM_ID, "digest of the stream of keys")
+
+
+def _later() -> Iterator[Vector]:
+    """Say what only a later page lists."""
+    refused = Refused(5, 200).encode()
+    yield _vector("feedback_refused_later", _to_client(refused), "FEEDBACK: a refusal, unlisted")
+    error = bytes((20, encode_call_byte(CallKind.ERROR, 1), 200)) + b"tired"
+    yield _vector("error_later", _to_client(error), "error, call 1: an unlisted failure is 1")
+    error = bytes((20, encode_call_byte(CallKind.ERROR, 1), 1, 0xFF))
+    yield _vector("error_no_text", _to_client(error), "error, call 1: handler failed, no UTF-8")
 
 
 def _subscriptions() -> Iterator[Vector]:

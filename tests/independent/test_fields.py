@@ -124,6 +124,8 @@ def test_fields_of_conversations(name: str) -> None:
 def test_what_the_fields_say_can_be_written_again() -> None:
     """The bytes of `payload` are those of `value`: codecs have one form only."""
     for one in NATIVE:
+        if one["name"] in fleet.READ_ONLY:
+            continue
         way = Way(TABLES[one["table"]], one["source"], one["destination"])
         for placed in frame.read(opened(one), way).placed:
             if isinstance(placed.item, Sample | Acknowledgement | Call | Goal):
