@@ -249,7 +249,7 @@ def _feedback(item: Feedback) -> Fields:
         case Complete(_, check):
             return {"kind": "complete", "digest": check.hex()}
         case Refused(_, reason):
-            is_listed = reason in iter(Reason)
+            is_listed = reason in {*Reason}
             word = Reason(reason).name.lower() if is_listed else "unlisted"
             return {"kind": "refused", "reason": reason, "word": word}
         case Headless(_, held):
