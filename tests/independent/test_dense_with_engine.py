@@ -342,7 +342,7 @@ def _damaged(rng: random.Random, data: bytes) -> bytes:
 
 
 def test_the_reader_reads_the_blocks_of_the_engine(sized: Callable[..., int]) -> None:
-    for seed in range(sized(10_000, share=6)):
+    for seed in range(sized(5_000, share=6)):
         _mission(seed)
 
 
