@@ -78,12 +78,15 @@ class Dive:
         self._steps = self._script()
         self._until: Until | None = None
         self._since_s = 0.0
+        self._taken: Answer | None = None
+        self._taken_at_s: float | None = None
         self.is_over = False
         self.problems: list[str] = []
         """What has gone wrong; empty: nothing."""
 
     def poke(self, now_s: float) -> None:
         """Go on as far as possible; call it after changes, and now and then."""
+        self._note_photo(now_s)
         while not self.is_over:
             if self._until is not None:
                 if self._until.holds():
@@ -98,6 +101,15 @@ class Dive:
             self._until = next(self._steps, None)
             if self._until is None:
                 self.is_over = True
+
+    def _note_photo(self, now_s: float) -> None:
+        """Tell how long the photo has taken: it comes up while the vehicle goes on."""
+        if self._taken is not None and self._taken.ended and self._taken_at_s is None:
+            self._taken_at_s = now_s
+        if self._taken is not None and self._taken_at_s is not None and self._shore.photos:
+            size, took_s = len(self._shore.photos[0]), now_s - self._taken_at_s
+            self._note(f"the photo is here, {size} bytes: {took_s:.1f} s after it was taken")
+            self._taken = None
 
     def _script(self) -> Iterator[Until]:
         shore, put = self._shore, self._carrier.put
@@ -119,7 +131,7 @@ class Dive:
         yield Until(f"at {HOLD_DEPTH_M:g} m", self._is_deep_enough, 180.0)
 
         if self._with_photo:
-            taken = self._carrier.call(TAKE_PHOTO, TakePhoto(1))
+            self._taken = taken = self._carrier.call(TAKE_PHOTO, TakePhoto(1))
             yield Until("a photo is taken", lambda: taken.ended, ANSWER_LIMIT_S)
             self._expect(taken, "take_photo")
         for number, waypoint in enumerate(self._waypoints, 1):
@@ -127,7 +139,7 @@ class Dive:
             yield Until(f"way-point {number}", lambda goal=goal: goal.ended, GOAL_LIMIT_S)  # type: ignore[misc]
             self._check(number, waypoint, goal)
         if self._with_photo:
-            yield Until("the photo is here", lambda: bool(shore.photos), PHOTO_LIMIT_S)
+            yield Until("the photo was received", lambda: bool(shore.photos), PHOTO_LIMIT_S)
             if not shore.photos or len(shore.photos[0]) < LEAST_BYTES:
                 self.problems.append("no photo")
 

@@ -17,7 +17,7 @@ from zacoustic.core.values.payload import PayloadCodec, PayloadError
 from zacoustic.core.wire import carry
 from zacoustic.core.wire.access import CLOCK_TICK_NS, SPAN_STEP_NS, ClockTime, Turn
 from zacoustic.core.wire.agreement import Ask, Confirm, Hello, TableRow, Tag
-from zacoustic.core.wire.calls import NAMED, CallKind, decode_call_byte, decode_error
+from zacoustic.core.wire.calls import NAMED, CallFailure, CallKind, decode_call_byte, decode_error
 from zacoustic.core.wire.content import measure_content, server_of
 from zacoustic.core.wire.controls import Extension, Item
 from zacoustic.core.wire.frame import DenseAck, DenseBlock, Prefixes, Record, Stray, parse_frame
@@ -249,7 +249,9 @@ def _feedback(item: Feedback) -> Fields:
         case Complete(_, check):
             return {"kind": "complete", "digest": check.hex()}
         case Refused(_, reason):
-            return {"kind": "refused", "reason": reason, "word": Reason(reason).name.lower()}
+            is_listed = reason in {*Reason}
+            word = Reason(reason).name.lower() if is_listed else "unlisted"
+            return {"kind": "refused", "reason": reason, "word": word}
         case Headless(_, held):
             return {"kind": "headless", "held": held}
 
@@ -273,8 +275,7 @@ def _call(stream: Stream, content: bytes, source: int, destination: int) -> Fiel
     if kind is CallKind.CONFIRM:
         return {**found, "of": "request" if is_answer else "answer"}
     if kind is CallKind.ERROR:
-        error = decode_error(payload)
-        assert error is not None
+        error = decode_error(payload) or (CallFailure.HANDLER, "")  # as the engine takes it
         return {**found, "failure": int(error[0]), "text": error[1]}
     if stream.qos.stamp is Stamp.AGE:
         found |= _age(payload[0])

@@ -60,6 +60,14 @@ SCENES: Final = (
         lost=((1, 2), (1, 3), (1, 6), (2, 4)),
     ),
     Scene(
+        name="reliable_sealed",
+        about="The samples of reliable.json with sealed frames; others are lost.",
+        tables={1: "reliable", 2: "reliable"},
+        given=tuple(_publish(10.0 * count, 1, 30, b"order %d" % count) for count in range(8)),
+        lost=((1, 2), (1, 3), (1, 6), (2, 4)),
+        key=KEY,
+    ),
+    Scene(
         name="object",
         about="A sample of 200 bytes in fragments, one of which is lost, between two small ones.",
         tables={1: "reliable", 2: "reliable"},

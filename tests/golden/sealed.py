@@ -21,6 +21,7 @@ from zacoustic.seal.spec import Mode
 KEY: Final = FleetKey(network="harbour", generation=3, secret=bytes(range(32)))
 DIGEST: Final = bytes.fromhex("a1b2c3d4")
 LIFE: Final = 7
+LAST_LIFE: Final = 0xF7FF
 VECTORS: Final = Path(__file__).parent / "wire_sealed.json"
 
 
@@ -59,7 +60,12 @@ def make() -> list[Vector]:
     hello = bytes.fromhex("b0020007a1b2c3d4")
 
     def vector(name: str, way: _Way, records: bytes, meaning: str) -> Vector:
-        sealed = (other if way.mode is Mode.AUTHENTICATE else seal).seal(
+        makes = other if way.mode is Mode.AUTHENTICATE else seal
+        if way.life != LIFE:
+            makes = Seal(1, way.life, FleetCipher(KEY), JournalPort(), {}, lambda source: b"")
+        for _ in range(way.after):
+            makes.seal(records, way.destination, way.digest, 0, port=way.port, strong=way.strong)
+        sealed = makes.seal(
             records, way.destination, way.digest, 0, port=way.port, strong=way.strong
         )
         return Vector(
@@ -75,7 +81,7 @@ def make() -> list[Vector]:
             source=1,
             destination=way.destination,
             port=way.port,
-            life=LIFE,
+            life=way.life,
             counter=way.counter,
             strong=way.strong,
             digest=way.digest.hex(),
@@ -114,6 +120,24 @@ def make() -> list[Vector]:
             nav,
             "mode authenticate: the records as they are, and a tag",
         ),
+        vector(
+            "sealed_later",
+            _Way(after=63, counter=65),
+            nav,
+            "63 frames later: short head, counter 65, of which it has 1",
+        ),
+        vector(
+            "sealed_long_again",
+            _Way(after=14, counter=80),
+            nav,
+            "14 frames later: the 16th after the last long head, counter 80, has one",
+        ),
+        vector(
+            "sealed_last_life",
+            _Way(destination=2, life=LAST_LIFE),
+            nav,
+            "the last life, f7ff",
+        ),
     ]
 
 
@@ -126,6 +150,9 @@ class _Way(msgspec.Struct, frozen=True, kw_only=True):
     digest: bytes = DIGEST
     strong: bool = False
     mode: Mode = Mode.ENCRYPT
+    life: int = LIFE
+    after: int = 0
+    """Frames in between, which are no vectors."""
 
 
 def text(vectors: list[Vector]) -> str:

@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.kdf.hkdf import HKDFExpand
+from cryptography.hazmat.primitives.keywrap import aes_key_wrap
 
 from tests.golden.fields import Fields, Reader
 from tests.golden.tables import NAV_VALUE, TABLES, lines
@@ -30,6 +33,7 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
+from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID, encode_delivery
 from zacoustic.core.streams.routing import ROUTING_STREAM_ID
 from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.transport.objects.code.code import Fragments
@@ -128,6 +132,8 @@ def vectors() -> Iterator[Vector]:
     yield from _together()
     yield from _routing()
     yield from _carried()
+    yield from _keys()
+    yield from _later()
 
 
 def _vector(name: str, frame: Sent, meaning: str, *, reader: Reader | None = None) -> Vector:
@@ -626,6 +632,36 @@ def _carried_sample(lineage: int, octets: bytes, source: int, destination: int) 
     """Return the frame of a first sample of the stream of carried samples."""
     records = Sync(lineage, 0).encode() + bytes((CARRY_STREAM_ID, destination, 0)) + octets
     return Sent(records, source, destination, "carried")
+
+
+PAIR_SECRET: Final = bytes(range(32, 64))
+"""What the nodes 1 and 2 share in the vectors of keys."""
+
+
+def _keys() -> Iterator[Vector]:
+    hello = Hello(WIRE_VERSION, 1, TABLES["base"].digest).encode()
+    info = b"carry" + bytes((3, 1, 2))
+    pair_key = HKDFExpand(hashes.SHA256(), 32, info).derive(PAIR_SECRET)
+    wrapped = aes_key_wrap(pair_key, bytes(range(32)))
+    head = bytes((KEYS_STREAM_ID, 2, encode_call_byte(CallKind.REQUEST, 0)))
+    request = hello + head + encode_delivery(3, wrapped)
+    meaning = "HELLO; call for node 2: the wrapped secret of the broadcasts of node 3"
+    yield _vector("keys", _to_server(request), meaning)
+    name = encode_name(CallKind.RESPONSE, 1)
+    said = bytes((KEYS_STREAM_ID, 2, encode_call_byte(NAMED, 0))) + name
+    meaning = "HELLO; named answer of node 2: it has stored it"
+    yield _vector("keys_answer", _to_client(hello + said), meaning)
+    yield _digest("digest_of_stream_173", "base", KEYS_STREAM_ID, "digest of the stream of keys")
+
+
+def _later() -> Iterator[Vector]:
+    """Say what only a later page lists."""
+    refused = Refused(5, 200).encode()
+    yield _vector("feedback_refused_later", _to_client(refused), "FEEDBACK: a refusal, unlisted")
+    error = bytes((20, encode_call_byte(CallKind.ERROR, 1), 200)) + b"tired"
+    yield _vector("error_later", _to_client(error), "error, call 1: an unlisted failure is 1")
+    error = bytes((20, encode_call_byte(CallKind.ERROR, 1), 1, 0xFF))
+    yield _vector("error_no_text", _to_client(error), "error, call 1: handler failed, no UTF-8")
 
 
 def _subscriptions() -> Iterator[Vector]:

@@ -7,7 +7,3 @@ class ReadError(Exception):
 
 class EndedError(ReadError):
     """What is refused shows its end, where the cursor stands now: nothing else is lost."""
-
-
-class LimitError(ReadError):
-    """The page describes these bytes by a reference to source code, which this reader ignores."""

@@ -6,6 +6,7 @@ from typing import Any
 from tests.independent import (
     access,
     agreement,
+    blocks,
     calls,
     carried,
     compose,
@@ -17,6 +18,7 @@ from tests.independent import (
     subscriptions,
 )
 from tests.independent.agreement import Ask, Confirm, Hello, Row, Tag
+from tests.independent.cursor import Cursor
 from tests.independent.record import Acknowledgement, Call, Goal, Payload, Sample, Way
 from tests.independent.table import CARRIED, Action, Service, Topic
 
@@ -102,9 +104,20 @@ def _object(item: objects.Fragment | objects.Feedback) -> Fields:
     if item.kind == objects.COMPLETE:
         return {**front, "kind": "complete", "digest": item.digest.hex()}
     if item.kind == objects.REFUSED:
-        word = objects.REASONS[item.reason].replace(" ", "_")
+        word = objects.REASONS.get(item.reason, "unlisted").replace(" ", "_")
         return {**front, "kind": "refused", "reason": item.reason, "word": word}
     return {**front, "kind": "headless", "held": item.held}
+
+
+def of_block(item: dense.Block, reader: blocks.Reader) -> Fields:
+    """Return what a dense block says to a reader of its source, which holds it from then on."""
+    samples = []
+    read, block = reader.read(item.data)
+    for stream_id, whole in read:
+        value, code = blocks.parts_of(whole)
+        age_s = None if code is None else record.read_age(Cursor(bytes((code,))))
+        samples.append({"stream": stream_id, **_age(age_s), "value": plain(value)})
+    return {"dense": item.data.hex(), "samples": samples, "mark": f"{block.mark:04x}"}
 
 
 def plain(value: Any) -> Any:

@@ -9,6 +9,8 @@ from tests.independent.table import Table, table_of
 GOLDEN = Path(__file__).parent.parent / "golden"
 SHORE, AUV = 1, 2
 NODES = {SHORE: "shore", AUV: "auv1"}
+READ_ONLY = {"error_later", "error_no_text"}
+"""Vectors of which a reader takes less than they say: no sender of this page writes them."""
 NAV_VALUE = {"lat": 45.4, "depth": 12.3, "heading": 271.5, "mode": "survey"}
 
 

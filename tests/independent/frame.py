@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from tests.independent import access, agreement, dense, objects, record, relay, reliable
+from tests.independent import access, agreement, arithmetic, dense, objects, record, relay, reliable
 from tests.independent import subscriptions as subscribe
 from tests.independent.agreement import Hello, Tag, Verdict
 from tests.independent.cursor import Cursor
@@ -53,6 +53,7 @@ Item = (
     | relay.Relayed
     | relay.HopAcknowledgement
     | relay.Flooded
+    | relay.Probe
     | record.Record
     | Unread
 )
@@ -200,7 +201,7 @@ class _Splitter:
         elif code == LEN:
             cursor.take(1)
             self._delimited(cursor.take(cursor.number(1)))
-        elif code >= dense.FIRST:
+        elif code >= arithmetic.FIRST:
             self._add(dense.Block(cursor.rest()))
         elif code in agreement.CODES:
             self._agreement(code)
@@ -244,7 +245,7 @@ class _Splitter:
 
     def _is_dense_ack(self) -> bool:
         place = self._cursor.position + (2 if self._way.broadcast else 1)
-        return self._cursor.data[place : place + 1] >= bytes((dense.FIRST,))
+        return self._cursor.data[place : place + 1] >= bytes((arithmetic.FIRST,))
 
     def _delimited(self, data: bytes) -> None:
         """Take what stands behind LEN; nothing is skipped."""

@@ -12,6 +12,9 @@ from fractions import Fraction
 from tests.independent.errors import ReadError
 from tests.independent.table import INTEGERS, Field
 
+_FREE = 1 << 50
+"""The greatest multiple of a number without a range."""
+
 
 def exact(value: float) -> Fraction:
     """Return the number as it is written in decimal digits."""
@@ -20,23 +23,24 @@ def exact(value: float) -> Fraction:
 
 @dataclass(frozen=True)
 class Grid:
-    """The values that a number takes, by multiples of its step. None: no bound."""
+    """The values that a number takes, by multiples of its step."""
 
     field: Field
     step: Fraction
-    least: int | None
-    greatest: int | None
+    least: int
+    greatest: int
 
     @property
     def count(self) -> int:
-        if self.least is None or self.greatest is None:
-            raise ReadError("no range")
         return self.greatest - self.least + 1
 
+    @property
+    def is_free(self) -> bool:
+        """Tell whether it has no range."""
+        return self.field.range is None and self.field.type not in INTEGERS
+
     def holds(self, multiple: int) -> bool:
-        return (self.least is None or self.least <= multiple) and (
-            self.greatest is None or multiple <= self.greatest
-        )
+        return self.least <= multiple <= self.greatest
 
     def takes(self, value: float) -> bool:
         """Tell whether a value to be written lies in the range, before it is rounded."""
@@ -62,7 +66,7 @@ class Grid:
     def multiple(self, value: float) -> int:
         """Return the nearest multiple to the value; a field that wraps folds it."""
         nearest = _nearest(self.field, exact(value) / self.step)
-        if self.field.wraps and self.least is not None and self.greatest is not None:
+        if self.field.wraps:
             return (nearest - self.least) % self.count + self.least
         return nearest
 
@@ -77,7 +81,7 @@ def grid(field: Field) -> Grid | None:
     if bounds is None and whole:
         bounds = INTEGERS[field.type]
     if bounds is None:
-        return Grid(field, step, None, None)
+        return Grid(field, step, -_FREE, _FREE)
     least, greatest = (_nearest(field, exact(bound) / step) for bound in bounds)
     if field.wraps and greatest * step >= exact(bounds[1]):
         greatest -= 1

@@ -5,9 +5,9 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from tests.independent import numbers
+from tests.independent import numbers, texts
 from tests.independent.cursor import Bits, BitWriter, Cursor
-from tests.independent.errors import LimitError, ReadError
+from tests.independent.errors import ReadError
 from tests.independent.table import INTEGERS, Field, Types
 
 Value = dict[str, Any]
@@ -68,7 +68,7 @@ def _skip_number(field: Field, bits: Bits) -> None:
         full = width(greatest - least + 1)
     if grid is None:
         bits.take(full)
-    elif grid.least is None:
+    elif grid.is_free:
         bits.take(bits.take(6))
     elif bits.take(width(grid.count + field.escapes)) == grid.count and field.escapes:
         bits.take(full)
@@ -92,7 +92,7 @@ def read_bytes(payload: bytes) -> bytes:
     if not payload or _MARK < payload[0] < _CODED:
         return payload
     if payload[0] >= _CODED:
-        raise LimitError("arithmetic-coded: contexts and texts are in source code only")
+        return texts.read_block(payload)
     plain = payload[1:]
     if not plain or _MARK < plain[0] < _CODED:
         raise ReadError("a mark that is not needed")
@@ -100,18 +100,20 @@ def read_bytes(payload: bytes) -> bytes:
 
 
 def write_bytes(plain: bytes) -> bytes:
-    """Return the plain form of a packed payload without a type."""
+    """Return the shortest packed payload without a type."""
     needed = bool(plain) and not _MARK < plain[0] < _CODED
-    return bytes((_MARK,)) + plain if needed else plain
+    marked = bytes((_MARK,)) + plain if needed else plain
+    block = texts.write_block(plain) if texts.fits(plain) else marked
+    return block if len(block) < len(marked) else marked
 
 
 def _fields(types: Types, name: str, bits: Bits) -> Value:
     if name not in types:
         raise ReadError(f"no type {name}")
-    return {field.name: _field(types, field, bits) for field in types[name]}
+    return {field.name: read_field(types, field, bits) for field in types[name]}
 
 
-def _field(types: Types, field: Field, bits: Bits) -> Any:
+def read_field(types: Types, field: Field, bits: Bits) -> Any:
     if field.optional and not bits.take(1):
         return None
     if not field.is_array:
@@ -144,8 +146,11 @@ def _number(field: Field, bits: Bits) -> float:
         if not field.escapes and not numbers.in_range(field, value):
             raise ReadError("outside of the range")
         return value
-    if grid.least is None:
-        return grid.value(_signed(bits))
+    if grid.is_free:
+        multiple = _signed(bits)
+        if not grid.holds(multiple):
+            raise ReadError("outside of the range")
+        return grid.value(multiple)
     escape = field.escapes
     index = bits.take(width(grid.count + escape))
     if index < grid.count:
@@ -221,10 +226,10 @@ def _length(field: Field, bits: Bits) -> int:
 
 def _put_fields(types: Types, name: str, value: Mapping[str, Any], writer: BitWriter) -> None:
     for field in types[name]:
-        _put_field(types, field, value.get(field.name), writer)
+        put_field(types, field, value.get(field.name), writer)
 
 
-def _put_field(types: Types, field: Field, value: Any, writer: BitWriter) -> None:
+def put_field(types: Types, field: Field, value: Any, writer: BitWriter) -> None:
     if field.optional:
         writer.put(int(value is not None), 1)
         if value is None:
@@ -261,7 +266,7 @@ def _put_number(field: Field, value: float, writer: BitWriter) -> None:
     if grid is None:
         _put_float(field, numbers.fold(field, value), writer)
         return
-    if grid.least is None:
+    if grid.is_free:
         if not math.isfinite(value):
             raise ReadError("no number")
         _put_signed(grid.multiple(value), writer)

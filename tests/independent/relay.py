@@ -1,4 +1,4 @@
-"""Section 16: RELAY. Written from docs/wire.md alone."""
+"""Sections 16 and 17: frames of routes, floods and bonds. Written from docs/wire.md alone."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,9 @@ from tests.independent.cursor import Cursor
 from tests.independent.errors import ReadError
 
 RELAY = 0xBF
+ANSWER = 0xFF
+_LEN = 0xB2
+_MOST_ANSWERS, _MOST_PROBES = 16, 32
 _BACK, _MORE, _URGENT, _ROUTE = 0x80, 0x40, 0x20, 0x1F
 
 
@@ -61,8 +64,62 @@ class Flooded:
         return bytes(head) + self.frame
 
 
-def read(records: bytes) -> Relayed | HopAcknowledgement | Flooded:
-    """Read a whole frame that begins with RELAY."""
+@dataclass(frozen=True)
+class Probe:
+    """A frame that whoever hears it counts."""
+
+    run: int
+    number: int
+
+    def write(self) -> bytes:
+        return bytes((RELAY, _URGENT, self.run, self.number))
+
+
+@dataclass(frozen=True)
+class Bonded:
+    """A frame of a bond by one of its links; without a frame inside a question."""
+
+    bond: int
+    number: int
+    frame: bytes = b""
+    answered: bool = False
+
+    def write(self) -> bytes:
+        return bytes((RELAY, _MORE * self.answered | self.bond, self.number)) + self.frame
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Which frames have come, by which links of the list: the body of an extension."""
+
+    arrived: tuple[tuple[int, int], ...]
+
+    def write(self) -> bytes:
+        body = bytes(each for pair in self.arrived for each in pair)
+        return bytes((_LEN, len(body) + 1, ANSWER)) + body
+
+
+def read_bonded(records: bytes) -> Bonded:
+    """Read a whole frame of a bond."""
+    cursor = Cursor(records)
+    relay, first, number = cursor.take(3)
+    frame, answered = cursor.rest(), bool(first & _MORE)
+    if relay != RELAY or first & ~(_MORE | _ROUTE) or not first & _ROUTE:
+        raise ReadError("no frame of a bond")
+    if not frame and not answered:
+        raise ReadError("neither frame nor question")
+    return Bonded(first & _ROUTE, number, frame, answered)
+
+
+def read_answer(body: bytes) -> Answer:
+    """Read the body of the extension with the code `ANSWER`, in a frame of a bond."""
+    if len(body) % 2 or not 1 <= len(body) // 2 <= _MOST_ANSWERS:
+        raise ReadError("no answer")
+    return Answer(tuple(zip(body[::2], body[1::2], strict=True)))
+
+
+def read(records: bytes) -> Relayed | HopAcknowledgement | Flooded | Probe:
+    """Read a whole frame of a route or flood, or a probe."""
     cursor = Cursor(records)
     if cursor.number(1) != RELAY:
         raise ReadError("no RELAY")
@@ -72,12 +129,20 @@ def read(records: bytes) -> Relayed | HopAcknowledgement | Flooded:
     if route:
         number = cursor.number(1)
         back, urgent = bool(first & _BACK), bool(first & _URGENT)
+        if not cursor.left:
+            raise ReadError("no frame inside")
         return Relayed(route, number, cursor.rest(), back, more, urgent)
     if first & _BACK:
         origin, destination, number = cursor.take(3)
         if origin in (0, 255) or destination in (0, origin) or not cursor.left:
             raise ReadError("of nobody, for nobody, or empty")
         return Flooded(origin, destination, number, first >> 5 & 3, cursor.rest())
+    if first == _URGENT:
+        run, number = cursor.take(2)
+        cursor.end()
+        if number >= _MOST_PROBES:
+            raise ReadError("more probes than a run has")
+        return Probe(run, number)
     if first & ~_MORE or not cursor.left:
         raise ReadError("no hop acknowledgement")
     marks: list[HopMark] = []

@@ -93,6 +93,8 @@ def test_polled_node_speaks_within_its_turn_only() -> None:
     assert access.speak_at(0) is None
     access.handle_control(3, Turn(2, 3 * S), 0, 0, 0)
     assert access.ready_at(Wanted(0), 0) is None  # only the poller gives turns
+    access.handle_control(1, Turn(3, 3 * S), 0, 0, 0)
+    assert access.ready_at(Wanted(0), 0) is None  # that of another node, in a frame for all
     access.handle_control(1, Turn(2, 3 * S), 0, 0, 0)
     assert access.ready_at(Wanted(0), S) == S
     # The largest frame takes 0.9 s, giving back 0.25 s.

@@ -54,10 +54,15 @@ def test_a_model_with_nonsense_is_refused(model: Model) -> None:
     types = {10: Mission(1, 10).types["nav"]}
     learnt = dict(nav.learnt)
     learnt["1"] = msgspec.structs.replace(learnt["1"], log_scales=(-1,) * len(nav.sizes))
+    unheld = {
+        **nav.learnt,
+        "1": msgspec.structs.replace(nav.learnt["1"], holds=(0,) * len(nav.sizes)),
+    }
     later = Companion(stream_id=10, column=0, slope=1, offset=0, scale=9)  # positions come last
     firsts = [*nav.firsts[:2], msgspec.structs.replace(nav.firsts[2], companion=later)]
     for damage in (
         {"learnt": learnt},
+        {"learnt": unheld},
         {"firsts": (*firsts, *nav.firsts[3:])},
         {"steadiness": (0,) * len(nav.sizes)},
         {"firsts": nav.firsts[:-1]},

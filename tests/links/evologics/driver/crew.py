@@ -10,6 +10,7 @@ from tests.links.evologics.driver.sea import Node, Sea
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event as EngineEvent
 from zacoustic.core.linktypes import BROADCAST, LinkState, Transmission
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
@@ -60,6 +61,10 @@ class CrewNode(Node):
     ) -> None:
         super().__init__(address, dialogue)
         self.engine = engine
+        self.is_down = False
+        """Whether its computer is off; the modem is not."""
+        self.journal: dict[str, bytes] = {}
+        """What survives that."""
         self.given: list[Given] = []
         self._deliver = deliver
         self._acknowledge = acknowledge
@@ -71,6 +76,8 @@ class CrewNode(Node):
 
     @property
     def due_at(self) -> int | None:
+        if self.is_down:
+            return None
         instants = (self.dialogue.poll_timeout(), self.engine.poll_timeout())
         return min((at for at in instants if at is not None), default=None)
 
@@ -82,6 +89,8 @@ class CrewNode(Node):
         self.work(now)
 
     def take(self, event: Event, now: int) -> None:
+        if self.is_down:
+            return
         super().take(event, now)
         engine = self.engine
         match event:
@@ -103,6 +112,10 @@ class CrewNode(Node):
         """Do what the contract of the engine asks."""
         engine = self.engine
         while (write := engine.poll_journal()) is not None:
+            if write.value is None:
+                self.journal.pop(write.key, None)
+            else:
+                self.journal[write.key] = write.value
             engine.handle_journal_committed(write.write_id, now)
         while (transmission := engine.poll_transmit(now)) is not None:
             is_asked = self._rng.random() < self._acknowledge
@@ -124,6 +137,7 @@ class CrewedSea(Sea):
         config: Of the dialogues.
         is_serial: The ports are serial ones.
         acknowledge: As of `CrewNode`.
+        rules: Of all engines.
     """
 
     def __init__(
@@ -135,8 +149,10 @@ class CrewedSea(Sea):
         config: EvologicsConfig,
         is_serial: bool = False,
         acknowledge: float = 0.0,
+        rules: TransmitRules | None = None,
     ) -> None:
         self._table = table
+        self._rules = rules or TransmitRules()
         self._tell = deliver
         self._acknowledge = acknowledge
         super().__init__(fleet.scenario, fleet=fleet, config=config, is_serial=is_serial)
@@ -147,15 +163,31 @@ class CrewedSea(Sea):
         return [node for node in self.nodes.values() if isinstance(node, CrewNode)]
 
     def make_node(self, address: int, dialogue: AtDialogue) -> Node:
-        engine = Engine(
-            address=address,
-            table=self._table,
-            epoch=1,
-            rng=random.Random(f"{self.fleet.scenario.seed}/{address}"),
-        )
+        engine = self._make_engine(address, 1, {})
         node = CrewNode(address, dialogue, engine, self._tell, acknowledge=self._acknowledge)
         node.work(self.now)
         return node
+
+    def crash(self, node: CrewNode) -> None:
+        """Let a node's computer fail; its modem goes on."""
+        node.is_down = True
+
+    def restart(self, node: CrewNode, epoch: int) -> None:
+        """Let it start again, with its journal and the modem that it finds."""
+        node.is_down = False
+        node.engine = self._make_engine(node.address, epoch, node.journal)
+        node.work(self.now)
+        self.cut(node.address)
+
+    def _make_engine(self, address: int, epoch: int, stored: dict[str, bytes]) -> Engine:
+        return Engine(
+            address=address,
+            table=self._table,
+            epoch=epoch,
+            rng=random.Random(f"{self.fleet.scenario.seed}/{address}/{epoch}"),
+            stored=stored,
+            rules=self._rules,
+        )
 
     def apply(self, node: CrewNode, command: Callable[[Engine, int], T]) -> T:
         """Give a command to an engine and let it act."""

@@ -61,7 +61,7 @@ def polling(spec: PollingSpec, capabilities: LinkCapabilities, address: int) -> 
     times = _Times(spec, capabilities)
     if address == spec.poller:
         return Poller(spec, times)
-    return Polled(spec, times)
+    return Polled(spec, times, address)
 
 
 class _Times:
@@ -94,8 +94,9 @@ class _Times:
 class Polled(TurnAccess):
     """A node that transmits when it is polled."""
 
-    def __init__(self, spec: PollingSpec, times: _Times) -> None:
+    def __init__(self, spec: PollingSpec, times: _Times, address: int) -> None:
         self.answers_to = spec.poller
+        self._address = address
         self._times = times
         self._begun_at = 0
         self._ends_at: int | None = None
@@ -127,8 +128,13 @@ class Polled(TurnAccess):
     def handle_control(
         self, source: int, control: AccessControl, started_at: int, error_ns: int, now: int
     ) -> None:
-        """Begin this node's turn; the engine passes only turns for this node."""
-        if isinstance(control, Turn) and source == self.answers_to and control.node != NOBODY:
+        """Begin this node's turn.
+
+        The frame may be for all: a turn is for the node that it names.
+        """
+        if not isinstance(control, Turn) or source != self.answers_to:
+            return
+        if control.node == self._address:
             self._begun_at = now
             self._ends_at = now + control.span_ns
 

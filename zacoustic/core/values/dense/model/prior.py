@@ -138,7 +138,7 @@ def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
             (learnt.log_scales, 0, MOST_LOG_SCALE),
             (learnt.widths, 0, (1 << WIDTH_BITS) - 1),
             (learnt.nearer, 0, _CHANCE),
-            (learnt.holds, 0, MOST_HOLD),
+            (learnt.holds, 1, MOST_HOLD),  # 0 on a wide scale would divide by 0
         ):
             if not all(least <= number <= most for number in numbers):
                 raise ConfigError(f"{key}.learnt.{place}: a number out of bounds")

@@ -1,0 +1,63 @@
+"""A vector that has changed is a changed wire: this test fails first.
+
+`FROZEN` has the SHA-256 of each file of vectors. Until the first release, version 2 is a draft: if
+a change is meant, say in CHANGELOG.md what of the wire it changes, and put the new digest here, in
+the same commit. From the first release on (section 20 of docs/wire.md) no file changes: new vectors
+of version 2 go into new files, and anything else is version 3, with files of its own.
+`python -m tests.golden.test_frozen` prints the digests as they are now.
+"""
+
+import hashlib
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from zacoustic.core.wire.agreement import WIRE_VERSION
+
+FOLDER: Final = Path(__file__).parent
+FROZEN: Final = {
+    "arithmetic.json": "647bcc4f550c0444",
+    "conversations/call.json": "9291fba34ba98a2c",
+    "conversations/contact.json": "d0b616570633aeeb",
+    "conversations/dense.json": "2a4c817332fefbea",
+    "conversations/goal.json": "2c2da6a254af5dbf",
+    "conversations/object.json": "83e74355796d4fde",
+    "conversations/reliable.json": "11c4a106d6ec285c",
+    "conversations/reliable_sealed.json": "340e661ba0a68c3b",
+    "conversations/sealed.json": "2af87069b34fecf1",
+    "conversations/tables.json": "005577cdf9c61e8e",
+    "dense_frames.json": "4a50825a36bc486c",
+    "objects.json": "fd68d9f916c323e4",
+    "payload_cbor.json": "b7780589e3a66b89",
+    "payload_packed.json": "00edb60f01e0b27e",
+    "payload_refused.json": "b5998c8cd928cf97",
+    "refusals.json": "cda20b031678ee2f",
+    "tables.json": "2b204b6ecb9bfa44",
+    "wire_native.json": "2c6ed74cee97870c",
+    "wire_relayed.json": "9b02230a81e5eff7",
+    "wire_sealed.json": "7677bd3dbd54735f",
+}
+
+
+def digests() -> dict[str, str]:
+    """Return the digest of each file of vectors now, by its name."""
+    files = [*FOLDER.glob("*.json"), *FOLDER.glob("conversations/*.json")]
+    return {
+        str(path.relative_to(FOLDER)): hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        for path in sorted(files)
+    }
+
+
+@pytest.mark.parametrize("name", sorted({*FROZEN, *digests()}))
+def test_a_file_of_vectors_is_as_it_was(name: str) -> None:
+    assert digests().get(name) == FROZEN.get(name), __doc__
+
+
+def test_these_are_vectors_of_version_2() -> None:
+    assert WIRE_VERSION == 2
+
+
+if __name__ == "__main__":
+    for file, digest in digests().items():
+        print(f'    "{file}": "{digest}",')
