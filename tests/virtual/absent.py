@@ -94,7 +94,7 @@ def run(
     said: list[bytes] = []
 
     def deliver(address: int, event: Event) -> None:
-        kind = _kind_of(event) if address == _ABSENT else None
+        kind = kind_of(event) if address == _ABSENT else None
         if kind is not None:
             arrived.setdefault(kind, network.now / NS_PER_S - _BACK_AT_S)
 
@@ -124,7 +124,7 @@ def run(
     )
     network = VirtualNetwork(
         scenario,
-        _table(),
+        table(),
         modem=modem,
         rules=TransmitRules(access=access, contact=ContactRules(announces=announces)),
         digest=False,
@@ -134,11 +134,13 @@ def run(
     for turn in range(3):  # they get to know each other
         for node in (_GIVER, _ABSENT):
             at_s = turn * 30 + 10 * node
-            network.at(at_s, partial(network.publish, node, _TALK, b""))
+            network.at(at_s, partial(network.apply, node, talk))
     network.at(CRASHES_AT_S, partial(network.crash, _ABSENT))
     rng = random.Random(seed)
     for kind in kinds:
-        network.at(CRASHES_AT_S + rng.uniform(0, 1), partial(_give, network, kind))
+        network.at(
+            CRASHES_AT_S + rng.uniform(0, 1), partial(network.apply, _GIVER, partial(give, kind))
+        )
     for forged_at_s in forged_s:
         network.at(CRASHES_AT_S + forged_at_s, forge)
     network.run(until_s=_BACK_AT_S)
@@ -158,26 +160,30 @@ def run(
     )
 
 
-def _give(network: VirtualNetwork, kind: Kind) -> None:
-    def command(engine: Engine, now: int) -> object:
-        match kind:
-            case Kind.CALL:
-                return engine.call(_CALL, b"call", now)
-            case Kind.GOAL:
-                return engine.actions.send_goal(_GOAL, b"goal", now, timeout_s=3600.0)
-            case _:
-                order = RemoteCommand(kind=CommandKind.ASK)
-                return engine.commands.send(_ABSENT, order, now)
-
-    topics = {Kind.SAMPLE: _SAMPLE, Kind.OBJECT: _OBJECT, Kind.EMERGENCY: _EMERGENCY}
-    if kind in topics:
-        payload = random.Random(1).randbytes(OBJECT_BYTES) if kind is Kind.OBJECT else b"sample"
-        network.publish(_GIVER, topics[kind], payload)
-    else:
-        network.apply(_GIVER, command)
+def talk(engine: Engine, now: int) -> object:
+    """Let a node say something, so that it is known."""
+    return engine.publish(_TALK, b"", now)
 
 
-def _kind_of(event: Event) -> Kind | None:
+def give(kind: Kind, engine: Engine, now: int) -> object:
+    """Give an engine something for the absent node."""
+    match kind:
+        case Kind.CALL:
+            return engine.call(_CALL, b"call", now)
+        case Kind.GOAL:
+            return engine.actions.send_goal(_GOAL, b"goal", now, timeout_s=3600.0)
+        case Kind.COMMAND:
+            order = RemoteCommand(kind=CommandKind.ASK)
+            return engine.commands.send(_ABSENT, order, now)
+        case Kind.OBJECT:
+            return engine.publish(_OBJECT, random.Random(1).randbytes(OBJECT_BYTES), now)
+        case _:
+            topics = {Kind.SAMPLE: _SAMPLE, Kind.EMERGENCY: _EMERGENCY}
+            return engine.publish(topics[kind], b"sample", now)
+
+
+def kind_of(event: Event) -> Kind | None:
+    """Return what an event shows to have arrived; None: nothing of it."""
     match event:
         case SampleReceived():
             topics = {_SAMPLE: Kind.SAMPLE, _OBJECT: Kind.OBJECT, _EMERGENCY: Kind.EMERGENCY}
@@ -189,7 +195,8 @@ def _kind_of(event: Event) -> Kind | None:
     return None
 
 
-def _table() -> StreamTable:
+def table() -> StreamTable:
+    """Return the table of both nodes."""
     reliable = Qos(reliability=Reliability.RELIABLE, depth=4)
 
     def topic(stream_id: int, name: str, qos: Qos) -> TopicSpec:

@@ -7,6 +7,7 @@ from typing import TypeVar
 import msgspec
 
 from tests.links.evologics.driver.sea import Node, Sea
+from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event as EngineEvent
 from zacoustic.core.linktypes import BROADCAST, LinkState, Transmission
@@ -175,7 +176,8 @@ class CrewedSea(Sea):
     def restart(self, node: CrewNode, epoch: int) -> None:
         """Let it start again, with its journal and the modem that it finds."""
         node.is_down = False
-        node.engine = self._make_engine(node.address, epoch, node.journal)
+        stored = {**node.journal, LIFE_KEY: epoch.to_bytes(8, "big")}
+        node.engine = self._make_engine(node.address, epoch, stored)
         node.work(self.now)
         self.cut(node.address)
 

@@ -4,7 +4,10 @@ The device acknowledges each fragment. So the sender knows which ones are lost a
 those again; it asks the receiver only at the end of a block, what no device knows: whether the
 other *node* has all of it. Several fragments are under way at a time, as many as the port takes.
 What the receiver still lacks then (its computer was restarted, say) goes as repair fragments, of
-which any will do.
+which any will do. Whoever does not answer that, although its device has all of it, is asked by short
+records of the plain service, since its computer may be off. One that has started anew knows nothing
+of the transfer and does not answer those, so a fragment asks when the node is back, and now and
+then.
 
 A half-duplex modem that sends train after train hears nobody. So a run of fragments ends with one
 that announces a pause (`ListenHint.WINDOW`), and none follows before all are reported and the pause
@@ -24,9 +27,12 @@ from zacoustic.core.transport.objects.manifest import Manifest
 from zacoustic.core.transport.objects.sending.outgoing import OutgoingObject
 from zacoustic.core.transport.objects.sending.planning import LossEstimate
 from zacoustic.core.transport.objects.timing import Timing
-from zacoustic.core.wire.objects import Feedback, Fragment, ListenHint
+from zacoustic.core.wire.objects import CHECK_BYTES, Feedback, Fragment, ListenHint
 
 _FEW_LEFT: Final = 8
+_MOST_CUTS: Final = 5
+_FULL_QUESTION: Final = 6
+"""Of so many questions in a row one is a fragment."""
 
 
 class BulkObject(OutgoingObject):
@@ -52,13 +58,22 @@ class BulkObject(OutgoingObject):
         self._arrived: Counter[int] = Counter()
         """Fragments of each block that arrived since the receiver's last feedback."""
         self._sources_arrived: set[int] = set()
+        self._cuts = 0
+        """How often all that was under way was cut short since the receiver was heard."""
+        self._is_back = False
+        """Whether the receiver was heard again, and no fragment has gone since."""
         self._any_arrived = False
         """Whether any of those that went since nothing was under way has arrived."""
 
     @property
     def needs_bulk(self) -> bool:
         """Whether its next record is a fragment; others are small and go by the plain service."""
-        return not self.is_withdrawn and bool(self._lacking())
+        return not self.is_withdrawn and bool(self._lacking()) and not self._only_asks
+
+    @property
+    def fragment_bytes(self) -> int:
+        """Bytes of data in the next record."""
+        return CHECK_BYTES if self._only_asks else super().fragment_bytes
 
     @property
     def bulk_at(self) -> int | None:
@@ -82,12 +97,34 @@ class BulkObject(OutgoingObject):
         arrived_bytes = len(self._sources_arrived) * self.fragments.layout.fragment_bytes
         return min(self.manifest.payload_bytes, max(super().done_bytes, arrived_bytes))
 
+    def take(
+        self, timing: Timing, *, window_follows: bool, is_present: bool, is_silent: bool
+    ) -> Fragment:
+        """Take the next record for the plain service; see `OutgoingObject.take`."""
+        if self._only_asks:
+            return self.take_turn(self.receiver)
+        return super().take(
+            timing, window_follows=window_follows, is_present=is_present, is_silent=is_silent
+        )
+
+    def release(self, address: int, now: int) -> None:
+        """Make due what waits for a receiver that is back."""
+        super().release(address, now)
+        self._is_back = True
+        self._cuts = 0
+
+    def cut_short(self) -> int:
+        """Record that the device has dropped all that was under way; return how often it had."""
+        before, self._cuts = self._cuts, min(self._cuts + 1, _MOST_CUTS)
+        return before
+
     def take_bulk(self, *, pause_follows: bool) -> Fragment:
         """Take the next fragment for transmission.
 
         Args:
             pause_follows: This node has sent for so long that it should listen.
         """
+        self._is_back = False
         self._asked = self._lacking()
         if not self._round:
             self._round.extend(self._plan_bulk())
@@ -148,11 +185,28 @@ class BulkObject(OutgoingObject):
         is_new = super().answered(source, feedback, now)
         if is_new:
             self._asks = False
+            self._cuts = 0
             self._arrived.clear()
             self._lost.clear()  # the receiver counts them as lacking
         return is_new
 
     # Below the methods above
+
+    @property
+    def _only_asks(self) -> bool:
+        """Whether its device has all of it, and the receiver has not answered what asked it."""
+        if self.is_withdrawn or self._round or self._under_way or self._lost:
+            return False
+        view = self.views[self.receiver]
+        layout = self.fragments.layout
+        is_sent = self.next_source == layout.fragments or None in view.lacking.values()
+        asks_fully = self._is_back or view.unanswered % _FULL_QUESTION == 0
+        if view.headless or asks_fully or not is_sent:
+            return False
+        return all(
+            lacking is None or lacking <= self._arrived[block]
+            for block, lacking in view.lacking.items()
+        )
 
     def _plan_bulk(self) -> list[int]:
         """Return the indices of the next round; never empty."""

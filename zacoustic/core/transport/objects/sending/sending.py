@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 import msgspec
 
-from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST, TransmitOutcome, TransmitReport
 from zacoustic.core.base.qos import Priority
@@ -73,6 +73,11 @@ class Owner(Protocol):
 
     def refused(self, object_id: int, address: int, reason: int, now: int) -> None:
         """Note that a receiver refuses an object, for a `Reason` or one of a later version."""
+
+
+_LONGEST_CUT_NS: Final = 60 * NS_PER_S
+"""After its device has dropped all that was under way an object pauses for so long at most, ns,
+unless its receiver is not heard."""
 
 
 class OutgoingObjects:
@@ -507,9 +512,13 @@ class OutgoingObjects:
         address, times = outgoing.receiver, self._pacers.link_times
         pacer = self._pacers[address]
         pause_ns = pacer.pause_ns(times, 0, self._rng, sending.priority)
-        outgoing.pause_until(report.finished_at + pause_ns)
         if report.outcome is TransmitOutcome.ABORTED:
-            return  # that was the own device
+            # That was the own device, for an urgent message perhaps: as long as nobody answers that
+            # the next one would cut it short again.
+            longer_ns = min(pause_ns << outgoing.cut_short(), _LONGEST_CUT_NS)
+            outgoing.pause_until(report.finished_at + max(pause_ns, longer_ns))
+            return
+        outgoing.pause_until(report.finished_at + pause_ns)
         pacer.unanswered(now, times)
         if not self._bulk_paths.fails(address, self._pacers.heard_at(address), now):
             return
