@@ -4,10 +4,10 @@ The device acknowledges each fragment. So the sender knows which ones are lost a
 those again; it asks the receiver only at the end of a block, what no device knows: whether the
 other *node* has all of it. Several fragments are under way at a time, as many as the port takes.
 What the receiver still lacks then (its computer was restarted, say) goes as repair fragments, of
-which any will do. Whoever does not answer that, although its device has all of it, is asked by short
-records of the plain service, since its computer may be off. One that has started anew knows nothing
-of the transfer and does not answer those, so a fragment asks when the node is back, and now and
-then.
+which any will do. Whoever does not answer that, although its device has all of it, is asked by
+short records of the plain service, since its computer may be off. One that has started anew knows
+nothing of the transfer and does not answer those, so a fragment asks when the node is back, and now
+and then.
 
 A half-duplex modem that sends train after train hears nobody. So a run of fragments ends with one
 that announces a pause (`ListenHint.WINDOW`), and none follows before all are reported and the pause
