@@ -30,6 +30,7 @@ from zacoustic.core.wire.calls import (
     encode_error,
     encode_name,
 )
+from zacoustic.core.wire.goals import GoalFailure, Refusal, decode_refusal
 from zacoustic.errors import QueueFullError
 
 ANSWER = Answer(CallKind.RESPONSE, b"done")
@@ -81,9 +82,20 @@ def test_error_text_is_cut_at_a_character(failure: CallFailure, text: str, longe
     assert text.startswith(decoded[1])
 
 
-@pytest.mark.parametrize("payload", [b"", b"\x00text", b"\x09text", b"\x01\xff"])
+@pytest.mark.parametrize("payload", [b"", b"\x00text", b"\x09text"])
 def test_payload_that_is_no_error_is_none(payload: bytes) -> None:
     assert decode_error(payload) is None
+
+
+def test_text_that_is_no_utf_8_leaves_the_failure() -> None:
+    assert decode_error(b"\x02\xff") == (CallFailure.NO_SERVER, "")
+    assert decode_refusal(b"\x09\xff") == Refusal(GoalFailure.CANCEL_REFUSED, "")
+    assert decode_refusal(b"\x0a\x03\xff") == Refusal(GoalFailure.CANCEL_REFUSED, "", 3)
+
+
+def test_a_goal_goes_on_when_nobody_knows_which_attempt_to_cancel_is_refused() -> None:
+    assert decode_refusal(b"\x0a") is None
+    assert decode_refusal(b"\xee") == Refusal(GoalFailure.REJECTED, "")
 
 
 @given(st.sampled_from(CallKind), st.integers(0, 0xFFFF), st.integers(0, 0xFFFF), st.binary())

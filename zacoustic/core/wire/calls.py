@@ -104,8 +104,16 @@ def encode_error(
 
 
 def decode_error(payload: bytes) -> tuple[CallFailure, str] | None:
-    """Return number and text of an error's payload; None if it is invalid."""
+    """Return number and text of an error's payload; None if its number is not listed."""
     try:
-        return CallFailure(payload[0]), payload[1:].decode()
+        return CallFailure(payload[0]), decode_text(payload[1:])
     except (IndexError, ValueError):
         return None
+
+
+def decode_text(text: bytes) -> str:
+    """Return the text of a failure; empty if it is no UTF-8."""
+    try:
+        return text.decode()
+    except UnicodeDecodeError:
+        return ""

@@ -33,7 +33,7 @@ import msgspec
 
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.values.payload import PayloadCodec
-from zacoustic.core.wire.calls import LONGEST_ERROR_TEXT_BYTES
+from zacoustic.core.wire.calls import LONGEST_ERROR_TEXT_BYTES, decode_text
 
 GOAL_NUMBERS: Final = 32
 """The number of distinguishable goals of one boot epoch of a client on one stream."""
@@ -254,13 +254,16 @@ class Refusal(msgspec.Struct, frozen=True):
 
 
 def decode_refusal(payload: bytes) -> Refusal | None:
-    """Return the content of REFUSED; None if it is invalid."""
+    """Return the content of REFUSED; None if it does not say which attempt to cancel is refused."""
+    failure = payload[0] if payload else 0
+    if failure == _AGAIN_REFUSED:
+        if len(payload) < 2:
+            return None
+        return Refusal(GoalFailure.CANCEL_REFUSED, decode_text(payload[2:]), payload[1])
     try:
-        if payload[0] == _AGAIN_REFUSED:
-            return Refusal(GoalFailure.CANCEL_REFUSED, payload[2:].decode(), payload[1])
-        return Refusal(GoalFailure(payload[0]), payload[1:].decode())
-    except (IndexError, ValueError):
-        return None
+        return Refusal(GoalFailure(failure), decode_text(payload[1:]))
+    except ValueError:
+        return Refusal(GoalFailure.REJECTED, "")
 
 
 def encode_result(status: GoalStatus, result: bytes | None) -> bytes:

@@ -337,7 +337,9 @@ class GoalClient:
             self._emit(CancelAnswered(goal=goal.key, accepted=accepted, text=text))
 
     def _receive_refusal(self, goal: ClientGoal, payload: bytes, now: int) -> str | None:
-        refusal = decode_refusal(payload) or Refusal(GoalFailure.REJECTED, "")
+        refusal = decode_refusal(payload)
+        if refusal is None:
+            return "payload"
         failure, text = refusal.failure, refusal.text
         if failure is GoalFailure.CANCEL_REFUSED:
             self._runs(goal, now)
