@@ -33,7 +33,6 @@ from zacoustic.core.wire.goals import (
     GoalStatus,
     Message,
     Operation,
-    Refusal,
     decode_refusal,
     decode_result,
 )
