@@ -16,7 +16,7 @@ While a message waits for the modem, no frames are given: some modems may send i
 burst data any more. An urgent message does not wait behind burst data: the modem drops those
 (`ATZ1`), they are reported ABORTED, and the next frames are given when the message has gone. A
 train on the air ends first, and its receiver, which then acknowledges it, hears nothing for a
-moment.
+moment. Having made way, they stay for a while or until one of theirs has arrived.
 
 Trains are kept to `TRAIN_LIMIT_S` by the number of packets in them (`AT!ZC`): who has something to
 say to this node, or to the one that receives the data, waits for the end of a train.
@@ -60,6 +60,8 @@ _MOST_PACKETS: Final = 10
 _ACKNOWLEDGING_S: Final = 0.8
 """After the end of a train its receiver turns round and acknowledges, s: 0.25, and up to half a
 second more with a piggyback message."""
+_STAY_S: Final = 12.0
+"""After burst data have made way they stay for so long, s: about two trains."""
 _STIRRING: Final = (Delivered, Failed, Status, RecvEnd, RecvFailed)
 _DROP_BURSTS: Final = Act(Action.RESET, 1)
 
@@ -112,6 +114,9 @@ class Bursts:
         self._has_cleared = False
         self._is_held = False
         self._makes_way = False
+        self._stays_until = 0
+        """They make way no more until then, ns, or until one of them has arrived: urgent messages
+        in a row would leave nothing else."""
         self._cluster: int | None = None
         self._sounds_until = 0
         self._reports: list[TransmitReport] = []
@@ -152,9 +157,11 @@ class Bursts:
             The instant from which the receiver of those frames can hear the message, ns.
         """
         self.hold()
-        if not self._given and self._step is not _Step.GIVING:
+        is_empty = not self._given and self._step is not _Step.GIVING
+        if is_empty or now < self._stays_until:
             return now
         self._makes_way = True
+        self._stays_until = now + seconds_to_ns(_STAY_S)
         self._channel.ask(_DROP_BURSTS, now)
         return max(now, self._sounds_until + seconds_to_ns(_ACKNOWLEDGING_S))
 
@@ -323,6 +330,8 @@ class Bursts:
         if burst is None:
             return
         is_there = isinstance(record, Delivered)
+        if is_there:
+            self._stays_until = 0
         if self._makes_way and not is_there:
             self._report(burst, TransmitOutcome.ABORTED, "it made way for a message", now)
             return

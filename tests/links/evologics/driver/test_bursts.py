@@ -305,3 +305,39 @@ def test_what_the_receiver_says_rides_back_with_the_trains(seed: int) -> None:
     sea.until(lambda: "known" in at_s, limit_s=600.0)
     # No train follows the last one: what answers it does not wait for an acknowledgement.
     assert at_s["known"] - at_s["photo"] < 3.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_urgent_samples_in_a_row_leave_time_for_a_large_one(seed: int) -> None:
+    guess = burst_guess(seed)
+    scenario = scenario_of(2, spacing_m=1500.0, seed=seed + 1)
+    fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
+    arrived: list[int] = []
+    table = StreamTable(
+        [
+            TopicSpec(
+                stream_id=10,
+                name="photo",
+                publishers=(1,),
+                subscribers=(2,),
+                qos=Qos(reliability=Reliability.RELIABLE),
+            ),
+            TopicSpec(stream_id=12, name="urgent", qos=Qos(priority=Priority.REAL_TIME)),
+        ],
+        nodes={1: "vehicle", 2: "shore"},
+    )
+
+    def deliver(node: CrewNode, event: Event) -> None:
+        if isinstance(event, SampleReceived):
+            arrived.append(event.stream_id)
+
+    sea = CrewedSea(fleet, table, deliver, config=EvologicsConfig())
+    sea.until(lambda: all(node.is_up for node in sea.crew))
+    vehicle = sea.crew[0]
+    photo = random.Random(seed).randbytes(13_000)
+    sea.apply(vehicle, lambda engine, now: engine.publish(10, photo, now))
+    for _ in range(60):
+        sea.apply(vehicle, lambda engine, now: engine.publish(12, b"set-point", now))
+        sea.run(5.0)
+    assert arrived.count(10) == 1
+    assert arrived.count(12) >= 50

@@ -59,7 +59,7 @@ class BulkObject(OutgoingObject):
         """Fragments of each block that arrived since the receiver's last feedback."""
         self._sources_arrived: set[int] = set()
         self._cuts = 0
-        """How often all that was under way was cut short since the receiver was heard."""
+        """How often in a row all that was under way was cut short."""
         self._is_back = False
         """Whether the receiver was heard again, and no fragment has gone since."""
         self._any_arrived = False
@@ -153,6 +153,7 @@ class BulkObject(OutgoingObject):
         self._asks = self._asks and not has_asked
         if report.outcome in (TransmitOutcome.DELIVERED, TransmitOutcome.SENT):
             self._any_arrived = True
+            self._cuts = 0
             layout = self.fragments.layout
             self._arrived[layout.block_of(index)] += 1
             if index < layout.fragments:
