@@ -27,6 +27,7 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
@@ -53,8 +54,9 @@ class EventDispatcher:
     """Hands on events; for the loop.
 
     Args:
-        streams: Take samples, calls and goals.
-        handlers: Take answers to commands of the local network, and progress of objects.
+        streams: Take samples, received calls and goals.
+        handlers: Take ranges, and progress of objects.
+        ends: Wait for the ends of sent calls and commands.
         network: Sees engines restart, and peers go and come.
         status: Records the rest, and emits notices.
         notices: Makes the notices.
@@ -65,13 +67,14 @@ class EventDispatcher:
         self,
         streams: StreamHandlers,
         handlers: Handlers,
+        ends: Pending[CallEnd],
         network: LocalNetwork,
         status: Status,
         notices: EventNotices,
         lost_contact: LostContactActions,
     ) -> None:
-        self._streams = streams
-        self._handlers = handlers
+        self._ends = ends
+        self._pings = handlers.pings
         self._status = status
         self._notices = notices
         self._takers: dict[type[Any], tuple[Take, ...]] = {
@@ -102,12 +105,11 @@ class EventDispatcher:
         for take in self._takers.get(type(event), ()):  # a transport's own events have no taker
             take(event)
 
-    def _answer(self, event: ResponseReceived | CallFailed) -> None:
-        if not self._handlers.take_answer(event):
-            self._streams.services.answered(event)
+    def _answer(self, event: CallEnd) -> None:
+        self._ends.take(event.call_id, event)
 
     def _fail_range(self, event: RangeFailed) -> None:
-        if not self._handlers.pings.ranged(event):
+        if not self._pings.ranged(event):
             self._tell(event)
 
     def _tell(self, event: Event) -> None:

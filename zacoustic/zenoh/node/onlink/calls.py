@@ -4,9 +4,10 @@ import contextlib
 from collections.abc import Callable
 from typing import Any
 
-from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived, ResponseReceived
+from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LinkClosedError, LocalError
+from zacoustic.run.pending import CallEnd
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import IncomingCall, call_error
 from zacoustic.zenoh.node.onlink.answers import Answers
@@ -19,24 +20,27 @@ class LinkCalls:
     Args:
         runner: Drives the engine that carries them.
         table: The streams.
+        answers: The calls of the node.
     """
 
-    def __init__(self, runner: LinkRunner, table: StreamTable) -> None:
+    def __init__(self, runner: LinkRunner, table: StreamTable, answers: Answers[CallEnd]) -> None:
         self._runner = runner
         self._table = table
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
-        self._answers: Answers[object] = Answers(runner)
-        self.end_all = self._answers.end_all
+        self._answers = answers
 
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
         """Call a service and wait for the answer; cancelling gives up."""
-        stream_id = route.known_stream.stream_id
-        return await self._answers.ask(
-            lambda engine, now: engine.call(stream_id, value, now, timeout_s=timeout_s),
+        stream = route.known_stream
+        end = await self._answers.ask(
+            lambda engine, now: engine.call(stream.stream_id, value, now, timeout_s=timeout_s),
             lambda engine, call_id, now: engine.cancel(call_id, now),
         )
+        if isinstance(end, CallFailed):
+            raise call_error(stream.name, end.failure, end.text)
+        return end.value
 
     def serve(
         self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
@@ -66,14 +70,6 @@ class LinkCalls:
             call.fail(CallFailure.NO_SERVER, f"no program serves {name}")
         else:
             handle(call)
-
-    def answered(self, event: ResponseReceived | CallFailed) -> None:
-        """End a call of this node."""
-        if isinstance(event, ResponseReceived):
-            self._answers.take(event.call_id, event.value)
-        else:
-            name = self._table.by_id(event.stream_id).name
-            self._answers.take(event.call_id, call_error(name, event.failure, event.text))
 
 
 class LinkCall:
