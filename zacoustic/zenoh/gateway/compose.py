@@ -11,6 +11,7 @@ from typing import Final
 
 from zacoustic.config.lostcontact import LostContactAction
 from zacoustic.core.base.trace import TraceRecord
+from zacoustic.run.inbox import WakeUp
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd, Pending
@@ -51,7 +52,6 @@ from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
 from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import WakeUp
 
 # The engine distinguishes 64 calls to one service. More callers than this on all services together
 # would wait for hours on an acoustic channel.

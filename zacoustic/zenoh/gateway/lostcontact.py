@@ -31,6 +31,7 @@ from zacoustic.core.engine.events import CallFailure, CallKey, ContactLost, Cont
 from zacoustic.core.peers.lostcontact import ContactPhase, Countdown
 from zacoustic.core.values.encoding import TYPED_ENCODINGS, decode_application
 from zacoustic.errors import LinkClosedError, PayloadInvalidError
+from zacoustic.run.inbox import tell_loop
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.dialect.dialects import ServiceDialect
 from zacoustic.zenoh.gateway.notices import LostContactNotice, Notify
@@ -38,7 +39,6 @@ from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.marker import Marker
 from zacoustic.zenoh.session.session import ZenohSession, zenoh_priority
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 FIRST_PAUSE_S: Final = 1.0
 """Pause after the first attempt that failed, s; each further one is twice as long."""

@@ -5,9 +5,9 @@ import asyncio
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
+from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own limit is above the gateway's, whose answer is more precise.
 _BEHIND_S = 2.0

@@ -6,8 +6,8 @@ from collections.abc import Callable, Coroutine
 from typing import Any, Final, TypeVar
 
 from zacoustic.errors import LocalError
+from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.session.exitguard import ExitGuard
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
 

@@ -13,6 +13,7 @@ import zenoh
 
 from zacoustic.core.engine.events import CallFailure, GoalFailure, GoalStatus
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError
+from zacoustic.run.inbox import WakeUp
 from zacoustic.zenoh.node.carrier import call_error
 from zacoustic.zenoh.node.form import Form
 from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, SentGoal, TakeFeedback, goal_error
@@ -30,7 +31,6 @@ from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import WakeUp
 
 QUERIES_LIMIT: Final = 256
 """Most queries about the goals of one action that are held at once."""
@@ -242,10 +242,11 @@ class _Server:
         self._route = route
         self._handler = handler
         self._goals: dict[bytes, _TakenGoal] = {}
-        bell = WakeUp(asyncio.get_running_loop(), self._drain)
+        bell = WakeUp(asyncio.get_running_loop())
         self._queries = QueryHandler(
             zenoh_session.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
         )
+        bell.open(self._queries.serve)
 
         messages = messages_of(route)
 
@@ -294,10 +295,6 @@ class _Server:
             self.goal_server.answer_cancel(goal_id, refused)
         else:
             self._handler.cancel(goal)
-
-    def _drain(self) -> None:
-        for held, take in self._queries.take():
-            take(held)
 
 
 class _TakenGoal:

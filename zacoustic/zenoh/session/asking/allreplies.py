@@ -5,8 +5,8 @@ from typing import Final
 
 import zenoh
 
+from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 _BEHIND_S: Final = 1.0
 

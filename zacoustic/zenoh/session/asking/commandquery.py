@@ -7,10 +7,10 @@ import zenoh
 
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.commands import RemoteCommand
+from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.session.asking.commands import selector
 from zacoustic.zenoh.session.asking.replies import read_error
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own time limit is above the gateway's, because the gateway's error says more.
 _BEHIND_S: Final = 2.0
