@@ -20,6 +20,7 @@ raise as well (`zacoustic.run.replacement`).
 """
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -240,6 +241,12 @@ class LinkRunner:
             return command(self.engine, self._instant())
         finally:
             self._guarded(self._service)
+
+    def try_apply(self, command: Callable[[Engine, int], T]) -> T | None:
+        """Do as `apply` if the engine runs; otherwise return None."""
+        with contextlib.suppress(LinkClosedError):
+            return self.apply(command)
+        return None
 
     def keep(self, key: str, value: bytes | None) -> None:
         """Journal an entry besides the engine's; None deletes it."""

@@ -1,13 +1,11 @@
 """Awaited answers: to calls and commands, and ranges."""
 
 import asyncio
-import contextlib
 from collections.abc import Callable
 from functools import partial
 from typing import Generic, TypeVar
 
 from zacoustic.core.engine.engine import Engine
-from zacoustic.errors import LinkClosedError
 from zacoustic.run.pending import Pending
 from zacoustic.run.runner import LinkRunner
 
@@ -48,8 +46,7 @@ class Answers(Generic[T]):
             return await answer
         finally:
             if self._pending.drop(number):
-                with contextlib.suppress(LinkClosedError):
-                    self._runner.apply(lambda engine, now: cancel(engine, number, now))
+                self._runner.try_apply(lambda engine, now: cancel(engine, number, now))
 
 
 async def execute_here(

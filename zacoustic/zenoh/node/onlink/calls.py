@@ -1,17 +1,18 @@
 """Calls over a link: those that a local program makes, and those that it serves."""
 
-import contextlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.errors import LinkClosedError, LocalError
+from zacoustic.errors import LocalError
 from zacoustic.run.pending import CallEnd
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import IncomingCall, call_error
 from zacoustic.zenoh.node.onlink.answers import Answers
-from zacoustic.zenoh.node.routes import ServiceRoute
+from zacoustic.zenoh.node.routes import ActionRoute, ServiceRoute
+
+T = TypeVar("T")
 
 
 class LinkCalls:
@@ -50,16 +51,7 @@ class LinkCalls:
         Raises:
             LocalError: This node already serves the service.
         """
-        stream_id = route.known_stream.stream_id
-        if stream_id in self._servers:
-            raise LocalError(f"{route.name} is served by this node already")
-        self._servers[stream_id] = handle
-
-        def stop() -> None:
-            if self._servers.get(stream_id) is handle:
-                del self._servers[stream_id]
-
-        return stop
+        return add_server(self._servers, route, handle)
 
     def requested(self, event: RequestReceived) -> None:
         """Pass a request to the program that serves it."""
@@ -94,8 +86,30 @@ class LinkCall:
 
     def fail(self, failure: CallFailure, text: str) -> bool:
         """Answer with an error."""
-        with contextlib.suppress(LinkClosedError):
-            return self._runner.apply(
+        return bool(
+            self._runner.try_apply(
                 lambda engine, now: engine.reply_error(self._call, failure, text, now)
             )
-        return False
+        )
+
+
+def add_server(
+    servers: dict[int, T],
+    route: ServiceRoute[Any, Any] | ActionRoute[Any, Any, Any],
+    server: T,
+) -> Callable[[], None]:
+    """Add the server of a stream; return the function that removes it.
+
+    Raises:
+        LocalError: It has one.
+    """
+    stream_id = route.known_stream.stream_id
+    if stream_id in servers:
+        raise LocalError(f"{route.name} is served by this node already")
+    servers[stream_id] = server
+
+    def remove() -> None:
+        if servers.get(stream_id) is server:
+            del servers[stream_id]
+
+    return remove
