@@ -42,8 +42,8 @@ from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
 from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
 from zacoustic.zenoh.node.onzenoh.session import session_config, zenoh_errors
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
-from zacoustic.zenoh.session.asking.commandquery import CommandQuery
-from zacoustic.zenoh.session.asking.commands import read_state
+from zacoustic.zenoh.session.asking.allreplies import ask_all
+from zacoustic.zenoh.session.asking.commands import read_state, selector
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.asking.routing import RoutingReport
 from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
@@ -150,13 +150,13 @@ class ZenohCarrier:
 
     async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Ask the local gateways, which execute or forward it."""
-        question = CommandQuery(node, command, timeout_s)
-        with zenoh_errors(question.key):
-            await question.ask(self.zenoh_session)
-        if question.payloads:
-            return read_state(question.payloads[0], command)
+        key, parameters = selector(node, command, timeout_s)
+        with zenoh_errors(key):
+            found = await ask_all(self.zenoh_session, key, parameters, timeout_s=timeout_s)
+        if found.answers:
+            return read_state(found.answers[0][1], command)
         nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
-        failure, text = (*question.failures, nobody)[0]
+        failure, text = (*found.failures, nobody)[0]
         if failure is CallFailure.HANDLER:
             raise ServiceError(f"the command is refused: {text}")
         raise call_error("the command", failure, text)
