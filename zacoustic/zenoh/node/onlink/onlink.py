@@ -26,6 +26,7 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LinkClosedError
+from zacoustic.run.dispatching import Dispatcher
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd
 from zacoustic.zenoh.node.carrier import NodeEvent, Outlet
@@ -83,7 +84,6 @@ class LinkCarrier:
         self.range = self._ranges.measure
         self.command = LinkCommands(self._runner, self._answers).give
         self.routing = LinkRouting(self._runner, self._answers).give
-        self._takers = self._event_takers()
 
     @property
     def stats(self) -> EngineStats:
@@ -118,7 +118,7 @@ class LinkCarrier:
             RangeUnavailableError: The configuration measures ranges, and the link cannot.
         """
         try:
-            await self._runner.start(self._deliver, self._settled.set)
+            await self._runner.start(self._dispatcher().deliver, self._settled.set)
             self._node.start_ranging(self._runner)
         except BaseException:
             await self._runner.close()
@@ -165,28 +165,26 @@ class LinkCarrier:
 
     # Events of the engine
 
-    def _deliver(self, event: Event) -> None:
-        take = self._takers.get(type(event))
-        if take is not None:
-            take(event)
-
-    def _event_takers(self) -> dict[type[Any], Callable[[Any], object]]:
-        """Return the handler of each type of event; programs do not need the others."""
-        return {
-            **dict.fromkeys(get_args(NodeEvent), self._report),
-            **dict.fromkeys(get_args(ActionEvent), self.goals.deliver),
-            SampleReceived: self._listeners.deliver,
-            RequestReceived: self._calls.requested,
-            ResponseReceived: self._answer,
-            CallFailed: self._answer,
-            StreamsDiffer: self._see_difference,
-            DeliveryStored: self._publishing.deliveries.stored,
-            DeliveryEnded: self._end_delivery,
-            CustodyChanged: self._see_custody,
-            ObjectProgress: self._progress,
-            RangeMeasured: self._ranges.measured,
-            RangeFailed: self._ranges.failed,
-        }
+    def _dispatcher(self) -> Dispatcher:
+        """Return the takers of each type of event; programs do not need the others."""
+        return Dispatcher(
+            {
+                **dict.fromkeys(get_args(Event), ()),
+                **dict.fromkeys(get_args(NodeEvent), (self._report,)),
+                **dict.fromkeys(get_args(ActionEvent), (self.goals.deliver,)),
+                SampleReceived: (self._listeners.deliver,),
+                RequestReceived: (self._calls.requested,),
+                ResponseReceived: (self._answer,),
+                CallFailed: (self._answer,),
+                StreamsDiffer: (self._see_difference,),
+                DeliveryStored: (self._publishing.deliveries.stored,),
+                DeliveryEnded: (self._end_delivery,),
+                CustodyChanged: (self._see_custody,),
+                ObjectProgress: (self._progress,),
+                RangeMeasured: (self._ranges.measured,),
+                RangeFailed: (self._ranges.failed,),
+            }
+        )
 
     def _answer(self, event: CallEnd) -> None:
         self._answers.take(event.call_id, event)
