@@ -15,12 +15,12 @@ from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.refusing import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.session.asking.commands import node_in
 from zacoustic.zenoh.session.asking.keydelivery import (
     DELIVERIES,
     KeyAnswer,
     KeyAsked,
     read_delivery,
-    receiving_node,
 )
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
@@ -51,7 +51,7 @@ class KeyHandler:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        node = receiving_node(held.key)
+        node = node_in(held.key, "key")
         if node is None or not self._redundant.asks(node, self._runner.engine.table.nodes):
             held.answer([])
             return

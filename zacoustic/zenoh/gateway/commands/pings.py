@@ -25,13 +25,13 @@ from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.refusing import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.session.asking.commands import node_in
 from zacoustic.zenoh.session.asking.pings import (
     PINGS,
     PeerStatus,
     PingAnswer,
     PingAsked,
     ping_selector,
-    pinged_node,
     read_ping,
 )
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
@@ -77,7 +77,7 @@ class PingHandler:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        target = pinged_node(held.key)
+        target = node_in(held.key, "ping")
         if target is None or not self._redundant.asks(target, self._runner.engine.table.nodes):
             held.answer([])
             return

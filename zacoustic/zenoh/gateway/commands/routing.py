@@ -14,14 +14,13 @@ from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.refusing import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.session.asking.commands import PREFIX, node_in
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.asking.routing import (
     ROUTING,
     RoutingAsked,
     RoutingReport,
     read_routing,
-    routed_node,
 )
 
 
@@ -51,7 +50,7 @@ class RoutingHandler:
         key, parameters = held.key, held.parameters
         if key == ROUTING and "do" in parameters:  # each gateway answers for its own node
             key = f"{PREFIX}/{self._redundant.address}/routing"
-        node = routed_node(key)
+        node = node_in(key, "routing")
         if node is None or not self._is_ours(node):
             held.answer([])
             return
