@@ -20,7 +20,6 @@ from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LocalError
 from zacoustic.link.contract import Link
 from zacoustic.run.journal import Journal
-from zacoustic.zenoh.node.api import action, service
 from zacoustic.zenoh.node.api import node as asynchronous
 from zacoustic.zenoh.node.api.action import ActionType
 from zacoustic.zenoh.node.api.endpoints import Fields, Request, Response, Value
@@ -33,7 +32,6 @@ from zacoustic.zenoh.node.api.waiting import (
     Publisher,
     Service,
     Subscription,
-    next_or_none,
 )
 from zacoustic.zenoh.node.api.waitingactions import (
     ActionClient,
@@ -59,6 +57,7 @@ __all__ = [
 ]
 
 T = TypeVar("T")
+Made = TypeVar("Made")
 Goal = TypeVar("Goal")
 Feedback = TypeVar("Feedback")
 Result = TypeVar("Result")
@@ -119,7 +118,7 @@ class Node:
         """Start the thread, and open the link or the session."""
         thread = LoopThread(f"node {self.name}")
         try:
-            thread.wait(self._node.open())
+            thread.wait(self._node.open)
         except BaseException:
             thread.stop()
             raise
@@ -130,7 +129,7 @@ class Node:
         if self._thread is None:
             return
         try:
-            self._thread.wait(self._node.close())
+            self._thread.wait(self._node.close)
         finally:
             if not self._thread.is_current:
                 thread, self._thread = self._thread, None
@@ -138,11 +137,11 @@ class Node:
 
     def flush(self, *, timeout_s: float | None = None) -> None:
         """Wait until all published samples have left this node."""
-        self._running().wait(self._node.flush(timeout_s=timeout_s))
+        self._running().wait(lambda: self._node.flush(timeout_s=timeout_s))
 
     def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
         """Measure the range of another node; see `zacoustic.Node.range`."""
-        return self._running().wait(self._node.range(peer, timeout_s=timeout_s))
+        return self._running().wait(lambda: self._node.range(peer, timeout_s=timeout_s))
 
     def command(
         self,
@@ -152,7 +151,7 @@ class Node:
         timeout_s: float = asynchronous.COMMAND_TIMEOUT_S,
     ) -> CommandState:
         """Send a command to a node and wait for the answer; see `zacoustic.Node.command`."""
-        return self._running().wait(self._node.command(peer, command, timeout_s=timeout_s))
+        return self._running().wait(lambda: self._node.command(peer, command, timeout_s=timeout_s))
 
     def refuse(self, progress: ObjectProgress) -> bool:
         """Refuse the rest of an incoming large sample; see `zacoustic.Node.refuse`."""
@@ -186,11 +185,10 @@ class Node:
         stream_id: int | None = None,
     ) -> Publisher[Any]:
         """Create a publisher."""
-        thread = self._running()
-        made = thread.wait(
-            _made(lambda: self._node.create_publisher(sample_type, name, qos, stream_id=stream_id))
+        return self._make(
+            Publisher,
+            lambda: self._node.create_publisher(sample_type, name, qos, stream_id=stream_id),
         )
-        return Publisher(made, thread)
 
     @overload
     def create_subscription(
@@ -222,15 +220,12 @@ class Node:
         stream_id: int | None = None,
     ) -> Subscription[Any]:
         """Create a subscription; without a callback it is an iterator."""
-        thread = self._running()
-        made = thread.wait(
-            _made(
-                lambda: self._node.create_subscription(
-                    sample_type, name, callback, qos, stream_id=stream_id
-                )
-            )
+        return self._make(
+            Subscription,
+            lambda: self._node.create_subscription(
+                sample_type, name, callback, qos, stream_id=stream_id
+            ),
         )
-        return Subscription(made, thread)
 
     @overload
     def subscribe(
@@ -294,15 +289,12 @@ class Node:
         server: int | None = None,
     ) -> Client[Any, Any]:
         """Create a client."""
-        thread = self._running()
-        made: service.Client[Any, Any] = thread.wait(
-            _made(
-                lambda: self._node.create_client(
-                    service_type, name, qos, stream_id=stream_id, server=server
-                )
-            )
+        return self._make(
+            Client,
+            lambda: self._node.create_client(
+                service_type, name, qos, stream_id=stream_id, server=server
+            ),
         )
-        return Client(made, thread)
 
     @overload
     def create_service(
@@ -334,15 +326,12 @@ class Node:
         stream_id: int | None = None,
     ) -> Service[Any, Any]:
         """Create a service; the handler runs in the loop's thread."""
-        thread = self._running()
-        made: service.Service[Any, Any] = thread.wait(
-            _made(
-                lambda: self._node.create_service(
-                    service_type, name, handler, qos, stream_id=stream_id
-                )
-            )
+        return self._make(
+            Service,
+            lambda: self._node.create_service(
+                service_type, name, handler, qos, stream_id=stream_id
+            ),
         )
-        return Service(made, thread)
 
     def create_action_client(
         self,
@@ -354,15 +343,12 @@ class Node:
         server: int | None = None,
     ) -> ActionClient[Goal, Feedback, Result]:
         """Create a client that sends goals; see `zacoustic.Node.create_action_client`."""
-        thread = self._running()
-        made: action.ActionClient[Any, Any, Any] = thread.wait(
-            _made(
-                lambda: self._node.create_action_client(
-                    cast("Any", action_type), name, qos, stream_id=stream_id, server=server
-                )
-            )
+        return self._make(
+            ActionClient,
+            lambda: self._node.create_action_client(
+                cast("Any", action_type), name, qos, stream_id=stream_id, server=server
+            ),
         )
-        return ActionClient(made, thread)
 
     def create_action_server(
         self,
@@ -379,26 +365,24 @@ class Node:
 
         The other callbacks run in the loop's thread. See `zacoustic.Node.create_action_server`.
         """
-        thread = self._running()
-        made: action.ActionServer[Any, Any, Any] = thread.wait(
-            _made(
-                lambda: self._node.create_action_server(
-                    cast("Any", action_type),
-                    name,
-                    in_thread(execute_callback, thread),
-                    qos,
-                    goal_callback=goal_callback,
-                    cancel_callback=cancel_callback,
-                    stream_id=stream_id,
-                )
-            )
+        execute = in_thread(execute_callback, self._running())
+        return self._make(
+            ActionServer,
+            lambda: self._node.create_action_server(
+                cast("Any", action_type),
+                name,
+                execute,
+                qos,
+                goal_callback=goal_callback,
+                cancel_callback=cancel_callback,
+                stream_id=stream_id,
+            ),
         )
-        return ActionServer(made, thread)
 
     def events(self) -> Iterator[NodeEvent]:
         """Iterate over events other than samples and calls; see `zacoustic.Node.events`."""
         thread, events = self._running(), self._node.events()
-        while (event := thread.wait(next_or_none(events))) is not None:
+        while (event := thread.wait(lambda: anext(events, None))) is not None:
             yield event
 
     @property
@@ -419,7 +403,7 @@ class Node:
             raise LocalError(f"node {self.name} is not open", hint="use it in `with Node(…)`")
         return self._thread
 
-
-async def _made(make: Callable[[], T]) -> T:
-    """Create an endpoint on the loop; it counts as a waiting call, so callbacks cannot make it."""
-    return make()
+    def _make(self, wrapper: Callable[[T, LoopThread], Made], make: Callable[[], T]) -> Made:
+        """Create an endpoint on the loop; callbacks cannot: that is a waiting call."""
+        thread = self._running()
+        return wrapper(thread.make(make), thread)

@@ -11,10 +11,10 @@ import zenoh
 
 from tests.gateway.networks import LIMIT_S, Channel, hear, local_network, matched, run, zenoh_config
 from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
+from zacoustic.run.inbox import WakeUp
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
 from zacoustic.zenoh.gateway.dialect.mailbox import PARCEL_OVERHEAD_BYTES, Mailbox, Parcel
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
-from zacoustic.zenoh.session.wake_up import WakeUp
 
 Count = Callable[[int], int]
 

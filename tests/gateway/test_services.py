@@ -8,7 +8,7 @@ import zenoh
 from tests.gateway.networks import LIMIT_S, UNRELATED, Channel, cbor, fence, get, local_network, run
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.gateway import Marker, read_marker
-from zacoustic.zenoh.session.asking.queries import QueryHandler
+from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
 from zacoustic.zenoh.session.worker import Worker
 
 Serve = Callable[[zenoh.Query], None]
@@ -228,20 +228,22 @@ def test_handler_answers_each_query_once_and_refuses_what_is_too_much() -> None:
             a = await stack.enter_async_context(local_network(3, channel, section=UNRELATED))
             server, client = stack.enter_context(a.client()), stack.enter_context(a.client())
             worker, rung = Worker("test"), asyncio.Event()
+            came: list[HeldQuery] = []
             loop = asyncio.get_running_loop()
 
             def ring() -> None:
                 loop.call_soon_threadsafe(rung.set)
 
             handler = QueryHandler(worker, ring, limit=1, closed_text="closed")
-            server.declare_queryable("asked", lambda query: handler.admit(lambda held: None, query))
+            server.declare_queryable("asked", lambda query: handler.admit(came.append, query))
             await fence(server)
             first = asyncio.ensure_future(get(client, "asked"))
             await rung.wait()
             assert (await get(client, "asked")).errors == [
                 "asked: NO_SERVER: 1 queries are held already"
             ]
-            [(held, _)] = handler.take()
+            handler.serve()
+            [held] = came
             assert held.refuse(CallFailure.HANDLER, "first")
             assert not held.refuse(CallFailure.HANDLER, "second")
             assert (await first).errors == ["asked: HANDLER: first"]

@@ -26,9 +26,8 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LinkClosedError, LinkOpenError, LocalError
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic.run.clocks import NodeClocks
-from zacoustic.run.inbox import SUBMIT_LIMIT
 from zacoustic.run.journal import EPOCHS, JournalState, MemoryJournal
-from zacoustic.run.runner import LinkRunner
+from zacoustic.run.runner import SUBMIT_LIMIT, LinkRunner
 from zacoustic_sim.medium import SimMedium
 
 CAPABILITIES = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1e6)

@@ -20,6 +20,7 @@ raise as well (`zacoustic.run.replacement`).
 """
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -46,7 +47,7 @@ from zacoustic.errors import (
 from zacoustic.link.alarm import Alarm
 from zacoustic.link.contract import Link
 from zacoustic.run.clocks import NodeClocks
-from zacoustic.run.inbox import Inbox
+from zacoustic.run.inbox import Inbox, WakeUp
 from zacoustic.run.journal import Journal
 from zacoustic.run.journal.thread import NO_WRITE, JournalThread
 from zacoustic.run.linkside import LinkSide
@@ -59,6 +60,9 @@ from zacoustic.run.replacement.replacement import Replacement
 _ROUNDS_LIMIT: Final = 1000
 
 _logger = logging.getLogger(__name__)
+
+SUBMIT_LIMIT: Final = 1024
+"""Most commands that wait for the loop."""
 
 T = TypeVar("T")
 LinkWatch: TypeAlias = Callable[[ReceivedFrame | Transmission | TransmitReport, int], None]
@@ -117,7 +121,7 @@ class LinkRunner:
         self._is_closing = False
         self._is_deaf = False
         self._ended, self._closed = asyncio.Event(), asyncio.Event()
-        self._inbox: Inbox[Command] = Inbox(self._take_submitted)
+        self._inbox: Inbox[Command] | None = None
         self._permit_log = permit_log
         self._waits_for_link = waits_for_link
         self._journal: JournalThread | None = None
@@ -167,7 +171,7 @@ class LinkRunner:
         self._deliver, self._settled = deliver or _ignore, settled or _nothing
         if self._replacement is not None:
             self._deliver = partial(self._replacement.hand_on, self._deliver, self._instant)
-        self._inbox.open(self._loop)
+        self._inbox = Inbox(WakeUp(self._loop, self._take_submitted), limit=SUBMIT_LIMIT)
         if self._first is not None:
             self._keep_intact(self._first)
         self._guarded(self._tell_clock)
@@ -201,7 +205,6 @@ class LinkRunner:
             await self._closed.wait()
             return
         self._is_closing = True
-        self._inbox.close()
         self._alarm.stop()
         try:
             try:
@@ -239,6 +242,12 @@ class LinkRunner:
         finally:
             self._guarded(self._service)
 
+    def try_apply(self, command: Callable[[Engine, int], T]) -> T | None:
+        """Do as `apply` if the engine runs; otherwise return None."""
+        with contextlib.suppress(LinkClosedError):
+            return self.apply(command)
+        return None
+
     def keep(self, key: str, value: bytes | None) -> None:
         """Journal an entry besides the engine's; None deletes it."""
         if self._journal is not None:
@@ -252,7 +261,7 @@ class LinkRunner:
         Returns:
             False if `SUBMIT_LIMIT` commands wait already, or the runner does not run.
         """
-        return self._inbox.put(command)
+        return self._inbox is not None and not self._is_closing and self._inbox.put(command)
 
     async def wait_failed(self) -> None:
         """Wait until the runner ends.
@@ -379,9 +388,9 @@ class LinkRunner:
     def _take_submitted(self) -> None:
         if self._is_replacing:
             return  # the next engine takes them
-        commands = self._inbox.take()
-        if self._is_closing:
+        if self._inbox is None or self._is_closing:
             return
+        commands = self._inbox.take()
         # Served once for all commands: they may share a frame.
         self._guarded(*(lambda command=command: self._execute(command) for command in commands))
         self._guarded(self._service)

@@ -27,7 +27,7 @@ documents and frames. Those files have no ``/N/engine``.
 `writing`       the file, and the thread that writes it
 `values`        samples as values of their type, or as messages of ROS
 `recorder`      makes recorded engines; `live`: the recording of a running node
-`reading`       reads a file, even if its writer has crashed
+`reading`       reads a file, even if its writer has crashed; `epochs`: its boot epochs and calls
 ==============  ====================================================================================
 
 This package needs the extra `recording`.

@@ -1,5 +1,6 @@
 """The channels of a recording, and the records in those with JSON."""
 
+import contextlib
 from typing import Final
 
 import msgspec
@@ -14,6 +15,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.streams.table import Stream
+from zacoustic.run.recording.reading import ReadMessage
 from zacoustic.run.recording.schemas import (
     OpaqueValue,
     schema_of_anything,
@@ -79,6 +81,16 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The same."""
     propagation_s: float | None = None
     """The same."""
+
+    def received(self) -> ReceivedFrame:
+        """Return the frame as a link hands it over."""
+        return ReceivedFrame(
+            frame_bytes=self.frame,
+            received_at=self.at,
+            source=self.source,
+            destination=self.destination,
+        )
+
     range_rate_m_s: float | None = None
     """The same."""
     link: str = ONE_LINK
@@ -291,3 +303,17 @@ def records_channel(place: str, name: str, record: type[msgspec.Struct]) -> Chan
         schema=schema_of_struct(record),
         metadata={"node": place.rpartition("/")[2]},
     )
+
+
+class _LinkSaid(msgspec.Struct):
+    """What a `LinkRecord` and the health document of a link have in common."""
+
+    capabilities: LinkCapabilities | None = None
+
+
+def capabilities_in(message: ReadMessage) -> LinkCapabilities | None:
+    """Return the capabilities of the link that a message is about; None: it tells none."""
+    if message.name == "links" or (message.name == "link" and message.is_of_network):
+        with contextlib.suppress(msgspec.DecodeError, RecursionError):
+            return msgspec.json.decode(message.data, type=_LinkSaid).capabilities
+    return None

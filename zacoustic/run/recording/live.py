@@ -3,10 +3,12 @@
 import asyncio
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 from zacoustic.core.base.clock import Clock
 from zacoustic.ros.streams import RosStream
+from zacoustic.run.inbox import tell_loop
 from zacoustic.run.recording.recorder import EngineRecorder
 from zacoustic.run.recording.writing import RecordingFile
 
@@ -69,8 +71,8 @@ async def open_recording(
     loop = asyncio.get_running_loop()
 
     def tell(text: str) -> None:
-        if trouble is not None and not loop.is_closed():
-            loop.call_soon_threadsafe(trouble, text)
+        if trouble is not None:
+            tell_loop(loop, partial(trouble, text))
 
     told = tell if trouble is not None else None
     file = await asyncio.to_thread(RecordingFile, path, trouble=told)

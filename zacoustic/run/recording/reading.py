@@ -9,6 +9,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.errors import ConfigError
+from zacoustic.text.digits import whole_number
 from zacoustic.text.installing import with_extra
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -32,6 +33,21 @@ class ReadMessage(msgspec.Struct, frozen=True):
     """Metadata of the channel."""
     data: bytes
     """Its contents."""
+
+    @property
+    def name(self) -> str:
+        """What it is: the last part of the topic."""
+        return self.topic.rpartition("/")[2]
+
+    @property
+    def node(self) -> int | None:
+        """The node before it in the topic, or None."""
+        return whole_number(self.topic.rpartition("/")[0].rpartition("/")[2])
+
+    @property
+    def is_of_network(self) -> bool:
+        """Whether a gateway has published it under this topic."""
+        return self.topic.startswith("/@acoustic/")
 
 
 class RecordingReader:

@@ -4,6 +4,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.run.recording.channels import JSON, JSON_SCHEMA, MSGPACK, Channel
 from zacoustic.run.recording.life import Table
 from zacoustic.run.recording.schemas import schema_of_struct
@@ -50,3 +51,17 @@ def table_channel() -> Channel:
 def encode_table(table: Table) -> bytes:
     """Write a table for `table_channel`."""
     return msgspec.msgpack.encode({"table": table})
+
+
+def decode_table(data: bytes) -> StreamTable:
+    """Read what `encode_table` has written.
+
+    Raises:
+        DecodeError: It is none.
+        ConfigError: The table is not valid.
+    """
+    return msgspec.msgpack.decode(data, type=_TableMessage).table.table()
+
+
+class _TableMessage(msgspec.Struct):
+    table: Table

@@ -11,8 +11,10 @@ from typing import Final
 
 from zacoustic.config.lostcontact import LostContactAction
 from zacoustic.core.base.trace import TraceRecord
+from zacoustic.run.inbox import WakeUp
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
+from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.commands.keydelivery import KeyHandler
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
@@ -50,7 +52,6 @@ from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
 from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import WakeUp
 
 # The engine distinguishes 64 calls to one service. More callers than this on all services together
 # would wait for hours on an acoustic channel.
@@ -93,6 +94,7 @@ class Composition:
         self._clock = parts.clock
         self._wall_clock = parts.host.utc_ns
         self._table = parts.table
+        self._ends: Pending[CallEnd] = Pending()
         self._wake_up = WakeUp(asyncio.get_running_loop())
         self._redundant = RedundantGateways(parts.address, self._clock, parts.table.nodes)
         self._dates = Dates(self._clock, self._wall_clock)
@@ -149,7 +151,9 @@ class Composition:
             streams=streams,
             handlers=handlers,
             status=status,
-            dispatcher=EventDispatcher(streams, handlers, network, status, notices, lost_contact),
+            dispatcher=EventDispatcher(
+                streams, handlers, self._ends, network, status, notices, lost_contact
+            ),
             lost_contact=lost_contact,
         )
 
@@ -165,7 +169,13 @@ class Composition:
             ring=ring,
         )
         services = Services(
-            table, zenoh_session, self._input_errors, self._dialects, clock=self._clock, ring=ring
+            table,
+            zenoh_session,
+            self._input_errors,
+            self._dialects,
+            self._ends,
+            clock=self._clock,
+            ring=ring,
         )
         actions = Actions(
             self._redundant.address,
@@ -186,12 +196,13 @@ class Composition:
             self._table,
             self._runner,
             self._redundant,
+            self._ends,
             clock=self._clock,
             wall_clock=self._wall_clock,
         )
-        pings = PingHandler(self._runner, self._redundant, clock=self._clock)
-        keys = KeyHandler(self._runner, self._redundant)
-        routing = RoutingHandler(self._runner, self._redundant)
+        pings = PingHandler(self._runner, self._redundant, self._ends, clock=self._clock)
+        keys = KeyHandler(self._runner, self._redundant, self._ends)
+        routing = RoutingHandler(self._runner, self._redundant, self._ends)
         return Handlers(objects, commands, pings, keys, routing, health)
 
     def _status(

@@ -14,7 +14,6 @@ failure and not the end of the attempts.
 """
 
 import asyncio
-import contextlib
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -30,7 +29,8 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailure, CallKey, ContactLost, ContactRestored
 from zacoustic.core.peers.lostcontact import ContactPhase, Countdown
 from zacoustic.core.values.encoding import TYPED_ENCODINGS, decode_application
-from zacoustic.errors import LinkClosedError, PayloadInvalidError
+from zacoustic.errors import PayloadInvalidError
+from zacoustic.run.inbox import tell_loop
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.dialect.dialects import ServiceDialect
 from zacoustic.zenoh.gateway.notices import LostContactNotice, Notify
@@ -38,7 +38,6 @@ from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.marker import Marker
 from zacoustic.zenoh.session.session import ZenohSession, zenoh_priority
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 FIRST_PAUSE_S: Final = 1.0
 """Pause after the first attempt that failed, s; each further one is twice as long."""
@@ -320,8 +319,7 @@ class LostContactActions:
 
     def _tell_engine(self, command: Callable[[Engine, int], object]) -> None:
         # A replaced engine says again that contact is lost, unless it knows of the answer.
-        with contextlib.suppress(LinkClosedError):
-            self._runner.apply(command)
+        self._runner.try_apply(command)
 
 
 def _doing(action: LostContactAction) -> str:

@@ -3,17 +3,21 @@
 Values cross it as dicts and bytes, as in the codecs.
 """
 
+import asyncio
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import msgspec
 
 from zacoustic.core.engine.events import GoalFailure, GoalStatus
-from zacoustic.errors import CallTimeoutError, DeliveryError, ZacousticError
+from zacoustic.errors import CallTimeoutError, DeliveryError, LocalError, ZacousticError
 from zacoustic.zenoh.node.routes import ActionRoute
 
 TakeFeedback = Callable[[object], None]
 """Receives feedback, a dict or bytes."""
+_REFUSALS: Final = (GoalFailure.REJECTED, GoalFailure.CANCELLED)
+"""Failures that an application sees in `accepted`; all others are errors."""
 
 
 class GoalEnd(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,23 +33,29 @@ class GoalEnd(msgspec.Struct, frozen=True, kw_only=True):
     """Why the end is unknown here."""
 
 
-class SentGoal(Protocol):
-    """A goal that the server has answered, or that this node sent before it restarted."""
+class SentGoal(ABC):
+    """A goal that the server has answered, or that this node sent before it restarted.
 
-    @property
-    def accepted(self) -> bool:
+    Args:
+        name: Name of the action.
+        feed: Takes the feedback; None: nobody does yet.
+        tag: The bytes given with the goal.
+    """
+
+    def __init__(self, name: str, feed: TakeFeedback | None, tag: bytes) -> None:
+        loop = asyncio.get_running_loop()
+        self.accepted = False
         """Whether the goal runs or has run."""
-        ...
-
-    @property
-    def text(self) -> str:
+        self.text = ""
         """Why the goal was rejected, one line."""
-        ...
-
-    @property
-    def tag(self) -> bytes:
-        """The bytes given with the goal."""
-        ...
+        self.tag = tag
+        self.feed = feed
+        self.known: asyncio.Future[None] = loop.create_future()
+        """Done when the goal is answered."""
+        self.over: asyncio.Future[GoalEnd] = loop.create_future()
+        """Done when the goal has ended."""
+        self._name = name
+        self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
 
     async def cancel(self) -> tuple[bool, str]:
         """Ask the server to cancel the goal; return whether it agrees, or why not.
@@ -53,11 +63,54 @@ class SentGoal(Protocol):
         Raises:
             LocalError: The goal has ended.
         """
-        ...
+        answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
+        self._cancels.append(answer)
+        if not self._ask_cancel():
+            raise LocalError(f"{self._name}: the goal has ended")
+        return await answer
 
     async def end(self) -> GoalEnd:
         """Wait for the end of the goal; may be called several times, and cancelled."""
-        ...
+        return await asyncio.shield(self.over)
+
+    def raise_error(self) -> None:
+        """Raise the error that has ended the goal, if one has."""
+        if self.over.done() and (error := self.over.result().error) is not None:
+            raise error
+
+    # For the carrier
+
+    def accept(self) -> None:
+        """Note that the server has accepted the goal."""
+        self.accepted = True
+        if not self.known.done():
+            self.known.set_result(None)
+
+    def reject(self, failure: GoalFailure, text: str) -> None:
+        """Note that the goal was not accepted."""
+        self.text = text or failure.name.lower()
+        error = None if failure in _REFUSALS else goal_error(self._name, failure, text)
+        self.end_with(GoalEnd(text=self.text, error=error))
+
+    def answer_cancels(self, accepted: bool, text: str) -> None:
+        """Note the answer to the request to cancel."""
+        waiting, self._cancels = self._cancels, []
+        for answer in waiting:
+            if not answer.done():
+                answer.set_result((accepted, text))
+
+    def end_with(self, end: GoalEnd) -> None:
+        """End the goal."""
+        if not self.over.done():
+            self.over.set_result(end)
+        if not self.known.done():
+            self.known.set_result(None)
+        is_over = end.status is GoalStatus.CANCELED
+        self.answer_cancels(is_over, "" if is_over else "the goal has ended")
+
+    @abstractmethod
+    def _ask_cancel(self) -> bool:
+        """Send the request to cancel; False: the goal has ended."""
 
 
 class TakenGoal(Protocol):

@@ -2,7 +2,6 @@
 
 - `session`: opens and closes a session, and explains its errors; `worker`, `exitguard`: the thread
   for calls that may block, and its end with the process;
-- `wake_up`: the wake-up from Zenoh's threads to the loop;
 - `asking`: queries of other programs and of this one: calls, goals, commands;
 - `latching`: publishers that keep samples for late joiners, and subscribers that ask for them;
 - `values`, `marker`: payloads, and the attachments of a gateway.

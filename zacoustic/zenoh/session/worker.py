@@ -14,8 +14,8 @@ from typing import Final, TypeVar
 
 import zenoh
 
+from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.session.exitguard import ExitGuard
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
 

@@ -167,9 +167,9 @@ def _cipher_of(path: str | None) -> "CipherOf | None":
 
 def _through(arguments: argparse.Namespace) -> int:
     from zacoustic.app.tools.inspect.recordings.replaying.checktext import otherwise_as_text
-    from zacoustic.app.tools.inspect.recordings.replaying.epochs import nodes_of
     from zacoustic.app.tools.inspect.recordings.replaying.otherwise import replay_through
     from zacoustic.app.tools.inspect.recordings.replaying.today import configs_for
+    from zacoustic.run.recording.epochs import nodes_of
 
     configs = configs_for(arguments.through, nodes_of(arguments.recording))
     found = replay_through(arguments.recording, configs)

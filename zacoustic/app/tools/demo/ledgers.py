@@ -12,11 +12,13 @@ import asyncio
 import contextlib
 import json
 from collections.abc import Callable, Iterable
+from functools import partial
 
 import zenoh
 
 from zacoustic.app.tools.demo.networks import LocalNetwork
 from zacoustic.errors import SessionError
+from zacoustic.run.inbox import tell_loop
 
 TookLedger = Callable[[int, dict[int, int]], None]
 """``(address, bytes by stream id)``: takes the ledger of a gateway, on the loop."""
@@ -87,11 +89,11 @@ class LedgerListener:
         self._sessions[address] = session
 
         def hear(sample: zenoh.Sample) -> None:
-            self._hand_over(self._take, address, sample.payload.to_string())
+            tell_loop(self._loop, partial(self._take, address, sample.payload.to_string()))
 
         def see(status: zenoh.MatchingStatus) -> None:
             if status.matching:
-                self._hand_over(self._answering[address].set)
+                tell_loop(self._loop, self._answering[address].set)
 
         session.declare_subscriber(f"@acoustic/{address}/ledger", hear)
         querier = session.declare_querier(f"@acoustic/{address}/ledger", timeout=_GET_LIMIT_S)
@@ -106,10 +108,6 @@ class LedgerListener:
             with contextlib.suppress(zenoh.ZError):
                 return zenoh.open(config)
         return None
-
-    def _hand_over(self, action: Callable[..., None], *arguments: object) -> None:
-        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
-            self._loop.call_soon_threadsafe(action, *arguments)
 
     def _take(self, address: int, text: str) -> None:
         by_stream: dict[int, int] = {}

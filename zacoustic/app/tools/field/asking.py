@@ -5,9 +5,9 @@ import asyncio
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
+from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own limit is above the gateway's, whose answer is more precise.
 _BEHIND_S = 2.0
@@ -47,14 +47,26 @@ async def ask_gateway(
     await ended.wait()
     if question.good is not None:
         return question.good[0]
-    if question.error is None:
-        raise DeliveryError(
-            f"no gateway that knows node {node} is on this local network",
-            hint="is it running, and is --connect its router?",
+    raise no_answer(node, question.error)
+
+
+def no_answer(
+    node: int | None, failure: tuple[CallFailure, str] | None
+) -> DeliveryError | ServiceError:
+    """Return the error for a question without an answer.
+
+    Args:
+        node: The node in it; None: those of all local gateways.
+        failure: The error reply; None: nobody has replied.
+    """
+    if failure is None:
+        which = "no gateway is" if node is None else f"no gateway that knows node {node} is"
+        return DeliveryError(
+            f"{which} on this local network", hint="is it running, and is --connect its router?"
         )
-    failure, text = question.error
-    if failure is CallFailure.TIMED_OUT:
-        raise CallTimeoutError(text)
-    if failure is CallFailure.HANDLER:
-        raise ServiceError(f"refused by node {node}: {text}")
-    raise DeliveryError(text)
+    kind, text = failure
+    if kind is CallFailure.TIMED_OUT:
+        return CallTimeoutError(text)
+    if kind is CallFailure.HANDLER:
+        return ServiceError(f"refused by node {node}: {text}")
+    return DeliveryError(text)

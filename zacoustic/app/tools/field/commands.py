@@ -4,13 +4,12 @@ from collections.abc import Sequence
 
 import msgspec
 
+from zacoustic.app.tools.field.asking import no_answer
 from zacoustic.config import Config
-from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.commands import RemoteCommand
-from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.commandquery import CommandQuery
-from zacoustic.zenoh.session.asking.commands import SilenceState, StreamState
+from zacoustic.zenoh.session.asking.allreplies import ask_all
+from zacoustic.zenoh.session.asking.commands import SilenceState, StreamState, selector
 from zacoustic.zenoh.session.session import ZenohSession
 
 
@@ -42,26 +41,13 @@ async def give_command(
     """
     zenoh_session = await ZenohSession.open(session_config(config, connect))
     try:
-        question = CommandQuery(node, command, timeout_s)
-        await question.ask(zenoh_session)
+        key, parameters = selector(node, command, timeout_s)
+        replies = await ask_all(zenoh_session, key, parameters, timeout_s=timeout_s)
     finally:
         await zenoh_session.close()
-    if question.payloads:
+    if replies.answers:
         kind: type[SilenceState] | type[StreamState]
         kind = SilenceState if command.stream_id is None else StreamState
-        states = [msgspec.json.decode(payload, type=kind) for payload in question.payloads]
+        states = [msgspec.json.decode(payload, type=kind) for _, payload in replies.answers]
         return sorted(states, key=lambda state: state.address)
-    if question.failures:
-        raise _error(*question.failures[0], node)
-    which = "no gateway is" if node is None else f"no gateway that knows node {node} is"
-    raise DeliveryError(
-        f"{which} on this local network", hint="is it running, and is --connect its router?"
-    )
-
-
-def _error(failure: CallFailure, text: str, node: int | None) -> DeliveryError | ServiceError:
-    if failure is CallFailure.TIMED_OUT:
-        return CallTimeoutError(text)
-    if failure is CallFailure.HANDLER:
-        return ServiceError(f"refused by node {node}: {text}")
-    return DeliveryError(text)
+    raise no_answer(node, next(iter(replies.failures), None))

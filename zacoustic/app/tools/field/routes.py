@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.app.tools.field.asking import ask_gateway
+from zacoustic.app.tools.field.asking import ask_gateway, no_answer
 from zacoustic.app.tools.field.probing import Asker
 from zacoustic.config import Config
 from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.relay.route import Route
 from zacoustic.core.wire.routing import RoutingRequest
-from zacoustic.errors import DeliveryError, SessionError
+from zacoustic.errors import SessionError
 from zacoustic.zenoh.node import Node
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.allreplies import ask_all
@@ -38,12 +38,10 @@ class GatewayAsker(Asker):
     async def own(self) -> int:
         """Return the lowest address of the local gateways: that one asks."""
         found = await ask_all(self._zenoh_session, ROUTING, "do=heard;run=0", timeout_s=_HERE_S)
-        if not found:
-            raise DeliveryError(
-                "no gateway is on this local network",
-                hint="is it running, and is --connect its router?",
-            )
-        return min(msgspec.json.decode(each, type=RoutingReport).address for each in found.values())
+        if not found.answers:
+            raise no_answer(None, None)
+        reports = (msgspec.json.decode(each, type=RoutingReport) for _, each in found.answers)
+        return min(report.address for report in reports)
 
     async def ask(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
         """Query the gateways; the responsible one asks."""
@@ -162,7 +160,7 @@ async def _documents(zenoh_session: ZenohSession) -> dict[int, Any]:
     found = await ask_all(zenoh_session, f"{PREFIX}/{ANY_NODE}/relay", timeout_s=_HERE_S)
     return {
         int(address): msgspec.json.decode(payload)
-        for key, payload in found.items()
+        for key, payload in found.answers
         if (address := key.split("/")[1]).isdecimal()
     }
 

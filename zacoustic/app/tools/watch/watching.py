@@ -12,10 +12,10 @@ import zenoh
 
 from zacoustic.app.tools.watch.board import Board, addresses_in
 from zacoustic.config import Config
+from zacoustic.run.inbox import WakeUp, tell_loop
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
 PULSE_S: Final = 0.5
 """Period of checks of the gateways, s: a hanging one leaves no other trace."""

@@ -4,7 +4,6 @@ from functools import partial
 
 import zenoh
 
-from zacoustic.core.engine.events import CallFailed, ResponseReceived
 from zacoustic.zenoh.gateway.commands.keydelivery import KeyHandler
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
 from zacoustic.zenoh.gateway.commands.pings import PingHandler
@@ -43,11 +42,6 @@ class Handlers:
         self._routing = routing
         self._health = health
         self._declared: list[zenoh.Queryable[None]] = []
-
-    def take_answer(self, event: ResponseReceived | CallFailed) -> bool:
-        """Take the answer to a command, a ping or a delivery; False: it answers a service call."""
-        takers = (self.commands, self.pings, self._keys, self._routing)
-        return any(each.answered(event) for each in takers)
 
     def declare(self, zenoh_session: ZenohSession, queries: QueryHandler) -> None:
         """Declare the queryables; in the worker."""

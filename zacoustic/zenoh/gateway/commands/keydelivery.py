@@ -6,20 +6,21 @@ import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
+from zacoustic.core.engine.events import CallFailed, CallFailure
 from zacoustic.core.streams.keydelivery import WRAPPED_BYTES
 from zacoustic.core.values.encoding import JSON
 from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
 from zacoustic.errors import LocalError
+from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.sentqueries import SentQueries, refuse_failed
+from zacoustic.zenoh.gateway.commands.refusing import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.session.asking.commands import node_in
 from zacoustic.zenoh.session.asking.keydelivery import (
     DELIVERIES,
     KeyAnswer,
     KeyAsked,
     read_delivery,
-    receiving_node,
 )
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
@@ -33,12 +34,15 @@ class KeyHandler:
     Args:
         runner: Runs the engine that sends the keys.
         redundant: The local gateways.
+        ends: The calls of the gateway.
     """
 
-    def __init__(self, runner: LinkRunner, redundant: RedundantGateways) -> None:
+    def __init__(
+        self, runner: LinkRunner, redundant: RedundantGateways, ends: Pending[CallEnd]
+    ) -> None:
         self._runner = runner
         self._redundant = redundant
-        self._sent = SentQueries[KeyAnswer]()
+        self._ends = ends
 
     @property
     def key(self) -> str:
@@ -47,7 +51,7 @@ class KeyHandler:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        node = receiving_node(held.key)
+        node = node_in(held.key, "key")
         if node is None or not self._redundant.asks(node, self._runner.engine.table.nodes):
             held.answer([])
             return
@@ -59,18 +63,6 @@ class KeyHandler:
             self._runner.apply(partial(self._send, held, asked))
         except (ValueError, LocalError) as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
-
-    def answered(self, event: ResponseReceived | CallFailed) -> bool:
-        """Take the answer of a node, or its absence; False: it belongs to no delivery."""
-        sent = self._sent.take(event)
-        if sent is None:
-            return False
-        held, answer = sent
-        if isinstance(event, ResponseReceived):
-            held.answer([Answer(key=held.key, payload=msgspec.json.encode(answer), encoding=JSON)])
-        else:
-            refuse_failed(held, event, answer.address, maybe="may have the key")
-        return True
 
     # Below the methods above
 
@@ -85,4 +77,12 @@ class KeyHandler:
             by=engine.address,
             airtime_s=round(ns_to_seconds(airtime_ns), 2),
         )
-        self._sent.add(call_id, held, answer)
+        self._ends.add(call_id, partial(_answer, held, answer))
+
+
+def _answer(held: HeldQuery, answer: KeyAnswer, end: CallEnd) -> None:
+    """Answer when the node has the key."""
+    if isinstance(end, CallFailed):
+        refuse_failed(held, end, answer.address, maybe="may have the key")
+    else:
+        held.answer([Answer(key=held.key, payload=msgspec.json.encode(answer), encoding=JSON)])

@@ -21,16 +21,17 @@ from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.core.streams.status import STATUS_STREAM_ID, NodeStatus
 from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError, RangeUnavailableError
+from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.sentqueries import refuse_failed
+from zacoustic.zenoh.gateway.commands.refusing import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.session.asking.commands import node_in
 from zacoustic.zenoh.session.asking.pings import (
     PINGS,
     PeerStatus,
     PingAnswer,
     PingAsked,
     ping_selector,
-    pinged_node,
     read_ping,
 )
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
@@ -51,15 +52,23 @@ class PingHandler:
     Args:
         runner: Runs the engine that asks.
         redundant: The local gateways.
+        ends: The calls of the gateway.
         clock: Source of instants.
     """
 
-    def __init__(self, runner: LinkRunner, redundant: RedundantGateways, *, clock: Clock) -> None:
+    def __init__(
+        self,
+        runner: LinkRunner,
+        redundant: RedundantGateways,
+        ends: Pending[CallEnd],
+        *,
+        clock: Clock,
+    ) -> None:
         self._runner = runner
         self._redundant = redundant
         self._clock = clock
-        self._by_call: dict[int, _Ping] = {}
-        self._by_range: dict[int, _Ping] = {}
+        self._ends = ends
+        self._ranges: Pending[RangeMeasured | RangeFailed] = Pending()
 
     @property
     def key(self) -> str:
@@ -68,7 +77,7 @@ class PingHandler:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        target = pinged_node(held.key)
+        target = node_in(held.key, "ping")
         if target is None or not self._redundant.asks(target, self._runner.engine.table.nodes):
             held.answer([])
             return
@@ -84,27 +93,13 @@ class PingHandler:
             return
         self._runner.apply(partial(self._begin, held, asked))
 
-    def answered(self, event: ResponseReceived | CallFailed) -> bool:
-        """Take the answer of a node, or its absence; False: it belongs to no ping."""
-        ping = self._by_call.pop(event.call_id, None)
-        if ping is not None:
-            self._take_answer(ping, event)
-        return ping is not None
-
     def ranged(self, event: RangeMeasured | RangeFailed) -> bool:
         """Take a range, or its failure; False: it belongs to no ping."""
-        ping = None if event.range_id is None else self._by_range.pop(event.range_id, None)
-        if ping is None:
-            return False
-        if isinstance(event, RangeFailed) and ping.round_trip_s is None:
-            ping.held.refuse(CallFailure.TIMED_OUT, event.text)
-        else:
-            self._answer(ping)
-        return True
+        return self._ranges.take(event.range_id, event)
 
     # Below the methods above
 
-    def _take_answer(self, ping: "_Ping", event: ResponseReceived | CallFailed) -> None:
+    def _take_answer(self, ping: "_Ping", event: CallEnd) -> None:
         if isinstance(event, CallFailed) and event.failure is not CallFailure.HANDLER:
             refuse_failed(ping.held, event, ping.node)
             return
@@ -131,7 +126,7 @@ class PingHandler:
             if not self._range(ping, within_s, engine, now):
                 held.refuse(CallFailure.BAD_REQUEST, f"{error}, and the modem measures no range")
         else:
-            self._by_call[call_id] = ping
+            self._ends.add(call_id, partial(self._take_answer, ping))
 
     def _range(self, ping: "_Ping", within_s: float, engine: Engine, now: int) -> bool:
         """Ask for the range; False: it cannot be measured."""
@@ -139,8 +134,14 @@ class PingHandler:
             range_id = engine.ranging.request(ping.node, now, timeout_s=within_s)
         except (LocalError, RangeUnavailableError):
             return False
-        self._by_range[range_id] = ping
+        self._ranges.add(range_id, partial(self._take_range, ping))
         return True
+
+    def _take_range(self, ping: "_Ping", event: RangeMeasured | RangeFailed) -> None:
+        if isinstance(event, RangeFailed) and ping.round_trip_s is None:
+            ping.held.refuse(CallFailure.TIMED_OUT, event.text)
+        else:
+            self._answer(ping)
 
     def _answer(self, ping: "_Ping") -> None:
         known = self._runner.engine.measurements

@@ -17,14 +17,15 @@ import msgspec
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds, seconds_to_ns
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived, SilenceChanged
+from zacoustic.core.engine.events import CallFailed, CallFailure, SilenceChanged
 from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError
+from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.run.permitlog import utc_text
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.sentqueries import SentQueries, refuse_failed
+from zacoustic.zenoh.gateway.commands.refusing import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.commands import (
     PREFIX,
@@ -47,6 +48,7 @@ class CommandHandler:
         table: All streams.
         runner: Its engine executes or sends commands.
         redundant: The local gateways.
+        ends: The calls of the gateway.
         clock: Source of instants.
         wall_clock: Returns UTC, ns since 1970.
     """
@@ -56,6 +58,7 @@ class CommandHandler:
         table: StreamTable,
         runner: LinkRunner,
         redundant: RedundantGateways,
+        ends: Pending[CallEnd],
         *,
         clock: Clock,
         wall_clock: Callable[[], int] = time.time_ns,
@@ -65,7 +68,7 @@ class CommandHandler:
         self._redundant = redundant
         self._clock = clock
         self._wall_clock = wall_clock
-        self._sent = SentQueries[tuple[int, RemoteCommand]]()
+        self._ends = ends
 
     @property
     def own_keys(self) -> tuple[str, ...]:
@@ -103,26 +106,12 @@ class CommandHandler:
 
         def send(engine: Engine, now: int) -> None:
             call_id = engine.commands.send(node, asked.command, now, timeout_s=asked.within_s)
-            self._sent.add(call_id, held, (node, asked.command))
+            self._ends.add(call_id, partial(self._answered, held, node, asked.command))
 
         try:
             self._runner.apply(send)
         except LocalError as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
-
-    def answered(self, event: ResponseReceived | CallFailed) -> bool:
-        """Answer the sender of a command to another node; False: the event is of no command."""
-        sent = self._sent.take(event)
-        if sent is None:
-            return False
-        held, (node, command) = sent
-        if isinstance(event, ResponseReceived):
-            state = CommandState.from_wire(event.value, event.age_s or 0.0)
-            self._answer(held, node, command, state)
-        else:
-            maybe = "may have executed it" if command.changes else ""
-            refuse_failed(held, event, node, maybe=maybe)
-        return True
 
     def silence(self, event: SilenceChanged) -> SilenceState:
         """Return the engine's answer in the form of a reply."""
@@ -151,6 +140,14 @@ class CommandHandler:
         if node is None or node in self._redundant.alive:
             return False
         return self._redundant.asks(node, self._table.nodes)
+
+    def _answered(self, held: HeldQuery, node: int, command: RemoteCommand, end: CallEnd) -> None:
+        if isinstance(end, CallFailed):
+            maybe = "may have executed it" if command.changes else ""
+            refuse_failed(held, end, node, maybe=maybe)
+            return
+        state = CommandState.from_wire(end.value, end.age_s or 0.0)
+        self._answer(held, node, command, state)
 
     def _answer(
         self, held: HeldQuery, node: int, command: RemoteCommand, state: CommandState

@@ -6,21 +6,21 @@ import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
+from zacoustic.core.engine.events import CallFailed, CallFailure
 from zacoustic.core.values.encoding import JSON
 from zacoustic.core.wire.routing import RoutingAnswer
 from zacoustic.errors import LocalError
+from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.sentqueries import SentQueries, refuse_failed
+from zacoustic.zenoh.gateway.commands.refusing import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.session.asking.commands import PREFIX, node_in
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.asking.routing import (
     ROUTING,
     RoutingAsked,
     RoutingReport,
     read_routing,
-    routed_node,
 )
 
 
@@ -30,12 +30,15 @@ class RoutingHandler:
     Args:
         runner: Runs the engine that executes or sends them.
         redundant: The local gateways.
+        ends: The calls of the gateway.
     """
 
-    def __init__(self, runner: LinkRunner, redundant: RedundantGateways) -> None:
+    def __init__(
+        self, runner: LinkRunner, redundant: RedundantGateways, ends: Pending[CallEnd]
+    ) -> None:
         self._runner = runner
         self._redundant = redundant
-        self._sent = SentQueries[RoutingAsked]()
+        self._ends = ends
 
     @property
     def key(self) -> str:
@@ -47,7 +50,7 @@ class RoutingHandler:
         key, parameters = held.key, held.parameters
         if key == ROUTING and "do" in parameters:  # each gateway answers for its own node
             key = f"{PREFIX}/{self._redundant.address}/routing"
-        node = routed_node(key)
+        node = node_in(key, "routing")
         if node is None or not self._is_ours(node):
             held.answer([])
             return
@@ -58,25 +61,7 @@ class RoutingHandler:
         except (ValueError, LocalError) as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
 
-    def answered(self, event: ResponseReceived | CallFailed) -> bool:
-        """Take the answer of a node, or its absence; False: it belongs to no such command."""
-        sent = self._sent.take(event)
-        if sent is None:
-            return False
-        held, asked = sent
-        if isinstance(event, CallFailed):
-            maybe = "may have executed it" if asked.request.changes else ""
-            refuse_failed(held, event, asked.node, maybe=maybe)
-            return True
-        try:
-            answer = RoutingAnswer.decode(asked.request.kind, event.value)
-        except ValueError as error:
-            held.refuse(CallFailure.BAD_RESPONSE, str(error))
-        else:
-            self._answer(held, asked, answer)
-        return True
-
-    # Below the methods above
+    # Below the method above
 
     def _is_ours(self, node: int) -> bool:
         """Return whether this one of the local gateways executes or sends it."""
@@ -90,7 +75,19 @@ class RoutingHandler:
             engine.routing.execute(asked.request, now, lambda answer, at: then(answer))
             return
         call_id = engine.routing.send(asked.node, asked.request, now, timeout_s=asked.within_s)
-        self._sent.add(call_id, held, asked)
+        self._ends.add(call_id, partial(self._answered, held, asked))
+
+    def _answered(self, held: HeldQuery, asked: RoutingAsked, end: CallEnd) -> None:
+        if isinstance(end, CallFailed):
+            maybe = "may have executed it" if asked.request.changes else ""
+            refuse_failed(held, end, asked.node, maybe=maybe)
+            return
+        try:
+            answer = RoutingAnswer.decode(asked.request.kind, end.value)
+        except ValueError as error:
+            held.refuse(CallFailure.BAD_RESPONSE, str(error))
+        else:
+            self._answer(held, asked, answer)
 
     def _answer(self, held: HeldQuery, asked: RoutingAsked, answer: RoutingAnswer) -> None:
         engine = self._runner.engine

@@ -1,7 +1,6 @@
-"""The event dispatcher hands each event of the engine to the handlers of its type."""
+"""The takers of the engine's events in a gateway."""
 
-from collections.abc import Callable
-from typing import Any, get_args
+from typing import get_args
 
 from zacoustic.core.base.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.engine.events import (
@@ -27,15 +26,14 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.run.dispatching import Dispatcher
+from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
-
-Take = Callable[[Any], object]
-"""Takes an event of one type."""
 
 _HEARD_ELSEWHERE = (
     DeliveryStored,
@@ -49,12 +47,13 @@ _HEARD_ELSEWHERE = (
 """Events for programs on a link and the audit log; the health report asks for measurements."""
 
 
-class EventDispatcher:
-    """Hands on events; for the loop.
+class EventDispatcher(Dispatcher):
+    """Hands on the events of a gateway; for the loop.
 
     Args:
-        streams: Take samples, calls and goals.
-        handlers: Take answers to commands of the local network, and progress of objects.
+        streams: Take samples, received calls and goals.
+        handlers: Take ranges, and progress of objects.
+        ends: Wait for the ends of sent calls and commands.
         network: Sees engines restart, and peers go and come.
         status: Records the rest, and emits notices.
         notices: Makes the notices.
@@ -65,49 +64,44 @@ class EventDispatcher:
         self,
         streams: StreamHandlers,
         handlers: Handlers,
+        ends: Pending[CallEnd],
         network: LocalNetwork,
         status: Status,
         notices: EventNotices,
         lost_contact: LostContactActions,
     ) -> None:
-        self._streams = streams
-        self._handlers = handlers
+        self._ends = ends
+        self._pings = handlers.pings
         self._status = status
         self._notices = notices
-        self._takers: dict[type[Any], tuple[Take, ...]] = {
-            **dict.fromkeys(TOLD, (self._tell,)),
-            **dict.fromkeys(get_args(ActionEvent), (streams.actions.deliver,)),
-            **dict.fromkeys(_HEARD_ELSEWHERE, ()),
-            SampleReceived: (streams.topics.deliver, status.note_sample),
-            RequestReceived: (streams.services.serve,),
-            ResponseReceived: (self._answer,),
-            CallFailed: (self._answer,),
-            RangeMeasured: (handlers.pings.ranged,),
-            RangeFailed: (self._fail_range,),
-            DeliveryEnded: (status.note_delivery,),
-            ObjectProgress: (handlers.objects.note,),
-            StreamsDiffer: (status.note_difference, self._tell),
-            PeerSeen: (status.note_peer, self._tell),
-            PeerLost: (self._tell, network.note_peer),
-            PeerFound: (self._tell, network.note_peer),
-            ContactLost: (lost_contact.lost,),
-            ContactRestored: (lost_contact.restored,),
-            EngineRestarted: (self._tell, network.go_on),
-        }
-        forgotten = set(get_args(Event)) - self._takers.keys()
-        assert not forgotten, f"nobody takes {forgotten}"
+        super().__init__(
+            {
+                **dict.fromkeys(TOLD, (self._tell,)),
+                **dict.fromkeys(get_args(ActionEvent), (streams.actions.deliver,)),
+                **dict.fromkeys(_HEARD_ELSEWHERE, ()),
+                SampleReceived: (streams.topics.deliver, status.note_sample),
+                RequestReceived: (streams.services.serve,),
+                ResponseReceived: (self._answer,),
+                CallFailed: (self._answer,),
+                RangeMeasured: (handlers.pings.ranged,),
+                RangeFailed: (self._fail_range,),
+                DeliveryEnded: (status.note_delivery,),
+                ObjectProgress: (handlers.objects.note,),
+                StreamsDiffer: (status.note_difference, self._tell),
+                PeerSeen: (status.note_peer, self._tell),
+                PeerLost: (self._tell, network.note_peer),
+                PeerFound: (self._tell, network.note_peer),
+                ContactLost: (lost_contact.lost,),
+                ContactRestored: (lost_contact.restored,),
+                EngineRestarted: (self._tell, network.go_on),
+            }
+        )
 
-    def deliver(self, event: Event) -> None:
-        """Take an event of the engine."""
-        for take in self._takers.get(type(event), ()):  # a transport's own events have no taker
-            take(event)
-
-    def _answer(self, event: ResponseReceived | CallFailed) -> None:
-        if not self._handlers.take_answer(event):
-            self._streams.services.answered(event)
+    def _answer(self, event: CallEnd) -> None:
+        self._ends.take(event.call_id, event)
 
     def _fail_range(self, event: RangeFailed) -> None:
-        if not self._handlers.pings.ranged(event):
+        if not self._pings.ranged(event):
             self._tell(event)
 
     def _tell(self, event: Event) -> None:

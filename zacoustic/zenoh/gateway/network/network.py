@@ -8,6 +8,7 @@ from typing import Final
 import zenoh
 
 from zacoustic.core.engine.events import EngineRestarted, PeerFound, PeerLost
+from zacoustic.run.inbox import WakeUp, tell_loop
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.network.presence import Presence
 from zacoustic.zenoh.gateway.network.routes import Routes
@@ -15,7 +16,6 @@ from zacoustic.zenoh.gateway.notices import Notify, RedundancyChanged, RouterCha
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
 FAREWELL_LIMIT_S: Final = 3.0
 """Time limit for the last replies at the end, and for undeclaring, s."""
@@ -92,8 +92,7 @@ class LocalNetwork:
             self._tell(RedundancyChanged(addresses=self.redundant.alive))
         if self._dialects.settle():
             self._routes.reconcile()
-        for held, serve in self.queries.take():
-            serve(held)
+        self.queries.serve()
 
     def note_peer(self, event: PeerLost | PeerFound) -> None:
         """Note that a node was lost or is back, and its programs with it."""

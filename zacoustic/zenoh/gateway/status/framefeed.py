@@ -17,12 +17,12 @@ import zenoh
 from zacoustic.core.base.linktypes import ReceivedFrame, Transmission, TransmitReport
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.values.encoding import JSON
+from zacoustic.run.inbox import tell_loop
 from zacoustic.run.recording.channels import received_frame, report_record, sent_frame
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 FRAMES: Final = "frames"
 REPORTS: Final = "reports"

@@ -19,7 +19,7 @@ from prometheus_client.registry import Collector
 
 from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.link.serving import cannot_listen, place_name
-from zacoustic.zenoh.session.wake_up import tell_loop
+from zacoustic.run.inbox import tell_loop
 
 if TYPE_CHECKING:
     Documents = Mapping[str, Any]

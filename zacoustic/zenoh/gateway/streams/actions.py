@@ -9,7 +9,6 @@ followed to its end. If the program ends without a result, the outcome is unknow
 is informed.
 """
 
-import contextlib
 import random
 from collections.abc import Callable
 from typing import Final
@@ -32,7 +31,7 @@ from zacoustic.core.transport.actions.events import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError, ZacousticError
+from zacoustic.errors import LocalError, PayloadInvalidError, ZacousticError
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
@@ -177,7 +176,7 @@ class _Proxy:
         """Cancel a remote goal."""
         key = self._keys.get(goal_id)
         if key is not None:
-            _apply(self._runner, lambda engine, now: engine.actions.cancel_goal(key, now))
+            self._runner.try_apply(lambda engine, now: engine.actions.cancel_goal(key, now))
 
     # From the channel
 
@@ -295,7 +294,7 @@ class _Attendant:
             self._reject(goal_id, verdict.failure or GoalFailure.REJECTED, verdict.text)
             return
         self._accepted.add(goal_id)
-        if not _apply(self._runner, lambda engine, now: engine.actions.accept(key, now)):
+        if not self._runner.try_apply(lambda engine, now: engine.actions.accept(key, now)):
             # Its client has meanwhile given it up: it must not run.
             self._goal_requests[goal_id].cancel()
 
@@ -303,8 +302,7 @@ class _Attendant:
         """The program will end a goal, or will not."""
         key = self._keys.get(goal_id)
         if key is not None:
-            _apply(
-                self._runner,
+            self._runner.try_apply(
                 lambda engine, now: engine.actions.answer_cancel(
                     key, now, accepted=verdict.accepted, text=verdict.text
                 ),
@@ -330,8 +328,7 @@ class _Attendant:
         if key is None:
             return
         try:
-            _apply(
-                self._runner,
+            self._runner.try_apply(
                 lambda engine, now: engine.actions.publish_feedback(key, value, now),
             )
         except ZacousticError as error:
@@ -340,8 +337,7 @@ class _Attendant:
     def _reject(self, goal_id: bytes, failure: GoalFailure, text: str) -> None:
         key = self._forget(goal_id)
         if key is not None:
-            _apply(
-                self._runner,
+            self._runner.try_apply(
                 lambda engine, now: engine.actions.reject(key, now, text=text, failure=failure),
             )
 
@@ -350,8 +346,7 @@ class _Attendant:
         if key is None:
             return
         try:
-            _apply(
-                self._runner,
+            self._runner.try_apply(
                 lambda engine, now: engine.actions.finish(key, status, result, now),
             )
         except ZacousticError as error:  # the engine has aborted the goal
@@ -366,10 +361,3 @@ class _Attendant:
         if key is not None:
             self._ids.pop(key, None)
         return key
-
-
-def _apply(runner: LinkRunner, command: Callable[[Engine, int], bool]) -> bool:
-    """Send a command to the engine, if it still runs."""
-    with contextlib.suppress(LinkClosedError):
-        return runner.apply(command)
-    return False

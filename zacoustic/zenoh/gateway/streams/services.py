@@ -23,12 +23,12 @@ from zacoustic.core.engine.events import (
     CallFailure,
     CallKey,
     RequestReceived,
-    ResponseReceived,
 )
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, ZacousticError
-from zacoustic.zenoh.gateway.dialect.dialects import Dialects
+from zacoustic.run.pending import CallEnd, Pending
+from zacoustic.zenoh.gateway.dialect.dialects import Dialects, ServiceDialect
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.asking.question import Question
@@ -53,6 +53,7 @@ class Services:
         zenoh_session: The session of the servers.
         input_errors: Takes the errors of local answers.
         dialects: Their local forms.
+        ends: The calls of the gateway.
         clock: Source of instants.
         ring: Wakes the loop, which then calls `drain`.
     """
@@ -63,11 +64,13 @@ class Services:
         zenoh_session: ZenohSession,
         input_errors: InputErrors,
         dialects: Dialects,
+        ends: Pending[CallEnd],
         *,
         clock: Clock,
         ring: Callable[[], None],
     ) -> None:
         self._table = table
+        self._ends = ends
         self._zenoh_session = zenoh_session
         self._input_errors = input_errors
         self._clock = clock
@@ -78,8 +81,6 @@ class Services:
             if isinstance(stream.spec, ServiceSpec)
         }
         """The local form of each service, by stream id."""
-        # Calls of local programs: call id → the waiting query, and its encoding.
-        self._calls: dict[int, tuple[HeldQuery, str]] = {}
         # Calls to local servers: the caller, and whether a server was there.
         self._asked: dict[Question, tuple[CallKey, bool]] = {}
         self._watched: dict[int, Any] = {}
@@ -118,23 +119,7 @@ class Services:
             self._input_errors.add(stream.name, "request", str(error))
             held.refuse(failure, str(error))
             return
-        self._calls[call_id] = (held, encoding)
-
-    def answered(self, event: ResponseReceived | CallFailed) -> None:
-        """Answer or refuse a local call."""
-        held, encoding = self._calls.pop(event.call_id)
-        if isinstance(event, CallFailed):
-            held.refuse(event.failure, event.text)
-            return
-        dialect = self.dialects[event.stream_id]
-        try:
-            payload, encoding = dialect.write_response(event.value, encoding)
-        except PayloadInvalidError as error:
-            held.refuse(CallFailure.BAD_RESPONSE, str(error))
-            return
-        asked = held.query.attachment
-        mark = dialect.answer_mark(asked.to_bytes() if asked is not None else None)
-        held.answer([Answer(key=dialect.key, payload=payload, encoding=encoding, attachment=mark)])
+        self._ends.add(call_id, partial(_answer, dialect, held, encoding))
 
     def serve(self, event: RequestReceived) -> None:
         """Ask the local server for the answer to a received call."""
@@ -199,3 +184,18 @@ class Services:
             engine.reply(call, value, now)
         except ZacousticError as error:  # the engine has informed the caller
             self._input_errors.add(stream.name, "response", str(error))
+
+
+def _answer(dialect: ServiceDialect, held: HeldQuery, encoding: str, end: CallEnd) -> None:
+    """Answer or refuse a local call."""
+    if isinstance(end, CallFailed):
+        held.refuse(end.failure, end.text)
+        return
+    try:
+        payload, encoding = dialect.write_response(end.value, encoding)
+    except PayloadInvalidError as error:
+        held.refuse(CallFailure.BAD_RESPONSE, str(error))
+        return
+    asked = held.query.attachment
+    mark = dialect.answer_mark(asked.to_bytes() if asked is not None else None)
+    held.answer([Answer(key=dialect.key, payload=payload, encoding=encoding, attachment=mark)])

@@ -2,14 +2,15 @@
 
 import asyncio
 import threading
-from collections.abc import Callable, Coroutine
-from typing import Any, Final, TypeVar
+from collections.abc import Awaitable, Callable
+from typing import Final, Generic, TypeVar
 
 from zacoustic.errors import LocalError
+from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.session.exitguard import ExitGuard
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
+Endpoint = TypeVar("Endpoint")
 
 PARK_LIMIT_S: Final = 2.0
 """How long the end of a process waits for a running callback, s."""
@@ -38,19 +39,21 @@ class LoopThread:
         """Whether the caller is on the loop, in a callback or a handler."""
         return threading.current_thread() is self._thread
 
-    def wait(self, coroutine: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine on the loop and wait for it; an interrupt cancels it.
+    def wait(self, begin: Callable[[], Awaitable[T]], *, timeout_s: float | None = None) -> T:
+        """Begin something on the loop and wait for it; an interrupt cancels it.
 
         Raises:
             LocalError: On the loop itself, which cannot wait for itself, or after `stop`.
-            Exception: Whatever the coroutine raises.
+            TimeoutError: It takes longer than `timeout_s`, s, and is cancelled.
+            Exception: Whatever it raises.
         """
-        try:
-            self._check()
-        except LocalError:
-            coroutine.close()
-            raise
-        future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        self._check()
+
+        async def pursue() -> T:
+            async with asyncio.timeout(timeout_s):
+                return await begin()
+
+        future = asyncio.run_coroutine_threadsafe(pursue(), self._loop)
         try:
             return future.result()
         except BaseException:
@@ -64,13 +67,15 @@ class LoopThread:
             LocalError: After `stop`.
             Exception: Whatever the function raises.
         """
-        if self.is_current:
-            return function()
+        return function() if self.is_current else self.make(function)
+
+    def make(self, function: Callable[[], T]) -> T:
+        """Call a function on the loop and wait for it; as `wait`, not on the loop itself."""
 
         async def call() -> T:
             return function()
 
-        return self.wait(call())
+        return self.wait(call)
 
     def stop(self) -> None:
         """End the loop and the thread. May be called again.
@@ -112,3 +117,16 @@ class LoopThread:
             self._loop.run_until_complete(self._loop.shutdown_asyncgens())
             self._loop.run_until_complete(self._loop.shutdown_default_executor())
             self._loop.close()
+
+
+class OnLoop(Generic[Endpoint]):
+    """An asyncio endpoint, for other threads.
+
+    Args:
+        endpoint: The endpoint.
+        thread: Runs its loop.
+    """
+
+    def __init__(self, endpoint: Endpoint, thread: LoopThread) -> None:
+        self._endpoint = endpoint
+        self._thread = thread

@@ -2,62 +2,56 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from zacoustic.zenoh.node.api import action
 from zacoustic.zenoh.node.api.action import FeedbackCallback, GoalResult
-from zacoustic.zenoh.node.api.loopthread import LoopThread
+from zacoustic.zenoh.node.api.loopthread import LoopThread, OnLoop
 
 Goal = TypeVar("Goal")
 Feedback = TypeVar("Feedback")
 Result = TypeVar("Result")
 
 
-class GoalHandle(Generic[Goal, Feedback, Result]):
+class GoalHandle(OnLoop[action.GoalHandle[Goal, Feedback, Result]]):
     """A goal that was sent; see `zacoustic.GoalHandle`."""
 
-    def __init__(
-        self, handle: action.GoalHandle[Goal, Feedback, Result], thread: LoopThread
-    ) -> None:
-        self.name = handle.name
+    @property
+    def name(self) -> str:
         """The action."""
-        self._handle = handle
-        self._thread = thread
+        return self._endpoint.name
 
     @property
     def accepted(self) -> bool:
         """Whether the server has accepted the goal."""
-        return self._handle.accepted
+        return self._endpoint.accepted
 
     @property
     def text(self) -> str:
         """Why the server rejected the goal, one line; empty: it did not."""
-        return self._handle.text
+        return self._endpoint.text
 
     @property
     def tag(self) -> bytes:
         """The bytes that `ActionClient.send_goal` got with the goal."""
-        return self._handle.tag
+        return self._endpoint.tag
 
     def cancel(self) -> bool:
         """Ask the server to cancel the goal, and wait for the answer."""
-        return self._thread.wait(self._handle.cancel())
+        return self._thread.wait(self._endpoint.cancel)
 
     def result(self, *, timeout_s: float | None = None) -> GoalResult[Result]:
         """Wait for the end of the goal; raises the errors of `zacoustic.GoalHandle.result`."""
-        return self._thread.wait(self._handle.result(timeout_s=timeout_s))
+        return self._thread.wait(lambda: self._endpoint.result(timeout_s=timeout_s))
 
 
-class ActionClient(Generic[Goal, Feedback, Result]):
+class ActionClient(OnLoop[action.ActionClient[Goal, Feedback, Result]]):
     """Sends goals of one action; see `zacoustic.ActionClient`."""
 
-    def __init__(
-        self, client: action.ActionClient[Goal, Feedback, Result], thread: LoopThread
-    ) -> None:
-        self.name = client.name
+    @property
+    def name(self) -> str:
         """The action."""
-        self._client = client
-        self._thread = thread
+        return self._endpoint.name
 
     def send_goal(
         self,
@@ -69,7 +63,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     ) -> GoalHandle[Goal, Feedback, Result]:
         """Send a goal and wait for the answer; the callback runs in the loop's thread."""
         sent = self._thread.wait(
-            self._client.send_goal(
+            lambda: self._endpoint.send_goal(
                 goal, feedback_callback=feedback_callback, timeout_s=timeout_s, tag=tag
             )
         )
@@ -80,88 +74,83 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     ) -> list[GoalHandle[Goal, Feedback, Result]]:
         """Return the goals that this node sent before it restarted, each once."""
         found = self._thread.apply(
-            lambda: self._client.recovered(feedback_callback=feedback_callback)
+            lambda: self._endpoint.recovered(feedback_callback=feedback_callback)
         )
         return [GoalHandle(handle, self._thread) for handle in found]
 
     def close(self) -> None:
         """Close the client; its goals go on."""
-        self._thread.apply(self._client.close)
+        self._thread.apply(self._endpoint.close)
 
 
-class ServerGoalHandle(Generic[Goal, Feedback, Result]):
+class ServerGoalHandle(OnLoop[action.ServerGoalHandle[Goal, Feedback, Result]]):
     """A goal that runs here, for the thread that executes it; see `zacoustic.ServerGoalHandle`."""
 
-    def __init__(
-        self, handle: action.ServerGoalHandle[Goal, Feedback, Result], thread: LoopThread
-    ) -> None:
-        self.name = handle.name
+    @property
+    def name(self) -> str:
         """The action."""
-        self.request = handle.request
+        return self._endpoint.name
+
+    @property
+    def request(self) -> Goal:
         """The goal."""
-        self.client = handle.client
+        return self._endpoint.request
+
+    @property
+    def client(self) -> int | None:
         """Acoustic address of the client; None: on this Zenoh network."""
-        self._handle = handle
-        self._thread = thread
+        return self._endpoint.client
 
     @property
     def is_active(self) -> bool:
         """Whether the goal still runs."""
-        return self._handle.is_active
+        return self._endpoint.is_active
 
     @property
     def is_cancel_requested(self) -> bool:
         """Whether the client has asked to cancel the goal, and the server agreed."""
-        return self._handle.is_cancel_requested
+        return self._endpoint.is_cancel_requested
 
     def wait_cancel(self, *, timeout_s: float) -> bool:
         """Wait for an accepted request to cancel, in place of a sleep; return whether it came."""
-
-        async def wait() -> bool:
-            try:
-                async with asyncio.timeout(timeout_s):
-                    await self._handle.cancel_requested()
-            except TimeoutError:
-                return False
-            return True
-
-        return self._thread.wait(wait())
+        try:
+            self._thread.wait(self._endpoint.cancel_requested, timeout_s=timeout_s)
+        except TimeoutError:
+            return False
+        return True
 
     def publish_feedback(self, feedback: Feedback) -> bool:
         """Send feedback, of which only the newest waits. False: the goal has ended."""
-        return self._thread.apply(lambda: self._handle.publish_feedback(feedback))
+        return self._thread.apply(lambda: self._endpoint.publish_feedback(feedback))
 
     def succeed(self, result: Result | None = None) -> None:
         """Set SUCCEEDED."""
-        self._thread.apply(lambda: self._handle.succeed(result))
+        self._thread.apply(lambda: self._endpoint.succeed(result))
 
     def abort(self, result: Result | None = None) -> None:
         """Set ABORTED: the server gave the goal up."""
-        self._thread.apply(lambda: self._handle.abort(result))
+        self._thread.apply(lambda: self._endpoint.abort(result))
 
     def canceled(self, result: Result | None = None) -> None:
         """Set CANCELED: the server gave the goal up at the client's request."""
-        self._thread.apply(lambda: self._handle.canceled(result))
+        self._thread.apply(lambda: self._endpoint.canceled(result))
 
 
 Execute = Callable[[ServerGoalHandle[Goal, Feedback, Result]], Result | None]
 """Executes a goal, in a separate thread; may block as long as it likes."""
 
 
-class ActionServer(Generic[Goal, Feedback, Result]):
+class ActionServer(OnLoop[action.ActionServer[Goal, Feedback, Result]]):
     """Serves one action; see `zacoustic.ActionServer`."""
 
-    def __init__(
-        self, served: action.ActionServer[Goal, Feedback, Result], thread: LoopThread
-    ) -> None:
-        self.name = served.name
+    @property
+    def name(self) -> str:
         """The action."""
-        self._served = served
-        self._thread = thread
+        return self._endpoint.name
 
     def close(self) -> None:
         """Stop serving and abort the goals that run; their threads go on."""
-        self._thread.apply(self._served.close)
+        self._thread.apply(self._endpoint.close)
 
 
 def in_thread(

@@ -1,12 +1,12 @@
-"""Awaited answers: to calls, to commands, and ranges."""
+"""Awaited answers: to calls and commands, and ranges."""
 
 import asyncio
-import contextlib
 from collections.abc import Callable
+from functools import partial
 from typing import Generic, TypeVar
 
 from zacoustic.core.engine.engine import Engine
-from zacoustic.errors import LinkClosedError
+from zacoustic.run.pending import Pending
 from zacoustic.run.runner import LinkRunner
 
 T = TypeVar("T")
@@ -21,7 +21,9 @@ class Answers(Generic[T]):
 
     def __init__(self, runner: LinkRunner) -> None:
         self._runner = runner
-        self._awaited: dict[int, asyncio.Future[T]] = {}
+        self._pending: Pending[T | Exception] = Pending()
+        self.take = self._pending.take
+        self.end_all = self._pending.take_all
 
     async def ask(
         self, begin: Callable[[Engine, int], int], cancel: Callable[[Engine, int, int], object]
@@ -36,34 +38,33 @@ class Answers(Generic[T]):
 
         def ask(engine: Engine, now: int) -> int:
             number = begin(engine, now)
-            self._awaited[number] = answer  # before the events of the engine are polled
+            self._pending.add(number, partial(_settle, answer))
             return number
 
         number = self._runner.apply(ask)
         try:
             return await answer
         finally:
-            if self._awaited.pop(number, None) is not None:
-                with contextlib.suppress(LinkClosedError):
-                    self._runner.apply(lambda engine, now: cancel(engine, number, now))
+            if self._pending.drop(number):
+                self._runner.try_apply(lambda engine, now: cancel(engine, number, now))
 
-    def take(self, number: int | None, outcome: T | Exception) -> bool:
-        """Pass an answer, or an error instead, to its caller; False: nobody waits for it."""
-        answer = None if number is None else self._awaited.pop(number, None)
-        if answer is None:
-            return False
-        _settle(answer, outcome)
-        return True
 
-    def awaits(self, number: int) -> bool:
-        """Return whether a caller waits for this id."""
-        return number in self._awaited
+async def execute_here(
+    runner: LinkRunner,
+    execute: Callable[[Engine, int, Callable[[T], None]], object],
+    timeout_s: float,
+) -> T:
+    """Let this node's own engine execute a command, and wait for its answer.
 
-    def end_all(self, error: Exception) -> None:
-        """Inform the waiting callers that no answer will come."""
-        awaited, self._awaited = self._awaited, {}
-        for answer in awaited.values():
-            _settle(answer, error)
+    Args:
+        runner: Drives the engine.
+        execute: Executes it, and gives its third argument the answer.
+        timeout_s: Time limit, s.
+    """
+    answer: asyncio.Future[T] = asyncio.get_running_loop().create_future()
+    runner.apply(lambda engine, now: execute(engine, now, partial(_settle, answer)))
+    async with asyncio.timeout(timeout_s):
+        return await answer
 
 
 def _settle(answer: asyncio.Future[T], outcome: T | Exception) -> None:

@@ -1,16 +1,18 @@
 """Calls over a link: those that a local program makes, and those that it serves."""
 
-import contextlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived, ResponseReceived
+from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.errors import LinkClosedError, LocalError
+from zacoustic.errors import LocalError
+from zacoustic.run.pending import CallEnd
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import IncomingCall, call_error
 from zacoustic.zenoh.node.onlink.answers import Answers
-from zacoustic.zenoh.node.routes import ServiceRoute
+from zacoustic.zenoh.node.routes import ActionRoute, ServiceRoute
+
+T = TypeVar("T")
 
 
 class LinkCalls:
@@ -19,24 +21,27 @@ class LinkCalls:
     Args:
         runner: Drives the engine that carries them.
         table: The streams.
+        answers: The calls of the node.
     """
 
-    def __init__(self, runner: LinkRunner, table: StreamTable) -> None:
+    def __init__(self, runner: LinkRunner, table: StreamTable, answers: Answers[CallEnd]) -> None:
         self._runner = runner
         self._table = table
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
-        self._answers: Answers[object] = Answers(runner)
-        self.end_all = self._answers.end_all
+        self._answers = answers
 
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
         """Call a service and wait for the answer; cancelling gives up."""
-        stream_id = route.known_stream.stream_id
-        return await self._answers.ask(
-            lambda engine, now: engine.call(stream_id, value, now, timeout_s=timeout_s),
+        stream = route.known_stream
+        end = await self._answers.ask(
+            lambda engine, now: engine.call(stream.stream_id, value, now, timeout_s=timeout_s),
             lambda engine, call_id, now: engine.cancel(call_id, now),
         )
+        if isinstance(end, CallFailed):
+            raise call_error(stream.name, end.failure, end.text)
+        return end.value
 
     def serve(
         self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
@@ -46,16 +51,7 @@ class LinkCalls:
         Raises:
             LocalError: This node already serves the service.
         """
-        stream_id = route.known_stream.stream_id
-        if stream_id in self._servers:
-            raise LocalError(f"{route.name} is served by this node already")
-        self._servers[stream_id] = handle
-
-        def stop() -> None:
-            if self._servers.get(stream_id) is handle:
-                del self._servers[stream_id]
-
-        return stop
+        return add_server(self._servers, route, handle)
 
     def requested(self, event: RequestReceived) -> None:
         """Pass a request to the program that serves it."""
@@ -66,14 +62,6 @@ class LinkCalls:
             call.fail(CallFailure.NO_SERVER, f"no program serves {name}")
         else:
             handle(call)
-
-    def answered(self, event: ResponseReceived | CallFailed) -> None:
-        """End a call of this node."""
-        if isinstance(event, ResponseReceived):
-            self._answers.take(event.call_id, event.value)
-        else:
-            name = self._table.by_id(event.stream_id).name
-            self._answers.take(event.call_id, call_error(name, event.failure, event.text))
 
 
 class LinkCall:
@@ -98,8 +86,30 @@ class LinkCall:
 
     def fail(self, failure: CallFailure, text: str) -> bool:
         """Answer with an error."""
-        with contextlib.suppress(LinkClosedError):
-            return self._runner.apply(
+        return bool(
+            self._runner.try_apply(
                 lambda engine, now: engine.reply_error(self._call, failure, text, now)
             )
-        return False
+        )
+
+
+def add_server(
+    servers: dict[int, T],
+    route: ServiceRoute[Any, Any] | ActionRoute[Any, Any, Any],
+    server: T,
+) -> Callable[[], None]:
+    """Add the server of a stream; return the function that removes it.
+
+    Raises:
+        LocalError: It has one.
+    """
+    stream_id = route.known_stream.stream_id
+    if stream_id in servers:
+        raise LocalError(f"{route.name} is served by this node already")
+    servers[stream_id] = server
+
+    def remove() -> None:
+        if servers.get(stream_id) is server:
+            del servers[stream_id]
+
+    return remove

@@ -1,13 +1,12 @@
 """Commands of a node on a link: to remote nodes, and to itself."""
 
-import asyncio
-
-from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
+from zacoustic.core.engine.events import CallFailure, ResponseReceived
 from zacoustic.core.streams.commands import CommandState, RemoteCommand
-from zacoustic.errors import ServiceError, ZacousticError
+from zacoustic.errors import ServiceError
+from zacoustic.run.pending import CallEnd
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import call_error
-from zacoustic.zenoh.node.onlink.answers import Answers
+from zacoustic.zenoh.node.onlink.answers import Answers, execute_here
 
 
 class LinkCommands:
@@ -15,12 +14,12 @@ class LinkCommands:
 
     Args:
         runner: Drives the engine that sends them.
+        answers: The calls of the node.
     """
 
-    def __init__(self, runner: LinkRunner) -> None:
+    def __init__(self, runner: LinkRunner, answers: Answers[CallEnd]) -> None:
         self._runner = runner
-        self._answers: Answers[CommandState] = Answers(runner)
-        self.end_all = self._answers.end_all
+        self._answers = answers
 
     async def give(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Send a command and wait for the answer; cancelling gives up.
@@ -31,31 +30,17 @@ class LinkCommands:
             CallTimeoutError: No answer came in time; the node may have executed the command.
         """
         if node == self._runner.engine.address:
-            return await self._execute_here(command, timeout_s)
-        return await self._answers.ask(
+            return await execute_here(
+                self._runner,
+                lambda engine, now, take: engine.commands.execute(command, now, take),
+                timeout_s,
+            )
+        end = await self._answers.ask(
             lambda engine, now: engine.commands.send(node, command, now, timeout_s=timeout_s),
             lambda engine, call_id, now: engine.cancel(call_id, now),
         )
-
-    async def _execute_here(self, command: RemoteCommand, timeout_s: float) -> CommandState:
-        answer: asyncio.Future[CommandState] = asyncio.get_running_loop().create_future()
-        self._runner.apply(
-            lambda engine, now: engine.commands.execute(
-                command, now, lambda state: None if answer.done() else answer.set_result(state)
-            )
-        )
-        async with asyncio.timeout(timeout_s):
-            return await answer
-
-    def deliver(self, event: ResponseReceived | CallFailed) -> bool:
-        """Take the answer to a command; False: it is another answer."""
-        if not self._answers.awaits(event.call_id):
-            return False
-        outcome: CommandState | ZacousticError
-        if isinstance(event, ResponseReceived):
-            outcome = CommandState.from_wire(event.value, event.age_s or 0.0)
-        elif event.failure is CallFailure.HANDLER:
-            outcome = ServiceError(f"the command is refused: {event.text}")
-        else:
-            outcome = call_error("the command", event.failure, event.text)
-        return self._answers.take(event.call_id, outcome)
+        if isinstance(end, ResponseReceived):
+            return CommandState.from_wire(end.value, end.age_s or 0.0)
+        if end.failure is CallFailure.HANDLER:
+            raise ServiceError(f"the command is refused: {end.text}")
+        raise call_error("the command", end.failure, end.text)

@@ -1,10 +1,8 @@
 """The goals of a node on a link."""
 
 import asyncio
-import contextlib
-import logging
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import GoalFailure, GoalKey, GoalStatus
@@ -20,15 +18,10 @@ from zacoustic.core.transport.actions.events import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.errors import LinkClosedError, LocalError
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, TakeFeedback, goal_error
+from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, SentGoal, TakeFeedback, goal_error
+from zacoustic.zenoh.node.onlink.calls import add_server
 from zacoustic.zenoh.node.routes import ActionRoute
-
-_REFUSALS: Final = (GoalFailure.REJECTED, GoalFailure.CANCELLED)
-"""Failures that an application sees in `accepted`; all others are errors."""
-
-_logger = logging.getLogger(__name__)
 
 
 class LinkGoals:
@@ -64,13 +57,11 @@ class LinkGoals:
 
         sent = self.runner.apply(begin)
         try:
-            await asyncio.shield(sent.answered)
+            await asyncio.shield(sent.known)
         except asyncio.CancelledError:
-            with contextlib.suppress(LinkClosedError):
-                self.runner.apply(lambda engine, now: engine.actions.cancel_goal(sent.key, now))
+            self.runner.try_apply(lambda engine, now: engine.actions.cancel_goal(sent.key, now))
             raise
-        if sent.ended.done() and (error := sent.ended.result().error) is not None:
-            raise error
+        sent.raise_error()
         return sent
 
     def recovered(
@@ -94,16 +85,7 @@ class LinkGoals:
         Raises:
             LocalError: This node already serves the action.
         """
-        stream_id = route.known_stream.stream_id
-        if stream_id in self._handlers:
-            raise LocalError(f"{route.name} is served by this node already")
-        self._handlers[stream_id] = handler
-
-        def stop() -> None:
-            if self._handlers.get(stream_id) is handler:
-                del self._handlers[stream_id]
-
-        return stop
+        return add_server(self._handlers, route, handler)
 
     def deliver(self, event: ActionEvent) -> None:
         """Take an event of the engine."""
@@ -142,7 +124,7 @@ class LinkGoals:
 
         It may end before the application has created its client.
         """
-        if sent.ended.done() and sent.feed is not None:
+        if sent.over.done() and sent.feed is not None:
             self._sent.pop(sent.key, None)
 
     def _take(self, event: GoalReceived) -> None:
@@ -155,57 +137,29 @@ class LinkGoals:
             handler.take(taken)
 
 
-class LinkSentGoal:
-    """A goal that this node has sent; see `SentGoal`."""
+class LinkSentGoal(SentGoal):
+    """A goal that this node has sent."""
 
     def __init__(
         self, goals: LinkGoals, name: str, key: GoalKey, feed: TakeFeedback | None, tag: bytes
     ) -> None:
-        loop = asyncio.get_running_loop()
-        self.accepted = False
-        self.text = ""
-        self.tag = tag
+        super().__init__(name, feed, tag)
         self.key = key
-        self.feed = feed
-        self.answered: asyncio.Future[None] = loop.create_future()
-        self.ended: asyncio.Future[GoalEnd] = loop.create_future()
-        self._name = name
         self._goals = goals
-        self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
-
-    async def cancel(self) -> tuple[bool, str]:
-        """Ask the server to cancel the goal."""
-        answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
-        self._cancels.append(answer)
-        goes_on = self._goals.runner.apply(
-            lambda engine, now: engine.actions.cancel_goal(self.key, now)
-        )
-        if not goes_on:
-            raise LocalError(f"{self._name}: the goal has ended")
-        return await answer
-
-    async def end(self) -> GoalEnd:
-        """Wait for the end of the goal."""
-        return await asyncio.shield(self.ended)
 
     def hear(self, event: ActionEvent) -> None:
         """Take an event of the goal."""
         match event:
             case GoalAnswered(accepted=True):
-                self.accepted = True
-                self._answer()
+                self.accept()
             case GoalAnswered():
                 assert event.failure is not None
-                error = None
-                if event.failure not in _REFUSALS:
-                    error = goal_error(self._name, event.failure, event.text)
-                self.text = event.text or event.failure.name.lower()
-                self.end_with(GoalEnd(text=self.text, error=error))
+                self.reject(event.failure, event.text)
             case FeedbackReceived():
                 if self.feed is not None:
                     self.feed(event.value)
             case CancelAnswered():
-                self._answer_cancels(event.accepted, event.text)
+                self.answer_cancels(event.accepted, event.text)
             case ResultReceived():
                 self.end_with(GoalEnd(status=event.status, value=event.value))
             case GoalFailed(failure=GoalFailure.UNKNOWN):
@@ -216,23 +170,10 @@ class LinkSentGoal:
             case _:
                 pass
 
-    def end_with(self, end: GoalEnd) -> None:
-        """End the goal."""
-        if not self.ended.done():
-            self.ended.set_result(end)
-        self._answer()
-        is_over = end.status is GoalStatus.CANCELED
-        self._answer_cancels(is_over, "" if is_over else "the goal has ended")
-
-    def _answer(self) -> None:
-        if not self.answered.done():
-            self.answered.set_result(None)
-
-    def _answer_cancels(self, accepted: bool, text: str) -> None:
-        waiting, self._cancels = self._cancels, []
-        for answer in waiting:
-            if not answer.done():
-                answer.set_result((accepted, text))
+    def _ask_cancel(self) -> bool:
+        return self._goals.runner.apply(
+            lambda engine, now: engine.actions.cancel_goal(self.key, now)
+        )
 
 
 class LinkTakenGoal:
@@ -275,7 +216,4 @@ class LinkTakenGoal:
         )
 
     def _apply(self, command: Callable[[Engine, int], bool]) -> bool:
-        try:
-            return self._goals.runner.apply(command)
-        except LinkClosedError:
-            return False
+        return bool(self._goals.runner.try_apply(command))

@@ -26,8 +26,11 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LinkClosedError
+from zacoustic.run.dispatching import Dispatcher
 from zacoustic.run.node import PreparedNode
+from zacoustic.run.pending import CallEnd
 from zacoustic.zenoh.node.carrier import NodeEvent, Outlet
+from zacoustic.zenoh.node.onlink.answers import Answers
 from zacoustic.zenoh.node.onlink.calls import LinkCalls
 from zacoustic.zenoh.node.onlink.commands import LinkCommands
 from zacoustic.zenoh.node.onlink.goals import LinkGoals
@@ -72,16 +75,15 @@ class LinkCarrier:
         self._watch: asyncio.Task[None] | None = None
         self._listeners = Listeners(self._runner, table)
         self._publishing = LinkPublishing(self._runner)
-        self._calls = LinkCalls(self._runner, table)
+        self._answers: Answers[CallEnd] = Answers(self._runner)
+        self._calls = LinkCalls(self._runner, table, self._answers)
         self._ranges = LinkRanges(self._runner)
-        self._commands = LinkCommands(self._runner)
-        self._routing = LinkRouting(self._runner)
         self.goals = LinkGoals(self._runner, table)
         self.subscribe = self._listeners.add
         self.call, self.serve = self._calls.call, self._calls.serve
-        self.range, self.command = self._ranges.measure, self._commands.give
-        self.routing = self._routing.give
-        self._takers = self._event_takers()
+        self.range = self._ranges.measure
+        self.command = LinkCommands(self._runner, self._answers).give
+        self.routing = LinkRouting(self._runner, self._answers).give
 
     @property
     def stats(self) -> EngineStats:
@@ -116,7 +118,7 @@ class LinkCarrier:
             RangeUnavailableError: The configuration measures ranges, and the link cannot.
         """
         try:
-            await self._runner.start(self._deliver, self._settled.set)
+            await self._runner.start(self._dispatcher().deliver, self._settled.set)
             self._node.start_ranging(self._runner)
         except BaseException:
             await self._runner.close()
@@ -163,32 +165,29 @@ class LinkCarrier:
 
     # Events of the engine
 
-    def _deliver(self, event: Event) -> None:
-        take = self._takers.get(type(event))
-        if take is not None:
-            take(event)
+    def _dispatcher(self) -> Dispatcher:
+        """Return the takers of each type of event; programs do not need the others."""
+        return Dispatcher(
+            {
+                **dict.fromkeys(get_args(Event), ()),
+                **dict.fromkeys(get_args(NodeEvent), (self._report,)),
+                **dict.fromkeys(get_args(ActionEvent), (self.goals.deliver,)),
+                SampleReceived: (self._listeners.deliver,),
+                RequestReceived: (self._calls.requested,),
+                ResponseReceived: (self._answer,),
+                CallFailed: (self._answer,),
+                StreamsDiffer: (self._see_difference,),
+                DeliveryStored: (self._publishing.deliveries.stored,),
+                DeliveryEnded: (self._end_delivery,),
+                CustodyChanged: (self._see_custody,),
+                ObjectProgress: (self._progress,),
+                RangeMeasured: (self._ranges.measured,),
+                RangeFailed: (self._ranges.failed,),
+            }
+        )
 
-    def _event_takers(self) -> dict[type[Any], Callable[[Any], object]]:
-        """Return the handler of each type of event; programs do not need the others."""
-        return {
-            **dict.fromkeys(get_args(NodeEvent), self._report),
-            **dict.fromkeys(get_args(ActionEvent), self.goals.deliver),
-            SampleReceived: self._listeners.deliver,
-            RequestReceived: self._calls.requested,
-            ResponseReceived: self._answer,
-            CallFailed: self._answer,
-            StreamsDiffer: self._see_difference,
-            DeliveryStored: self._publishing.deliveries.stored,
-            DeliveryEnded: self._end_delivery,
-            CustodyChanged: self._see_custody,
-            ObjectProgress: self._progress,
-            RangeMeasured: self._ranges.measured,
-            RangeFailed: self._ranges.failed,
-        }
-
-    def _answer(self, event: ResponseReceived | CallFailed) -> None:
-        if not (self._commands.deliver(event) or self._routing.deliver(event)):
-            self._calls.answered(event)
+    def _answer(self, event: CallEnd) -> None:
+        self._answers.take(event.call_id, event)
 
     def _see_difference(self, event: StreamsDiffer) -> None:
         stream = self._table.get(event.stream_id)
@@ -252,6 +251,6 @@ class LinkCarrier:
             self._fail(error)
 
     def _end_all(self, error: Exception) -> None:
-        for each in (self._calls, self._ranges, self.goals, self._commands, self._routing):
+        for each in (self._answers, self._ranges, self.goals):
             each.end_all(error)
         self._publishing.deliveries.fail(error)

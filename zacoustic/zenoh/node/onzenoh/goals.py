@@ -12,10 +12,11 @@ from typing import Any, Final
 import zenoh
 
 from zacoustic.core.engine.events import CallFailure, GoalFailure, GoalStatus
-from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError
+from zacoustic.errors import LinkClosedError, PayloadInvalidError
+from zacoustic.run.inbox import WakeUp
 from zacoustic.zenoh.node.carrier import call_error
 from zacoustic.zenoh.node.form import Form
-from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, SentGoal, TakeFeedback, goal_error
+from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, SentGoal, TakeFeedback
 from zacoustic.zenoh.node.onzenoh.session import zenoh_errors
 from zacoustic.zenoh.node.routes import ActionRoute
 from zacoustic.zenoh.session.asking.goalrequest import FeedbackEar, LocalGoalRequest
@@ -30,7 +31,6 @@ from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import WakeUp
 
 QUERIES_LIMIT: Final = 256
 """Most queries about the goals of one action that are held at once."""
@@ -87,8 +87,7 @@ class ZenohGoals:
             text = f"no answer within {limit_s:g} s"
             raise call_error(route.name, CallFailure.TIMED_OUT, text) from None
         sent.over.add_done_callback(lambda _: self._sent.pop(goal_id, None))
-        if sent.over.done() and (failure := sent.over.result().error) is not None:
-            raise failure
+        sent.raise_error()
         return sent
 
     def recovered(self, route: Route, feed: TakeFeedback) -> Sequence[SentGoal]:
@@ -138,12 +137,12 @@ class ZenohGoals:
 
     def _take_feedback(self, goal_id: bytes, value: object) -> None:
         sent = self._sent.get(goal_id)
-        if sent is not None and not sent.over.done():
+        if sent is not None and sent.feed is not None and not sent.over.done():
             sent.feed(value)
 
 
-class ZenohSentGoal:
-    """A goal that this node has sent; see `SentGoal`."""
+class ZenohSentGoal(SentGoal):
+    """A goal that this node has sent."""
 
     def __init__(
         self,
@@ -154,17 +153,7 @@ class ZenohSentGoal:
         feed: TakeFeedback,
         tag: bytes,
     ) -> None:
-        loop = asyncio.get_running_loop()
-        self.accepted = False
-        self.text = ""
-        self.tag = tag
-        self.feed = feed
-        self.known: asyncio.Future[None] = loop.create_future()
-        """Done when the goal is answered."""
-        self.over: asyncio.Future[GoalEnd] = loop.create_future()
-        """Done when the goal has ended."""
-        self._name = route.name
-        self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
+        super().__init__(route.name, feed, tag)
         self.goal_request = LocalGoalRequest(
             zenoh_session,
             messages,
@@ -174,46 +163,18 @@ class ZenohSentGoal:
             patience_s=min(route.result_timeout_s, _PATIENCE_S),
         )
 
-    async def cancel(self) -> tuple[bool, str]:
-        """Ask the server to cancel the goal."""
-        if self.over.done():
-            raise LocalError(f"{self._name}: the goal has ended")
-        answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
-        self._cancels.append(answer)
-        self.goal_request.cancel()
-        return await answer
-
-    async def end(self) -> GoalEnd:
-        """Wait for the end of the goal."""
-        return await asyncio.shield(self.over)
-
-    def end_with(self, end: GoalEnd) -> None:
-        """End the goal."""
-        if not self.over.done():
-            self.over.set_result(end)
-        if not self.known.done():
-            self.known.set_result(None)
-        is_canceled = end.status is GoalStatus.CANCELED
-        self._answer_cancels(is_canceled, "" if is_canceled else "the goal has ended")
-
     # For the goal request
 
     def answered(self, goal_id: bytes, verdict: Verdict) -> None:
         """Take the answer to the goal."""
-        self.accepted = verdict.accepted
         if verdict.accepted:
-            if not self.known.done():
-                self.known.set_result(None)
-            return
-        failure = verdict.failure or GoalFailure.REJECTED
-        self.text = verdict.text or failure.name.lower()
-        is_error = failure not in (GoalFailure.REJECTED, GoalFailure.CANCELLED)
-        error = goal_error(self._name, failure, verdict.text) if is_error else None
-        self.end_with(GoalEnd(text=self.text, error=error))
+            self.accept()
+        else:
+            self.reject(verdict.failure or GoalFailure.REJECTED, verdict.text)
 
     def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:
         """Take the answer to the request to cancel."""
-        self._answer_cancels(verdict.accepted, verdict.text)
+        self.answer_cancels(verdict.accepted, verdict.text)
 
     def ended(self, goal_id: bytes, ending: Ending) -> None:
         """Take the end of the goal."""
@@ -228,11 +189,11 @@ class ZenohSentGoal:
 
     # Below the methods above
 
-    def _answer_cancels(self, accepted: bool, text: str) -> None:
-        waiting, self._cancels = self._cancels, []
-        for answer in waiting:
-            if not answer.done():
-                answer.set_result((accepted, text))
+    def _ask_cancel(self) -> bool:
+        if self.over.done():
+            return False
+        self.goal_request.cancel()
+        return True
 
 
 class _Server:
@@ -242,10 +203,11 @@ class _Server:
         self._route = route
         self._handler = handler
         self._goals: dict[bytes, _TakenGoal] = {}
-        bell = WakeUp(asyncio.get_running_loop(), self._drain)
+        bell = WakeUp(asyncio.get_running_loop())
         self._queries = QueryHandler(
             zenoh_session.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
         )
+        bell.open(self._queries.serve)
 
         messages = messages_of(route)
 
@@ -294,10 +256,6 @@ class _Server:
             self.goal_server.answer_cancel(goal_id, refused)
         else:
             self._handler.cancel(goal)
-
-    def _drain(self) -> None:
-        for held, take in self._queries.take():
-            take(held)
 
 
 class _TakenGoal:

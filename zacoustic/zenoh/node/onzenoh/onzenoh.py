@@ -34,23 +34,22 @@ from zacoustic.errors import (
     ServiceError,
     SessionError,
 )
+from zacoustic.run.inbox import crossing, tell_loop
 from zacoustic.text import safetext
 from zacoustic.zenoh.node.carrier import Incoming, IncomingCall, NodeEvent, Outlet, call_error
 from zacoustic.zenoh.node.delivery import Delivery
-from zacoustic.zenoh.node.onzenoh.crossing import Crossing
 from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
 from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
 from zacoustic.zenoh.node.onzenoh.session import session_config, zenoh_errors
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
-from zacoustic.zenoh.session.asking.commandquery import CommandQuery
-from zacoustic.zenoh.session.asking.commands import read_state
+from zacoustic.zenoh.session.asking.allreplies import ask_all
+from zacoustic.zenoh.session.asking.commands import read_state, selector
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.asking.routing import RoutingReport
 from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, ZenohSession, zenoh_priority
 from zacoustic.zenoh.session.values import said_encoding
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own time limit is above ours, because our error says more.
 _BEHIND_S: Final = 1.0
@@ -151,13 +150,13 @@ class ZenohCarrier:
 
     async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Ask the local gateways, which execute or forward it."""
-        question = CommandQuery(node, command, timeout_s)
-        with zenoh_errors(question.key):
-            await question.ask(self.zenoh_session)
-        if question.payloads:
-            return read_state(question.payloads[0], command)
+        key, parameters = selector(node, command, timeout_s)
+        with zenoh_errors(key):
+            found = await ask_all(self.zenoh_session, key, parameters, timeout_s=timeout_s)
+        if found.answers:
+            return read_state(found.answers[0][1], command)
         nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
-        failure, text = (*question.failures, nobody)[0]
+        failure, text = (*found.failures, nobody)[0]
         if failure is CallFailure.HANDLER:
             raise ServiceError(f"the command is refused: {text}")
         raise call_error("the command", failure, text)
@@ -194,20 +193,16 @@ class ZenohCarrier:
         self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
     ) -> Callable[[], None]:
         """Declare a Zenoh subscriber; for a latched topic, one that also gets earlier samples."""
-        crossing: Crossing[zenoh.Sample] = Crossing(
-            lambda sample: self._receive(sample, route, deliver)
-        )
+        put = crossing(partial(self._receive, route, deliver))
 
         zenoh_session, qos = self.zenoh_session, route.qos
         with zenoh_errors(route.name):
             if qos.durability is Durability.TRANSIENT_LOCAL:
-                latched = latched_subscriber(
-                    zenoh_session, route.expression, crossing.put, qos.depth
-                )
+                latched = latched_subscriber(zenoh_session, route.expression, put, qos.depth)
                 return self._keep(latched.undeclare)
             subscriber = zenoh_session.session.declare_subscriber(
                 zenoh.KeyExpr(route.expression),
-                zenoh_session.callback(crossing.put),
+                zenoh_session.callback(put),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
         return self._keep(subscriber.undeclare)
@@ -280,7 +275,7 @@ class ZenohCarrier:
         return end_once
 
     def _receive(
-        self, sample: zenoh.Sample, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
+        self, route: TopicRoute[Any], deliver: Callable[[Incoming], None], sample: zenoh.Sample
     ) -> None:
         key, stream = str(sample.key_expr), route.stream
         if route.key is None and stream is not None and not self._is_key(stream, key):

@@ -10,12 +10,12 @@ import zenoh
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import PayloadInvalidError
+from zacoustic.run.inbox import WakeUp
 from zacoustic.zenoh.node.carrier import CLOSED_TEXT, IncomingCall
 from zacoustic.zenoh.node.routes import ServiceRoute
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery, QueryHandler
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.values import said_encoding
-from zacoustic.zenoh.session.wake_up import WakeUp
 from zacoustic.zenoh.session.worker import Worker
 
 CALLS_LIMIT: Final = 64
@@ -39,8 +39,9 @@ class ServiceHandler:
     ) -> None:
         self._route = route
         self._handle = handle
-        bell = WakeUp(asyncio.get_running_loop(), self._drain)
+        bell = WakeUp(asyncio.get_running_loop())
         self._handler = QueryHandler(worker, bell.ring, limit=CALLS_LIMIT, closed_text=CLOSED_TEXT)
+        bell.open(self._handler.serve)
 
     def bring(self, query: zenoh.Query) -> None:
         """Take a query; on Zenoh's thread."""
@@ -49,10 +50,6 @@ class ServiceHandler:
     def close(self) -> None:
         """Refuse held queries, and later ones."""
         self._handler.close()
-
-    def _drain(self) -> None:
-        for held, take in self._handler.take():
-            take(held)
 
     def _take(self, held: HeldQuery) -> None:
         call = ZenohCall(held, self._route)

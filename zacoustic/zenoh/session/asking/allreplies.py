@@ -1,20 +1,33 @@
-"""One question to all local gateways, and all their answers."""
+"""One question to all local gateways, and all their replies."""
 
 import asyncio
 from typing import Final
 
+import msgspec
 import zenoh
 
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.run.inbox import tell_loop
+from zacoustic.zenoh.session.asking.replies import read_error
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import tell_loop
 
-_BEHIND_S: Final = 1.0
+# Zenoh's own time limit is above the gateway's, because the gateway's error says more.
+_BEHIND_S: Final = 2.0
+
+
+class Replies(msgspec.Struct):
+    """The replies to one question, in the order of their arrival."""
+
+    answers: list[tuple[str, bytes]] = []
+    """Keys and payloads of the good ones."""
+    failures: list[tuple[CallFailure, str]] = []
+    """The errors."""
 
 
 async def ask_all(
     zenoh_session: ZenohSession, key: str, parameters: str = "", *, timeout_s: float
-) -> dict[str, bytes]:
-    """Query a key expression; return the good answers by their keys.
+) -> Replies:
+    """Query a key expression, and wait for the last reply.
 
     Args:
         zenoh_session: A session on the local network.
@@ -26,12 +39,15 @@ async def ask_all(
         ZError: It cannot be sent.
     """
     loop = asyncio.get_running_loop()
-    found: dict[str, bytes] = {}
+    found = Replies()
     ended = asyncio.Event()
 
     def take(reply: zenoh.Reply) -> None:
         if reply.ok is not None:
-            found[str(reply.ok.key_expr)] = reply.ok.payload.to_bytes()
+            found.answers.append((str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
+        elif reply.err is not None:
+            payload, encoding = reply.err.payload.to_bytes(), str(reply.err.encoding)
+            found.failures.append(read_error(key, payload, encoding))
 
     def ask() -> None:
         zenoh_session.session.get(

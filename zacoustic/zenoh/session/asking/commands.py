@@ -120,6 +120,22 @@ def selector(
     return key, ";".join(words)
 
 
+def node_in(key: str, subject: str) -> int | None:
+    """Read the node from a key about a subject; None: the key browses, or is about another."""
+    chunks = key.split("/")
+    is_about = len(chunks) == 3 and chunks[0] == PREFIX and chunks[2] == subject
+    return whole_number(chunks[1]) if is_about else None
+
+
+def time_limit_s(parameters: Mapping[str, str], default_s: float, most_s: float) -> float:
+    """Read the time limit of a query, s.
+
+    Raises:
+        ValueError: Names it and the allowed values.
+    """
+    return _number(parameters, "within_s", most_s) or default_s
+
+
 def read_target(key: str) -> tuple[int | None, int | None] | None:
     """Read the target of a command from its key: node and stream.
 
@@ -156,7 +172,7 @@ def read_query(key: str, parameters: Mapping[str, str]) -> Asked | None:
         return None
     node, stream_id = target
     said = {name: text for name, text in parameters.items() if not name.startswith("_")}
-    within_s = _number(said, "within_s", COMMANDS_TIMEOUT_S) or DEFAULT_WITHIN_S
+    within_s = time_limit_s(said, DEFAULT_WITHIN_S, COMMANDS_TIMEOUT_S)
     said.pop("within_s", None)
     subject = _SILENCE if stream_id is None else _STREAM
     for name in said:

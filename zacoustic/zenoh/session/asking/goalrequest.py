@@ -10,10 +10,10 @@ import zenoh
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import PayloadInvalidError
+from zacoustic.run.inbox import crossing, tell_loop
 from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey, Ending, Verdict
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.session import ZenohSession
-from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
 
@@ -208,7 +208,7 @@ class FeedbackEar:
         self._form = form
         self._hear = hear
         self._hears_marked = hears_marked
-        self._loop = asyncio.get_running_loop()
+        self._put = crossing(self._take)
 
     def take(self, sample: zenoh.Sample) -> None:
         """Take a sample; on Zenoh's thread."""
@@ -216,12 +216,11 @@ class FeedbackEar:
         is_ours = attachment is not None and self._form.is_marked(attachment.to_bytes())
         if is_ours and not self._hears_marked:
             return
-        payload, encoding = sample.payload.to_bytes(), str(sample.encoding)
-        tell_loop(self._loop, partial(self._take, payload, encoding))
+        self._put((sample.payload.to_bytes(), str(sample.encoding)))
 
-    def _take(self, payload: bytes, encoding: str) -> None:
+    def _take(self, payload_and_encoding: tuple[bytes, str]) -> None:
         try:
-            asked = self._form.read_asked(ActionKey.FEEDBACK, payload, encoding)
+            asked = self._form.read_asked(ActionKey.FEEDBACK, *payload_and_encoding)
         except PayloadInvalidError:
             self.unreadable += 1
             return

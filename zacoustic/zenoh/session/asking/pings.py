@@ -5,15 +5,13 @@ answers without its application. With ``status=true`` the answer contains node 2
 journal, clock and medium access.
 """
 
-import math
 from collections.abc import Mapping
 from typing import Final
 
 import msgspec
 
 from zacoustic.core.streams.commands import COMMANDS_TIMEOUT_S
-from zacoustic.text.digits import real_number, whole_number
-from zacoustic.zenoh.session.asking.commands import ANY_NODE, PREFIX
+from zacoustic.zenoh.session.asking.commands import ANY_NODE, PREFIX, node_in, time_limit_s
 
 DEFAULT_PING_S: Final = 30.0
 """Default time limit of an answer, s."""
@@ -83,14 +81,6 @@ def ping_selector(node: int, within_s: float, *, status: bool = False) -> tuple[
     return f"{PREFIX}/{node}/ping", f"within_s={within_s:.10g}{';status=true' if status else ''}"
 
 
-def pinged_node(key: str) -> int | None:
-    """Read the target of a ping from its key; None: the key browses, it is no ping."""
-    chunks = key.split("/")
-    if len(chunks) != 3 or chunks[0] != PREFIX or chunks[2] != "ping":
-        return None
-    return whole_number(chunks[1])
-
-
 def read_ping(key: str, parameters: Mapping[str, str]) -> PingAsked | None:
     """Read a ping.
 
@@ -100,10 +90,10 @@ def read_ping(key: str, parameters: Mapping[str, str]) -> PingAsked | None:
     Raises:
         ValueError: Names a parameter, its value and the allowed values.
     """
-    node = pinged_node(key)
+    node = node_in(key, "ping")
     if node is None:
         return None
-    within_s, status = DEFAULT_PING_S, False
+    status = False
     for name, text in parameters.items():
         if name.startswith("_"):
             continue
@@ -111,12 +101,7 @@ def read_ping(key: str, parameters: Mapping[str, str]) -> PingAsked | None:
             if text not in _FLAGS:
                 raise ValueError(f"status is {text}; allowed: {', '.join(_FLAGS)}")
             status = _FLAGS[text]
-            continue
-        if name != "within_s":
+        elif name != "within_s":
             raise ValueError(f"{name} is no parameter of {key}; allowed: within_s, status")
-        number = real_number(text)
-        within_s = math.nan if number is None else number
-        if not 0 < within_s <= COMMANDS_TIMEOUT_S:
-            allowed = f"seconds above 0, at most {COMMANDS_TIMEOUT_S:g}"
-            raise ValueError(f"within_s is {text}; allowed: {allowed}")
+    within_s = time_limit_s(parameters, DEFAULT_PING_S, COMMANDS_TIMEOUT_S)
     return PingAsked(node=node, within_s=within_s, status=status)

@@ -71,7 +71,7 @@ class QueryHandler:
 
     Args:
         worker: Sends the replies.
-        ring: Wakes the loop, which then calls `take`.
+        ring: Wakes the loop, which then calls `serve`.
         limit: Most unanswered queries held at once.
         closed_text: Error text for callers whose queries `close` refuses.
     """
@@ -113,12 +113,13 @@ class QueryHandler:
         text = self._closed_text if is_closed else f"{self._limit} queries are held already"
         _send(query, lambda query: _refuse(query, CallFailure.NO_SERVER, text))
 
-    def take(self) -> list[tuple[HeldQuery, Serve]]:
-        """Return the queries that have arrived; on the loop."""
+    def serve(self) -> None:
+        """Serve the queries that have arrived; on the loop."""
         with self._guard:
-            taken = list(self._waiting)
+            taken = tuple(self._waiting)
             self._waiting.clear()
-        return taken
+        for held, serve in taken:
+            serve(held)
 
     def finish(self, held: HeldQuery, reply: Callable[[zenoh.Query], None]) -> bool:
         """Send the answer to a query, unless it has one; called by `HeldQuery`."""

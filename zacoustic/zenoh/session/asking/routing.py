@@ -4,7 +4,6 @@ A `get` on ``@acoustic/3/routing?do=heard;run=7;via=2;within_s=60`` makes the lo
 3, over node 2 (`zacoustic.core.transport.routing`). For its own node a gateway answers itself.
 """
 
-import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -12,8 +11,8 @@ import msgspec
 
 from zacoustic.core.streams.routing import ROUTING_TIMEOUT_S
 from zacoustic.core.wire.routing import RoutingKind, RoutingRequest
-from zacoustic.text.digits import real_number, whole_number
-from zacoustic.zenoh.session.asking.commands import ANY_NODE, PREFIX
+from zacoustic.text.digits import whole_number
+from zacoustic.zenoh.session.asking.commands import ANY_NODE, PREFIX, node_in, time_limit_s
 
 DEFAULT_ROUTING_S: Final = 60.0
 """Default time limit of an answer, s."""
@@ -84,14 +83,6 @@ def routing_selector(node: int, request: RoutingRequest, within_s: float) -> tup
     return f"{PREFIX}/{node}/routing", ";".join([*words, f"within_s={within_s:.10g}"])
 
 
-def routed_node(key: str) -> int | None:
-    """Read the executing node from a key; None: the key browses."""
-    chunks = key.split("/")
-    if len(chunks) != 3 or chunks[0] != PREFIX or chunks[2] != "routing":
-        return None
-    return whole_number(chunks[1])
-
-
 def read_routing(key: str, parameters: Mapping[str, str]) -> RoutingAsked | None:
     """Read a command.
 
@@ -101,7 +92,7 @@ def read_routing(key: str, parameters: Mapping[str, str]) -> RoutingAsked | None
     Raises:
         ValueError: Names a parameter, its value and the allowed values.
     """
-    node = routed_node(key)
+    node = node_in(key, "routing")
     if node is None:
         return None
     said = {name: text for name, text in parameters.items() if not name.startswith("_")}
@@ -109,11 +100,8 @@ def read_routing(key: str, parameters: Mapping[str, str]) -> RoutingAsked | None
     if word not in _WORDS:
         raise ValueError(f"do is {word or 'missing'}; allowed: {', '.join(_WORDS)}")
     kind = _WORDS[word]
-    written = said.pop("within_s", None)
-    within_s = DEFAULT_ROUTING_S if written is None else real_number(written) or math.nan
-    if not 0 < within_s <= ROUTING_TIMEOUT_S:
-        allowed = f"seconds above 0, at most {ROUTING_TIMEOUT_S:g}"
-        raise ValueError(f"within_s is {written}; allowed: {allowed}")
+    within_s = time_limit_s(said, DEFAULT_ROUTING_S, ROUTING_TIMEOUT_S)
+    said.pop("within_s", None)
     fields: dict[str, int | tuple[int, ...]] = {}
     for name, text in said.items():
         if name not in (*_USED[kind], "via"):

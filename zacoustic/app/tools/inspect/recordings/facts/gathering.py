@@ -19,13 +19,10 @@ from zacoustic.app.tools.inspect.recordings.facts.facts import (
     Handled,
     Published,
 )
-from zacoustic.app.tools.inspect.recordings.replaying.epochs import LifeReader, NewLife
 from zacoustic.core.base.linktypes import (
-    LinkCapabilities,
     LinkMetrics,
     Measurement,
     PeerMeasured,
-    ReceivedFrame,
 )
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.values.types import TypeTable
@@ -38,13 +35,12 @@ from zacoustic.run.recording.channels import (
     FrameRecord,
     LedgerRecord,
     LedgerRow,
-    LinkRecord,
     ReportRecord,
+    capabilities_in,
 )
-from zacoustic.run.recording.life import Table
+from zacoustic.run.recording.epochs import LifeReader, NewLife
 from zacoustic.run.recording.reading import ReadMessage, RecordingReader
-from zacoustic.run.recording.samples import SAMPLES_TOPIC, TABLE_TOPIC, SampleRecord
-from zacoustic.text.digits import whole_number
+from zacoustic.run.recording.samples import SAMPLES_TOPIC, TABLE_TOPIC, SampleRecord, decode_table
 
 
 def gather(paths: Iterable[str | Path]) -> Facts:
@@ -123,18 +119,17 @@ class _Gatherer:
         if not facts.began_ns or message.utc_ns < facts.began_ns:
             facts.began_ns = message.utc_ns
         facts.ended_ns = max(facts.ended_ns, message.utc_ns)
-        place, _, name = message.topic.rpartition("/")
-        node = whole_number(place.rpartition("/")[2])
+        node = message.node
         if (whose := _WHOSE.match(message.topic)) is not None:
             self._span(int(whose[1]), message.utc_ns)
         if message.topic == TABLE_TOPIC:
             self._take_table(message)
         elif message.topic == SAMPLES_TOPIC:
             self._take_sample(message)
-        elif name == "engine" and message.encoding == "msgpack":
+        elif message.name == "engine" and message.encoding == "msgpack":
             self._take_engine(message)
         elif node is not None and message.encoding == "json":
-            self._take_record(message, node, name, is_network=place.startswith("/@acoustic"))
+            self._take_record(message, node)
 
     def _span(self, node: int, utc_ns: int) -> None:
         first_ns, last_ns = self._facts.spans_ns.get(node, (utc_ns, utc_ns))
@@ -142,9 +137,9 @@ class _Gatherer:
 
     # Frames, reports, ledgers
 
-    def _take_record(self, message: ReadMessage, node: int, name: str, *, is_network: bool) -> None:
-        facts, data = self._facts, message.data
-        match name:
+    def _take_record(self, message: ReadMessage, node: int) -> None:
+        facts, data, is_network = self._facts, message.data, message.is_of_network
+        match message.name:
             case "frames":
                 frame = msgspec.json.decode(data, type=FrameRecord)
                 facts.frames += [(message.utc_ns, each) for each in self._named(frame)]
@@ -154,14 +149,10 @@ class _Gatherer:
             case "reports":
                 report = msgspec.json.decode(data, type=ReportRecord)
                 facts.reports.append((message.utc_ns, report))
-            case "links":
-                link = msgspec.json.decode(data, type=LinkRecord)
-                if link.capabilities is not None:
-                    facts.capabilities[node] = link.capabilities
-            case "link" if is_network:
-                found = msgspec.json.decode(data, type=_LinkDocument)
-                if found.capabilities is not None:
-                    facts.capabilities[node] = found.capabilities
+            case "links" | "link":
+                capabilities = capabilities_in(message)
+                if capabilities is not None:
+                    facts.capabilities[node] = capabilities
             case "range" if is_network and (ends := _PEER.fullmatch(message.topic)):
                 self._take_range(int(ends[1]), int(ends[2]), message)
             case "events" if not is_network:
@@ -223,10 +214,7 @@ class _Gatherer:
         envelope = self._envelopes.get(frame.node)
         if envelope is None:
             envelope = self._envelopes[frame.node] = Envelope(capabilities, frame.node)
-        received = ReceivedFrame(
-            frame_bytes=frame.frame, received_at=frame.at, destination=frame.destination
-        )
-        for opened in envelope.open(received):
+        for opened in envelope.open(frame.received()):
             if isinstance(opened, Opened):
                 yield msgspec.structs.replace(
                     frame, source=opened.source, destination=opened.destination
@@ -235,7 +223,7 @@ class _Gatherer:
     # A recorded network
 
     def _take_table(self, message: ReadMessage) -> None:
-        self._table = msgspec.msgpack.decode(message.data, type=_TableMessage).table.table()
+        self._table = decode_table(message.data)
         self._know(self._table)
 
     def _take_sample(self, message: ReadMessage) -> None:
@@ -389,14 +377,6 @@ class _Gatherer:
             age_s=said["age_s"],
         )
         self._facts.arrived.append(arrived)
-
-
-class _TableMessage(msgspec.Struct):
-    table: Table
-
-
-class _LinkDocument(msgspec.Struct):
-    capabilities: LinkCapabilities | None = None
 
 
 class _RangeDocument(msgspec.Struct):

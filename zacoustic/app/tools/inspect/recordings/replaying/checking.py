@@ -12,18 +12,18 @@ from pathlib import Path
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.replaying.epochs import (
+from zacoustic.core.base.linktypes import Transmission
+from zacoustic.core.engine.events import Event
+from zacoustic.core.wire.seal import Cipher
+from zacoustic.run.recording.calls import Recorded, read_outcome
+from zacoustic.run.recording.channels import LedgerRecord
+from zacoustic.run.recording.epochs import (
     Calls,
     LifeReader,
     NewLife,
     make_call,
     must_have_epochs,
 )
-from zacoustic.core.base.linktypes import Transmission
-from zacoustic.core.engine.events import Event
-from zacoustic.core.wire.seal import Cipher
-from zacoustic.run.recording.calls import Recorded, read_outcome
-from zacoustic.run.recording.channels import LedgerRecord
 from zacoustic.run.recording.life import Life
 from zacoustic.run.recording.reading import ReadMessage, RecordingReader
 from zacoustic.text.digits import whole_number

@@ -9,18 +9,16 @@ import msgspec
 from zacoustic.app.tools.inspect.decode.decoded import DecodedItem
 from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder
 from zacoustic.app.tools.inspect.decode.opening import FrameOpener, said_in
-from zacoustic.app.tools.inspect.recordings.replaying.epochs import LifeReader, NewLife
-from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.wire.envelope import Damaged, Envelope
 from zacoustic.errors import ConfigError
 from zacoustic.link import registry
-from zacoustic.run.recording.channels import RECEIVED, SENT, FrameRecord, LinkRecord
-from zacoustic.run.recording.life import Table
+from zacoustic.run.recording.channels import RECEIVED, SENT, FrameRecord, capabilities_in
+from zacoustic.run.recording.epochs import LifeReader
 from zacoustic.run.recording.reading import ReadMessage, RecordingReader
-from zacoustic.run.recording.samples import TABLE_TOPIC
-from zacoustic.text.digits import whole_number
+from zacoustic.run.recording.samples import TABLE_TOPIC, decode_table
 
 T = TypeVar("T")
 
@@ -44,18 +42,6 @@ class DecodedFrame(msgspec.Struct, frozen=True, kw_only=True):
     """Its contents in words."""
     fault: str = ""
     """Why its contents are unknown; empty: they are known."""
-
-
-class _LinkDocument(msgspec.Struct):
-    """The required part of the health document `link`."""
-
-    capabilities: LinkCapabilities | None = None
-
-
-class _TableMessage(msgspec.Struct):
-    """The table of a recording without boot epochs."""
-
-    table: Table
 
 
 class FrameReader:
@@ -87,39 +73,29 @@ class FrameReader:
 
     def read(self, message: ReadMessage) -> Iterator[DecodedFrame]:
         """Yield the decoded frame of a message, if it has one."""
-        place, _, name = message.topic.rpartition("/")
-        node = _node_of(place)
+        node = message.node
         if message.topic == TABLE_TOPIC and message.encoding == "msgpack":
             self._found = _table(message.data)
         elif node is None:
             return
-        elif name == "engine":
+        elif message.name == "engine":
             self._read_life(message, node)
-        elif name == "links" or place.startswith("/@acoustic"):
-            self._read_link(message, node, name)
-        if node is not None and name == "frames" and message.encoding == "json":
+        elif (capabilities := capabilities_in(message)) is not None:
+            if self._capabilities.get(node) != capabilities:
+                self._envelopes.clear()
+            self._capabilities[node] = capabilities
+        if node is not None and message.name == "frames" and message.encoding == "json":
             record = _parsed(message.data, FrameRecord)
             if record is not None:
                 yield from self._decode(record, message.utc_ns)
 
     def _read_life(self, message: ReadMessage, node: int) -> None:
-        if b"life" in message.data[:8]:
-            part = self._epochs.read(message)
-            if isinstance(part, NewLife):
-                self._tables[node] = part.life.table.table()
-                self._sealed[node] = part.life.is_sealed
-                self._envelopes.clear()
-                self._decoders.pop(node, None)
-
-    def _read_link(self, message: ReadMessage, node: int, name: str) -> None:
-        kinds: dict[str, type[LinkRecord] | type[_LinkDocument]]
-        kinds = {"links": LinkRecord, "link": _LinkDocument}
-        if name in kinds:
-            found = _parsed(message.data, kinds[name])
-            if found is not None and found.capabilities is not None:
-                if self._capabilities.get(node) != found.capabilities:
-                    self._envelopes.clear()
-                self._capabilities[node] = found.capabilities
+        life = self._epochs.life_in(message)
+        if life is not None:
+            self._tables[node] = life.table.table()
+            self._sealed[node] = life.is_sealed
+            self._envelopes.clear()
+            self._decoders.pop(node, None)
 
     def _decode(self, record: FrameRecord, utc_ns: int) -> Iterator[DecodedFrame]:
         node = record.node
@@ -162,13 +138,7 @@ class FrameReader:
             is_sealed = self._is_sealed(record.node)
             envelope = Envelope(capabilities, record.node, sealed=is_sealed)
             self._envelopes[key] = envelope
-        received = ReceivedFrame(
-            frame_bytes=record.frame,
-            received_at=record.at,
-            source=record.source,
-            destination=record.destination,
-        )
-        for opened in envelope.open(received):
+        for opened in envelope.open(record.received()):
             if isinstance(opened, Damaged):
                 yield record.source, record.destination, b"", f"damaged: {opened.reason}"
             else:
@@ -254,10 +224,6 @@ def line_of(frame: DecodedFrame, began_ns: int) -> str:
     return f"{when}{who} to {whom}{where}, {size} bytes: {frame.frame}"
 
 
-def _node_of(place: str) -> int | None:
-    return whole_number(place.rpartition("/")[2])
-
-
 def _parsed(data: bytes, kind: type[T]) -> T | None:
     try:
         return msgspec.json.decode(data, type=kind)
@@ -267,6 +233,6 @@ def _parsed(data: bytes, kind: type[T]) -> T | None:
 
 def _table(data: bytes) -> StreamTable | None:
     try:
-        return msgspec.msgpack.decode(data, type=_TableMessage).table.table()
+        return decode_table(data)
     except (msgspec.DecodeError, ConfigError):
         return None

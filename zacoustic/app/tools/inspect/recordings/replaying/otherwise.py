@@ -19,7 +19,6 @@ from pathlib import Path
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.replaying.epochs import NewLife, make_call, read_parts
 from zacoustic.config import Config
 from zacoustic.core.base.linktypes import (
     LinkCapabilities,
@@ -35,6 +34,7 @@ from zacoustic.core.wire.agreement import WIRE_VERSION, Ask, Confirm, Hello, Tab
 from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.core.wire.frame import parse_frame
 from zacoustic.run.recording.calls import Recorded, read_outcome
+from zacoustic.run.recording.epochs import NewLife, make_call, read_parts
 from zacoustic.run.recording.life import Life
 
 _SPINS = 10_000

@@ -11,13 +11,13 @@ from typing import Any
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.replaying.epochs import LifeReader, NewLife
 from zacoustic.config import Config
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.values.encoding import JSON, decode_application
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.ros.attachment import Attachment
 from zacoustic.ros.streams import RosTopic
+from zacoustic.run.recording.epochs import LifeReader
 from zacoustic.run.recording.reading import ReadMessage
 from zacoustic.run.recording.samples import SAMPLES_TOPIC, SampleRecord
 from zacoustic.run.recording.schemas import OpaqueValue
@@ -98,10 +98,10 @@ class PutReader:
         address = whole_number(node)
         if address is None or not self._is_ours(address):
             return
-        if word == "engine" and b"life" in message.data[:8]:
-            part = self._epochs.read(message)
-            if isinstance(part, NewLife):
-                self._table = part.life.table.table()
+        if word == "engine":
+            life = self._epochs.life_in(message)
+            if life is not None:
+                self._table = life.table.table()
         elif word == "events":
             yield from self._note(message)
         elif word in ("published", "received") and self._table is not None:

@@ -7,7 +7,6 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.inspect.recordings.facts.gathering import gather
-from zacoustic.app.tools.inspect.recordings.replaying.epochs import no_engine
 from zacoustic.app.tools.inspect.recordings.replaying.today import configs_for
 from zacoustic.app.tools.inspect.recordings.whatif.measuredchannel import measure_channel, with_loss
 from zacoustic.app.tools.inspect.recordings.whatif.whatif import Change, WhatIf, compare, configured
@@ -19,6 +18,7 @@ from zacoustic.core.schedule.access.spec import AlohaSpec, CarrierSenseSpec, Del
 from zacoustic.core.streams.specs import DENSE, StreamSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError
+from zacoustic.run.recording.epochs import no_engine
 from zacoustic.run.recording.life import Table
 
 ACCESS: Final = {

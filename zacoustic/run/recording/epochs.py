@@ -53,6 +53,11 @@ class LifeReader:
         self._readers: dict[int, CallReader] = {}
         self._decoder = msgspec.msgpack.Decoder(_Written)
 
+    def life_in(self, message: ReadMessage) -> Life | None:
+        """Return the boot epoch that a message begins; None: it begins none. Errors as `read`."""
+        part = self.read(message) if b"life" in message.data[:8] else None
+        return part.life if isinstance(part, NewLife) else None
+
     def read(self, message: ReadMessage) -> Part | None:
         """Return the boot epoch or the calls of a message; None: it has none.
 
