@@ -8,7 +8,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 from tests.golden.dense import DIGEST
 from tests.golden.fields import in_json
@@ -19,7 +19,7 @@ from zacoustic.core.values.dense.coder.reader import Reader
 from zacoustic.core.values.dense.coder.shares import ends_of
 from zacoustic.core.values.dense.coder.writer import Writer
 from zacoustic.core.values.dense.model import sine
-from zacoustic.core.values.dense.stream import frame, packedbytes
+from zacoustic.core.values.dense.stream import packedbytes
 from zacoustic.core.values.dense.text import text as textmodel
 from zacoustic.core.values.dense.text.examples import payload_examples
 from zacoustic.core.values.dense.text.lines import LINES
@@ -50,61 +50,55 @@ Step = tuple[str, list[int], int, str, int]
 """A symbol: its kind, what it depends on, its value, the width after it, and the doublings."""
 
 
-class _Traced(Reader):
-    """A reader that notes each symbol."""
+_KINDS: Final[dict[str, tuple[str, Callable[..., Sequence[int]]]]] = {
+    "flag": ("flag", lambda probability: [probability]),
+    "uniform": ("one of", lambda size: [size]),
+    "raw": ("bits", lambda width: [width]),
+    "choice": ("shares", lambda shares: shares),
+    "pick": ("parts", lambda ends: ends[1:]),
+    "near": ("curve", lambda *given: given),
+}
+"""By method of the reader: the word for its symbols, and what they depend on."""
 
-    steps: ClassVar[list[Step]] = []
-    _depth = 0
 
-    def _note(self, kind: str, of: Sequence[int], take: Callable[[], int]) -> int:
-        self._depth += 1
-        value = take()
-        self._depth -= 1
-        if not self._depth:
-            width = f"{self._width:012x}"
-            self.steps.append((kind, list(of), int(value), width, self.bits))
-        return value
+class _Tracer:
+    """Notes each symbol that readers take, but not those of which it consists."""
 
-    def flag(self, probability: int, value: bool = False) -> bool:
-        return bool(
-            self._note("flag", [probability], lambda: super(_Traced, self).flag(probability))
-        )
+    def __init__(self) -> None:
+        self.steps: list[Step] = []
+        self._depth = 0
 
-    def uniform(self, size: int, value: int = 0) -> int:
-        if size == 1:
-            return 0
-        return self._note("one of", [size], lambda: super(_Traced, self).uniform(size))
+    def traced(self, name: str) -> Callable[..., Any]:
+        """Return the method of that name, with a note of what it takes."""
+        method: Callable[..., Any] = getattr(Reader, name)
+        kind, of = _KINDS[name]
 
-    def raw(self, width: int, value: int = 0) -> int:
-        if not width:
-            return 0
-        return self._note("bits", [width], lambda: super(_Traced, self).raw(width))
+        def take(reader: Any, *given: Any) -> Any:
+            given = given[: method.__code__.co_argcount - 2]
+            self._depth += 1
+            value = method(reader, *given)
+            self._depth -= 1
+            # One of one, and no bits, are not coded.
+            if not self._depth and (kind, list(given)) not in (("one of", [1]), ("bits", [0])):
+                width = f"{reader._width:012x}"
+                self.steps.append((kind, list(of(*given)), int(value), width, reader.bits))
+            return value
 
-    def choice(self, shares: Sequence[int], index: int = 0) -> int:
-        return self._note("shares", shares, lambda: super(_Traced, self).choice(shares))
-
-    def pick(self, ends: Sequence[int], index: int = 0) -> int:
-        return self._note("parts", ends[1:], lambda: super(_Traced, self).pick(ends))
-
-    def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int = 0) -> int:
-        given = [size, center, grade, held, hold]
-        return self._note(
-            "curve", given, lambda: super(_Traced, self).near(size, center, grade, held, hold)
-        )
+        return take
 
 
 @contextmanager
 def _traced() -> Iterator[list[Step]]:
     """Note the symbols of all blocks that are read meanwhile."""
-    _Traced.steps = []
-    modules: Any = (frame, packedbytes)
-    for module in modules:
-        module.Reader = _Traced
+    tracer = _Tracer()
+    whole = {name: getattr(Reader, name) for name in _KINDS}
+    for name in _KINDS:
+        setattr(Reader, name, tracer.traced(name))
     try:
-        yield _Traced.steps
+        yield tracer.steps
     finally:
-        for module in modules:
-            module.Reader = Reader
+        for name, method in whole.items():
+            setattr(Reader, name, method)
 
 
 def _text_example() -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 from tests.independent import curves, dense, describe, packed, texts
 from tests.independent.arithmetic import Coder, Sink, Source
 from tests.independent.columns import Columns, Kind, Part, Row
-from tests.independent.cursor import Bits, BitWriter, Cursor
+from tests.independent.cursor import BitOutput, Bits, Cursor
 from tests.independent.errors import ReadError
 from tests.independent.rows import (
     MOST_HOLD,
@@ -55,7 +55,7 @@ class _CodedBits(Bits):
         return 1 << 20  # a block that ends before is refused in any case
 
 
-class _CodedBitWriter(BitWriter):
+class _CodedBitOutput(BitOutput):
     def __init__(self, sink: Coder) -> None:
         super().__init__()
         self._sink = sink
@@ -267,7 +267,7 @@ class Stream:
         return found if len(part.fields) > 1 else found[part.fields[0].name]
 
     def _put(self, coder: Coder, part: Part, value: Any) -> None:
-        writer = _CodedBitWriter(coder)
+        writer = _CodedBitOutput(coder)
         for each in part.fields:
             one = value[each.name] if len(part.fields) > 1 else value
             packed.put_field(self.columns.types, each, one, writer)

@@ -70,7 +70,7 @@ class Bits:
         self._count = 0
 
 
-class BitWriter:
+class BitOutput:
     """Collects bits, the most significant first."""
 
     def __init__(self) -> None:

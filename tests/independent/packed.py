@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tests.independent import numbers, texts
-from tests.independent.cursor import Bits, BitWriter, Cursor
+from tests.independent.cursor import BitOutput, Bits, Cursor
 from tests.independent.errors import ReadError
 from tests.independent.table import INTEGERS, Field, Types
 
@@ -82,7 +82,7 @@ def _skip_bits(count: int, bits: Bits) -> None:
 
 def write(types: Types, name: str, value: Mapping[str, Any]) -> bytes:
     """Return the fields of a type as bits."""
-    writer = BitWriter()
+    writer = BitOutput()
     _put_fields(types, name, value, writer)
     return writer.done()
 
@@ -224,12 +224,12 @@ def _length(field: Field, bits: Bits) -> int:
     return length
 
 
-def _put_fields(types: Types, name: str, value: Mapping[str, Any], writer: BitWriter) -> None:
+def _put_fields(types: Types, name: str, value: Mapping[str, Any], writer: BitOutput) -> None:
     for field in types[name]:
         put_field(types, field, value.get(field.name), writer)
 
 
-def put_field(types: Types, field: Field, value: Any, writer: BitWriter) -> None:
+def put_field(types: Types, field: Field, value: Any, writer: BitOutput) -> None:
     if field.optional:
         writer.put(int(value is not None), 1)
         if value is None:
@@ -245,7 +245,7 @@ def put_field(types: Types, field: Field, value: Any, writer: BitWriter) -> None
         _put_one(types, field, one, writer)
 
 
-def _put_one(types: Types, field: Field, value: Any, writer: BitWriter) -> None:
+def _put_one(types: Types, field: Field, value: Any, writer: BitOutput) -> None:
     if field.type == "bool":
         writer.put(int(value), 1)
     elif field.type == "enum":
@@ -261,7 +261,7 @@ def _put_one(types: Types, field: Field, value: Any, writer: BitWriter) -> None:
         _put_fields(types, field.type, value, writer)
 
 
-def _put_number(field: Field, value: float, writer: BitWriter) -> None:
+def _put_number(field: Field, value: float, writer: BitOutput) -> None:
     grid = numbers.grid(field)
     if grid is None:
         _put_float(field, numbers.fold(field, value), writer)
@@ -285,7 +285,7 @@ def _put_number(field: Field, value: float, writer: BitWriter) -> None:
         _put_float(field, value, writer)
 
 
-def _put_float(field: Field, value: float, writer: BitWriter) -> None:
+def _put_float(field: Field, value: float, writer: BitOutput) -> None:
     size = 4 if field.type == "float32" else 8
     if math.isnan(value):
         raw = _NANS[size]
@@ -296,7 +296,7 @@ def _put_float(field: Field, value: float, writer: BitWriter) -> None:
     writer.put(raw, 8 * size)
 
 
-def _put_signed(multiple: int, writer: BitWriter) -> None:
+def _put_signed(multiple: int, writer: BitOutput) -> None:
     size = abs(multiple).bit_length()
     writer.put(size, 6)
     if size:
@@ -304,7 +304,7 @@ def _put_signed(multiple: int, writer: BitWriter) -> None:
         writer.put(abs(multiple) & ((1 << (size - 1)) - 1), size - 1)
 
 
-def _put_string(field: Field, value: str, writer: BitWriter) -> None:
+def _put_string(field: Field, value: str, writer: BitOutput) -> None:
     raw = value.encode()
     writer.put(int(value.isascii()), 1)
     _put_length(field, len(raw), writer)
@@ -312,7 +312,7 @@ def _put_string(field: Field, value: str, writer: BitWriter) -> None:
         writer.put(byte, 7 if value.isascii() else 8)
 
 
-def _put_length(field: Field, length: int, writer: BitWriter) -> None:
+def _put_length(field: Field, length: int, writer: BitOutput) -> None:
     if field.max_length is not None:
         writer.put(length, width(field.max_length + 1))
         return
