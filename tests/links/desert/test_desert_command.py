@@ -1,10 +1,11 @@
 import argparse
+import asyncio
 import json
 import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pytest
 
@@ -51,15 +52,22 @@ def parse(*arguments: str) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-async def exchange(addresses: list[str]) -> None:
+async def exchange(addresses: list[str], lines: IO[str]) -> list[dict[str, Any]]:
+    """Send one frame once the emulation says that both programs are there.
+
+    TCP is open before the emulation has taken the program on: a frame that arrives between the two
+    is heard by nobody, as in the water.
+    """
     config = DesertConfig(period_s=0.005, listen_s=0.0)
     near, far = (Side(DesertLink(each, config), at + 1) for at, each in enumerate(addresses))
     await near.open()
     await far.open()
+    clients = [json.loads(await asyncio.to_thread(lines.readline)) for _ in addresses]
     await near.send(b"over two processes")
     await far.hears(b"over two processes")
     await near.close()
     await far.close()
+    return clients
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -72,12 +80,11 @@ def test_emulation_serves_reports_in_json_and_ends_cleanly(
         assert process.stdout is not None
         listening = json.loads(process.stdout.readline())
         assert listening["event"] == "listening"
-        run(exchange(listening["addresses"]))
+        clients = run(exchange(listening["addresses"], process.stdout))
+        assert [client["event"] for client in clients] == ["client", "client"]
         process.send_signal(number)
         records: list[dict[str, Any]] = [json.loads(line) for line in process.stdout]
         assert process.wait(10.0) == 0
-    events = [record["event"] for record in records]
-    assert events.count("client") == 2
     packet = [record for record in records if record["size_bytes"]]
     assert [record["event"] for record in packet] == ["read", "sent", "delivered"]
     assert {record["size_bytes"] for record in packet} == {18}
