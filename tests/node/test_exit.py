@@ -11,11 +11,16 @@ from typing import Final
 
 import pytest
 
+from tests.gateway.networks import run, zenoh_config
 from tests.node.fleet import ChannelServer, router
+from zacoustic.core.base.qos import Priority
+from zacoustic.zenoh.session.asking.question import Question
+from zacoustic.zenoh.session.session import ZenohSession
 
 ROOT: Final = Path(__file__).parents[2]
 LIMIT_S: Final = 5.0
 """Time from the end of the script to the end of the process, s."""
+LONG_S: Final = 600.0
 
 SCRIPT: Final = """
 import asyncio, sys, threading, time
@@ -117,3 +122,39 @@ def test_a_script_that_does_not_close_its_node_ends(
     assert ended_at - float(said_at) < LIMIT_S
     assert ("ValueError: a bug" in process.stderr) is (code == 1)
     assert "Aborted" not in process.stderr
+
+
+def test_a_call_for_which_no_thread_starts_any_more_is_settled_and_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """From Python 3.12 on, an ending interpreter starts none; the call may just be on its way."""
+
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't create new thread at interpreter shutdown")
+
+    async def main() -> None:
+        zenoh_session = await ZenohSession.open(zenoh_config("peer"))
+        settled: list[Question] = []
+        question = Question("auv1/echo", settled.append)
+        failures: list[RuntimeError] = []
+        """As long as somebody has them, their frames keep the callback that no thread took."""
+
+        def ask() -> None:
+            try:
+                question.ask(zenoh_session, b"x", priority=Priority.DATA, timeout_s=LONG_S)
+            except RuntimeError as failure:
+                failures.append(failure)
+
+        worker = zenoh_session.worker
+        try:
+            with monkeypatch.context() as ending:
+                ending.setattr(threading.Thread, "start", refuse)
+                await worker.run(ask, limit_s=LIMIT_S)
+            assert len(failures) == 1
+            assert settled == [question]
+            await worker.run(question.cancel, limit_s=LIMIT_S)
+        finally:
+            failures.clear()
+            await zenoh_session.close()
+
+    run(main())

@@ -307,10 +307,10 @@ def test_error_replies_of_a_gateway_become_the_errors_that_a_link_gives(
 def test_the_exchange_ends_when_the_node_is_closed() -> None:
     async def main() -> None:
         async with two_nodes() as (shore, auv, endpoint), plain_client(endpoint) as plain:
-            begun = asyncio.Event()
+            begun = asyncio.Semaphore(0)
 
             async def never(_: bytes) -> bytes:
-                begun.set()
+                begun.release()
                 await asyncio.Event().wait()
                 raise AssertionError
 
@@ -318,7 +318,8 @@ def test_the_exchange_ends_when_the_node_is_closed() -> None:
             await settle(auv, shore, plain)
             call = asyncio.ensure_future(shore.create_client(Raw, "auv1/echo").call(b"x"))
             asked = asyncio.ensure_future(replies(plain, "auv1/echo", timeout=LIMIT_S))
-            await begun.wait()
+            for _ in (call, asked):
+                await begun.acquire()
             subscription = shore.subscribe(bytes, "note")
             await shore.close()
             with pytest.raises(LinkClosedError, match="the node was closed"):

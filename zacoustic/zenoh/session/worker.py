@@ -10,6 +10,7 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Final, TypeVar
 
 import zenoh
@@ -71,8 +72,8 @@ class Worker:
             try:
                 result = step()
             except Exception as error:  # passed on to the waiting caller
-                failure = error
-                tell(lambda: done.set_exception(failure))
+                # Nothing here keeps it: its frames may hold a callback for which Zenoh waits.
+                tell(partial(done.set_exception, error))
             else:
                 tell(lambda: done.set_result(result))
 

@@ -32,6 +32,7 @@ class Question:
         """Without an answer: how far the call got, and a text."""
         self._settle = settle
         self._cancellation = zenoh.CancellationToken()
+        self._is_asked = False
         self._guard = threading.Lock()
         self._is_settled = False
 
@@ -50,6 +51,7 @@ class Question:
 
         Raises:
             ZError: It cannot be sent; it is settled then.
+            RuntimeError: The same, because the interpreter ends: it starts no thread for replies.
         """
         try:
             zenoh_session.session.get(
@@ -66,13 +68,18 @@ class Question:
                 allowed_destination=zenoh.Locality.REMOTE,
                 cancellation_token=self._cancellation,
             )
-        except zenoh.ZError:
-            self._end()
-            raise
+            self._is_asked = True
+        finally:
+            if not self._is_asked:
+                self._end()
 
     def cancel(self) -> None:
-        """Stop to wait for replies; in the worker, because it waits for a running callback."""
-        self._cancellation.cancel()  # type: ignore[no-untyped-call]
+        """Stop to wait for replies; in the worker, because it waits for a running callback.
+
+        It would wait for ever for the callback of a call that could not be sent.
+        """
+        if self._is_asked:
+            self._cancellation.cancel()  # type: ignore[no-untyped-call]
 
     def _take(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
