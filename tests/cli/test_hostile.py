@@ -390,6 +390,7 @@ def test_an_interrupt_at_any_import_ends_it_without_a_word(
 
 IN_A_MODULE_IN_C: Final = """
 import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # also in a shell's background job
 seen = []
 def interrupt(event, arguments):
     if event == "import" and seen != ["over"]:
