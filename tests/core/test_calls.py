@@ -10,15 +10,14 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.engine.events import CallFailure, CallKey
-from zacoustic.core.transport.calls.calls import (
-    WINDOW,
-    Answer,
-    ClientCalls,
-    Served,
-    ServerCalls,
-    _Numbers,
+from zacoustic.core.transport.calls.calls import Answer, ClientCalls, Served, ServerCalls
+from zacoustic.core.transport.exchanges.numbers import (
+    CALL_NUMBERING,
+    GOAL_NUMBERING,
+    Numbering,
+    NumberWindow,
 )
-from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.wire.calls import (
     CALL_NUMBERS,
     LONGEST_ERROR_TEXT_BYTES,
@@ -35,6 +34,7 @@ from zacoustic.errors import QueueFullError
 
 ANSWER = Answer(CallKind.RESPONSE, b"done")
 SETTLING_NS = 5
+WINDOW = CALL_NUMBERING.window
 
 
 def key(number: int = 0, *, client: int = 1, epoch: int = 1, stream_id: int = 20) -> CallKey:
@@ -113,7 +113,7 @@ def test_named_answer_is_for_one_life(
 
 
 def test_as_many_calls_as_the_window_holds_are_under_way() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     assert [begin(calls)[1] for _ in range(WINDOW)] == list(range(WINDOW))
     with pytest.raises(QueueFullError, match="16 calls to node 2 are under way"):
         begin(calls)
@@ -122,13 +122,19 @@ def test_as_many_calls_as_the_window_holds_are_under_way() -> None:
 
 
 def test_numbers_go_round() -> None:
-    assert begin(ClientCalls(first_number=40))[1] == 40
-    calls = ClientCalls(first_number=63)
+    assert begin(ClientCalls(3))[1] == 46
+    calls = ClientCalls(26)
     assert [begin(calls)[1] for _ in range(3)] == [63, 0, 1]
 
 
+@pytest.mark.parametrize("numbering", [CALL_NUMBERING, GOAL_NUMBERING])
+def test_successive_epochs_begin_with_all_numbers_in_turn(numbering: Numbering) -> None:
+    firsts = {numbering.first(epoch) for epoch in range(9, 9 + numbering.count)}
+    assert firsts == set(range(numbering.count))
+
+
 def test_window_moves_when_its_oldest_call_has_ended_and_its_request_has_settled() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     calls.settling_ns = SETTLING_NS
     first, second, *_ = [begin(calls)[0] for _ in range(WINDOW)]
     calls.attach(first, request(sent_at=20))
@@ -145,7 +151,7 @@ def test_window_moves_when_its_oldest_call_has_ended_and_its_request_has_settled
 
 
 def test_request_that_is_still_being_sent_holds_the_window() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     first, *_ = [begin(calls)[0] for _ in range(WINDOW)]
     sending = request(on_air=True)
     calls.attach(first, sending)
@@ -157,26 +163,44 @@ def test_request_that_is_still_being_sent_holds_the_window() -> None:
 
 
 def test_numbers_are_exhausted_until_an_answer_proves_that_old_ones_are_closed() -> None:
-    numbers = _Numbers(0)
+    numbers = NumberWindow(CALL_NUMBERING, 1)
     for index in range(CALL_NUMBERS):
         assert numbers.may_begin(index, 0)
         assert numbers.take()[0] == index
-        numbers.ended(index, None)
-    assert numbers.is_exhausted
+        numbers.ended(index, ())
+    assert numbers.is_stuck
     assert not numbers.may_begin(1 << 50, 0)
     # Of index 60 the server would close 12…44: whether 0…11 are closed is not known.
-    numbers.proved(60)
-    assert numbers.is_exhausted
-    numbers.proved(40)
-    assert not numbers.is_exhausted
-    assert [numbers.take()[1] for _ in range(25)] == list(range(25))
-    assert numbers.is_exhausted
-    numbers.proved(60)
-    assert not numbers.is_exhausted
+    numbers.proved(60, 0)
+    assert numbers.is_stuck
+    numbers.proved(40, 0)
+    assert not numbers.is_stuck
+    for expected in range(25):
+        index, number = numbers.take()
+        numbers.ended(index, ())
+        assert number == expected
+    assert numbers.is_stuck
+    numbers.proved(60, 0)
+    assert not numbers.is_stuck
+
+
+def test_number_is_used_again_only_when_no_answer_to_its_last_use_can_arrive() -> None:
+    calls = ClientCalls(1)
+    calls.settling_ns = SETTLING_NS
+    for number in range(CALL_NUMBERS):
+        call_id, _ = begin(calls, 10)
+        if number == WINDOW:
+            # It closes number 0, whose answer may have been sent again just before.
+            calls.proved(call_id, 10)
+        calls.fail(call_id, CallFailure.CANCELLED, "")
+    with pytest.raises(QueueFullError):
+        begin(calls, 10 + SETTLING_NS - 1)
+    assert not calls.needs_new_epoch(20, 2)
+    assert begin(calls, 10 + SETTLING_NS)[1] == 0
 
 
 def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     for _ in range(CALL_NUMBERS):
         call_id, _ = begin(calls)
         assert not calls.needs_new_epoch(20, 2)
@@ -185,7 +209,7 @@ def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
     assert not calls.needs_new_epoch(20, 2)
     calls.fail(other, CallFailure.TIMED_OUT, "")
     assert calls.needs_new_epoch(20, 2)
-    calls.begin_epoch(23)
+    calls.begin_epoch(2)
     assert begin(calls)[1] == 23
 
 
@@ -210,13 +234,14 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         """Number → index of what the server remembers."""
         self.executed: set[int] = set()
 
-    @initialize(first=st.integers(0, CALL_NUMBERS - 1))
-    def start(self, first: int) -> None:
-        self.numbers = _Numbers(first)
+    @initialize(epoch=st.integers(1, CALL_NUMBERS))
+    def start(self, epoch: int) -> None:
+        self.numbers = NumberWindow(CALL_NUMBERING, epoch)
 
     @rule(
         seed=st.integers(0, 1 << 30),
         steps=st.integers(1, 300),
+        departs=st.sampled_from((0.1, 1.0)),
         arrives=st.sampled_from((0.0, 0.02, 0.2, 1.0)),
         returns=st.sampled_from((0.0, 0.02, 0.2, 1.0)),
         patience=st.sampled_from((0.0, 0.1, 1.0)),
@@ -227,6 +252,7 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         self,
         seed: int,
         steps: int,
+        departs: float,
         arrives: float,
         returns: float,
         patience: float,
@@ -236,7 +262,8 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         rng = random.Random(seed)
         for _ in range(steps):
             self.begin()
-            self.send(rng)
+            if rng.random() < departs:
+                self.send(rng)
             if rng.random() < arrives:
                 self.receive(rng)
             if rng.random() < returns:
@@ -288,7 +315,7 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         for waiting, (its_number, _) in list(self.open.items()):
             if its_number == number:
                 assert waiting == index, "answered with the answer to another call"
-                self.numbers.proved(index)
+                self.numbers.proved(index, self.now + SETTLING_NS)
                 if rng.random() < 0.5:
                     self.end(index)
 
@@ -299,7 +326,7 @@ class NumbersInTheMedium(RuleBasedStateMachine):
 
     def end(self, index: int) -> None:
         _, repetition = self.open.pop(index)
-        self.numbers.ended(index, repetition)
+        self.numbers.ended(index, [repetition])
 
 
 TestNumbersInTheMedium = NumbersInTheMedium.TestCase
@@ -310,7 +337,7 @@ TestNumbersInTheMedium.settings = settings(stateful_step_count=15, max_examples=
 
 
 def test_answer_finds_its_call_by_server_stream_and_number() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     call_id, number = begin(calls)
     assert calls.find(2, 20, number) == call_id
     assert calls.find(3, 20, number) is None

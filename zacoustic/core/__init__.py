@@ -16,11 +16,11 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `profiles`      which transports a node speaks, and how a frame is decoded: `native`, `rmw_desert`,
                 each a `profile`; `rules` has the rules of the config, `entities` those of discovery
 `transport`     the mechanisms between two nodes, end to end: `topics`, `reliable`, `objects`,
-                `subscriptions`, `calls`, `actions`, `commands`, `carry`; `status` answers what a
-                node is asked before a dive, `keydelivery` sends keys for broadcasts, `routing` has
-                the commands about routes; `repeating` repeats records until an answer,
-                `publication` is what a program publishes, `deliveries` has the events of samples;
-                `contract` is for third-party transports
+                `subscriptions`, `calls`, `actions`, `commands`, `carry`; `exchanges` is what all
+                that ask and answer have in common; `status` answers what a node is asked before a
+                dive, `keydelivery` sends keys for broadcasts, `routing` has the commands about
+                routes; `publication` is what a program publishes, `deliveries` has the events of
+                samples; `contract` is for third-party transports
 `relay`         frames of routes over other nodes: a `route`, a `flow` for each direction of it with
                 the frames in `custody`, the `gate` that gives its turns; `relay` is a source of the
                 composer; `prober` measures who hears whom, `paths` has changed paths; `flooding`

@@ -14,7 +14,7 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.client import GoalClient
 from zacoustic.core.transport.actions.outbox import GoalOutbox
 from zacoustic.core.transport.actions.server import GoalServer
-from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.wire.frame import Record
 from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus, decode_message
 from zacoustic.errors import LocalError, UnknownStreamError

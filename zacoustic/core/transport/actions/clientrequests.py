@@ -5,7 +5,7 @@ from typing import Final
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.clientgoal import ClientGoal
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
-from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.values.payload import PayloadCodec
 from zacoustic.core.wire.goals import Operation, encode_cancel
 

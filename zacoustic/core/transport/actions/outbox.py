@@ -13,7 +13,7 @@ from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.repeating import Repeater, Repetition
+from zacoustic.core.transport.exchanges.repeating import Repeater, Repetition
 from zacoustic.core.values.payload import PayloadCodec
 from zacoustic.core.wire.goals import (
     FORMER_BYTES,

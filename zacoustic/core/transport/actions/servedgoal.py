@@ -2,7 +2,7 @@
 
 import enum
 
-from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.wire.goals import GoalKey
 
 

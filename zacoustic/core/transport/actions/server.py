@@ -13,10 +13,10 @@ from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.events import ActionEvent, CancelRequested, GoalReceived
-from zacoustic.core.transport.actions.numbers import closes
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
 from zacoustic.core.transport.actions.servedgoal import CancelStage, ServedGoal, ServedStage
 from zacoustic.core.transport.actions.takengoals import TakenGoals
+from zacoustic.core.transport.exchanges.numbers import GOAL_NUMBERING
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.goals import (
     UNKNOWN_RESULT,
@@ -240,7 +240,7 @@ class GoalServer:
     def _take(self, key: GoalKey, stage: ServedStage, now: int) -> ServedGoal | None:
         """Add a new goal; return None when there are too many."""
         for other in [*self._goals.of(key)]:
-            if other.key.epoch == key.epoch and closes(key.number, other.key.number):
+            if other.key.epoch == key.epoch and GOAL_NUMBERING.closes(key.number, other.key.number):
                 self._forget(other, now)
         nodes = self._table.nodes
         if (nodes and key.client not in nodes) or not self._goals.has_room(key):

@@ -21,7 +21,7 @@ from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.calls.calls import Answer, RequestReceived, Served, ServerCalls
-from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.calls import (
     CALL_NUMBERS,

@@ -32,12 +32,11 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING, NumberWindow
+from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.wire.calls import CALL_NUMBERS, CallFailure, CallKey, CallKind
 from zacoustic.errors import QueueFullError
 
-WINDOW: Final = 16
-"""The most calls of one client to one service that can be under way at once."""
 _LIVES: Final = 2
 _NEVER: Final = 1 << 62
 
@@ -90,7 +89,7 @@ class _Call:
 
     __slots__ = ("index", "lane", "number", "request", "server", "stream_id")
 
-    def __init__(self, stream_id: int, server: int, lane: "_Numbers") -> None:
+    def __init__(self, stream_id: int, server: int, lane: NumberWindow) -> None:
         self.stream_id = stream_id
         self.server = server
         self.lane = lane
@@ -98,60 +97,18 @@ class _Call:
         self.request: Repetition | None = None
 
 
-class _Numbers:
-    """The free call numbers of one service; an *index* counts calls from 0."""
-
-    def __init__(self, first_number: int) -> None:
-        self._first_number = first_number
-        self._next = 0
-        self._closed_below = 0
-        self._open: set[int] = set()
-        self._ended: dict[int, Repetition | None] = {}
-
-    def take(self) -> tuple[int, int]:
-        """Return index and number of the next call."""
-        index = self._next
-        self._next += 1
-        self._open.add(index)
-        return index, (self._first_number + index) % CALL_NUMBERS
-
-    def may_begin(self, now: int, settling_ns: int) -> bool:
-        """Return whether rules 1 and 3 allow the next call."""
-        for index, request in list(self._ended.items()):
-            if request is None or request.is_settled(now, settling_ns):
-                del self._ended[index]
-        oldest = min((*self._open, *self._ended), default=self._next)
-        return self._next - oldest < WINDOW and not self.is_exhausted
-
-    @property
-    def is_exhausted(self) -> bool:
-        """Whether the next number is not proved free because no answer came for too long."""
-        return self._next - CALL_NUMBERS >= self._closed_below
-
-    def proved(self, index: int) -> None:
-        """Note that the server has this request, and so has closed the calls far behind it."""
-        if self._closed_below >= index - (CALL_NUMBERS - WINDOW):
-            self._closed_below = max(self._closed_below, index - WINDOW + 1)
-
-    def ended(self, index: int, request: Repetition | None) -> None:
-        """Note that a call has ended; its request is no longer sent."""
-        self._open.discard(index)
-        self._ended[index] = request
-
-
 class ClientCalls:
     """The calls that this node has made.
 
     Args:
-        first_number: The first call number, 0…63; different in each boot epoch, so that a late
-            answer to a call of the previous epoch matches no call of this one.
+        epoch: Boot epoch of this node.
     """
 
-    def __init__(self, first_number: int = 0) -> None:
-        self._first_number = first_number
+    def __init__(self, epoch: int) -> None:
+        self._epoch = epoch
         self._calls: dict[int, _Call] = {}
         self._by_number: dict[tuple[int, int, int], int] = {}
-        self._lanes: dict[tuple[int, int], _Numbers] = {}
+        self._lanes: dict[tuple[int, int], NumberWindow] = {}
         self._next_call_id = 1
         self.settling_ns = 0
         """The longest time from the last transmission of a request to its last arrival, ns."""
@@ -170,8 +127,8 @@ class ClientCalls:
         lane = self._lane(server, stream_id)
         if not lane.may_begin(now, self.settling_ns):
             raise QueueFullError(
-                f"stream {stream_id}: {WINDOW} calls to node {server} are under way, or no number "
-                "is proved free",
+                f"stream {stream_id}: {CALL_NUMBERING.window} calls to node {server} are under "
+                "way, or no number is proved free",
                 hint="wait for answers, or set a shorter timeout_s",
             )
         call_id = self._next_call_id
@@ -182,11 +139,11 @@ class ClientCalls:
 
     def needs_new_epoch(self, stream_id: int, server: int) -> bool:
         """Return whether numbers are exhausted, no call is open, and so a new epoch may begin."""
-        return not self._calls and self._lane(server, stream_id).is_exhausted
+        return not self._calls and self._lane(server, stream_id).is_stuck
 
-    def begin_epoch(self, first_number: int) -> None:
+    def begin_epoch(self, epoch: int) -> None:
         """Forget all numbers: a new epoch numbers its calls afresh."""
-        self._first_number = first_number
+        self._epoch = epoch
         self._lanes.clear()
 
     def attach(self, call_id: int, request: Repetition) -> None:
@@ -201,10 +158,10 @@ class ClientCalls:
         """Return the id of the call that an answer belongs to, or None."""
         return self._by_number.get((server, stream_id, number))
 
-    def proved(self, call_id: int) -> None:
+    def proved(self, call_id: int, now: int) -> None:
         """Note that the server has the request of a call."""
         call = self._calls[call_id]
-        call.lane.proved(call.index)
+        call.lane.proved(call.index, now + self.settling_ns)
 
     def respond(self, call_id: int, value: object) -> ResponseReceived:
         """End a call with its response; the caller has stopped its request."""
@@ -241,16 +198,16 @@ class ClientCalls:
     def __len__(self) -> int:
         return len(self._calls)
 
-    def _lane(self, server: int, stream_id: int) -> _Numbers:
+    def _lane(self, server: int, stream_id: int) -> NumberWindow:
         lane = self._lanes.get((server, stream_id))
         if lane is None:
-            lane = self._lanes[server, stream_id] = _Numbers(self._first_number)
+            lane = self._lanes[server, stream_id] = NumberWindow(CALL_NUMBERING, self._epoch)
         return lane
 
     def _end(self, call_id: int) -> _Call:
         call = self._calls.pop(call_id)
         del self._by_number[(call.server, call.stream_id, call.number)]
-        call.lane.ended(call.index, call.request)
+        call.lane.ended(call.index, () if call.request is None else (call.request,))
         return call
 
 
@@ -367,5 +324,4 @@ class ServerCalls:
 
 
 def _is_closed(other: CallKey, by: CallKey) -> bool:
-    distance = (by.number - other.number) % CALL_NUMBERS
-    return other.stream_id == by.stream_id and WINDOW <= distance <= CALL_NUMBERS - WINDOW
+    return other.stream_id == by.stream_id and CALL_NUMBERING.closes(by.number, other.number)

@@ -30,10 +30,9 @@ from zacoustic.core.transport.calls.calls import (
     ClientCalls,
     ResponseReceived,
 )
-from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.calls import (
-    CALL_NUMBERS,
     NAME_BYTES,
     NAMED,
     CallFailure,
@@ -51,8 +50,6 @@ from zacoustic.errors import LocalError
 _REQUEST_LANE: Final = 1
 _CONFIRM_LANE: Final = 5
 _HEADER_BYTES: Final = 2
-# Odd, so 64 successive epochs begin with 64 different numbers; 23, 46, 5, 28, … are far apart.
-_EPOCH_STRIDE: Final = 23
 
 
 class Services:
@@ -74,7 +71,7 @@ class Services:
         self._timers = context.timers
         self._stats = context.stats
         self._emit: Callable[[CallEvent], None] = context.emit
-        self._clients = ClientCalls(first_number=_first_number(context.handshake.epoch))
+        self._clients = ClientCalls(context.handshake.epoch)
         self._answering = Answering(context, repeater)
         context.reception.on_records(ServiceSpec, self.receive)
         context.epoch.began.connect(self.epoch_changed)
@@ -135,7 +132,7 @@ class Services:
         deadline_at = served_at if timeout_s is None else now + seconds_to_ns(timeout_s)
         if self._clients.needs_new_epoch(stream_id, server):
             self._epoch.begin(now)
-            self._clients.begin_epoch(_first_number(self._handshake.epoch))
+            self._clients.begin_epoch(self._handshake.epoch)
         call_id, number = self._clients.begin(stream_id, server, now)
         self._timers.at((Due.CALL, call_id), deadline_at, partial(self._time_out, call_id))
         if self._handshake.differs(server, stream_id):
@@ -239,7 +236,7 @@ class Services:
             return "unexpected_answer"
         call_id = self._clients.find(server, stream.stream_id, number)
         if call_id is not None:
-            self._clients.proved(call_id)
+            self._clients.proved(call_id, now)
             request = self._clients.request(call_id)
             if request is not None:
                 is_prompt = kind is CallKind.CONFIRM
@@ -322,11 +319,6 @@ class Services:
             self._repeater.stop(request, now)
         self._timers.cancel((Due.CALL, call_id))
         return self._clients.fail(call_id, failure, text)
-
-
-def _first_number(epoch: int) -> int:
-    """Return the first call number of a boot epoch, far from those of the epochs before."""
-    return (epoch - 1) * _EPOCH_STRIDE % CALL_NUMBERS
 
 
 def _head(kind: CallKind, number: int) -> bytes:

@@ -1,0 +1,1 @@
+"""Exchanges: a request crosses, an answer comes back, and each end confirms what it has."""
