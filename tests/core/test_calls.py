@@ -20,7 +20,6 @@ from zacoustic.core.transport.exchanges.numbers import (
 from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.wire.calls import (
     CALL_NUMBERS,
-    LONGEST_ERROR_TEXT_BYTES,
     CallKind,
     decode_call_byte,
     decode_error,
@@ -29,6 +28,7 @@ from zacoustic.core.wire.calls import (
     encode_error,
     encode_name,
 )
+from zacoustic.core.wire.exchanges import LONGEST_ERROR_TEXT_BYTES
 from zacoustic.core.wire.goals import GoalFailure, Refusal, decode_refusal
 from zacoustic.errors import QueueFullError
 
@@ -91,6 +91,14 @@ def test_text_that_is_no_utf_8_leaves_the_failure() -> None:
     assert decode_error(b"\x02\xff") == (CallFailure.NO_SERVER, "")
     assert decode_refusal(b"\x09\xff") == Refusal(GoalFailure.CANCEL_REFUSED, "")
     assert decode_refusal(b"\x0a\x03\xff") == Refusal(GoalFailure.CANCEL_REFUSED, "", 3)
+
+
+def test_text_that_is_no_unicode_is_sent_with_a_question_mark() -> None:
+    """A path or an error of the operating system may have it."""
+    error = encode_error(CallFailure.HANDLER, "no \udcff")
+    assert decode_error(error) == (CallFailure.HANDLER, "no ?")
+    refusal = Refusal(GoalFailure.REJECTED, "no \udcff").encode()
+    assert decode_refusal(refusal) == Refusal(GoalFailure.REJECTED, "no ?")
 
 
 def test_a_goal_goes_on_when_nobody_knows_which_attempt_to_cancel_is_refused() -> None:

@@ -44,8 +44,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 `statements` are
                 what a frame says about its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
-                `access`, `agreement`, `bond`, `calls`, `carry`, `flood`, `goals`, `numbers`,
-                `objects`, `relay`, `routing`, `subscriptions`
+                `access`, `agreement`, `bond`, `calls`, `carry`, `exchanges`, `flood`, `goals`,
+                `numbers`, `objects`, `relay`, `routing`, `subscriptions`
                 (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
                 `commands`, `status`, `keydelivery` and `routing` are in every table, `carry` in
