@@ -35,7 +35,7 @@ class Actions:
             context.address, context.queue, repeater, context.handshake
         )
         self._client = GoalClient(context, outbox)
-        self._server = GoalServer(context, outbox)
+        self._server = GoalServer(context, outbox, repeater)
         context.reception.on_records(ActionSpec, self.receive)
         context.epoch.began.connect(self.epoch_changed)
         context.peers.restarted.connect(self.peer_restarted)

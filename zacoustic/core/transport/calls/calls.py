@@ -11,15 +11,8 @@ remembers the number and gives a repetition the same answer. With a journal this
 restarts: the server journals a request before it runs, and after a restart answers `UNKNOWN` to a
 request that was running.
 
-Call numbers are reused, so both ends must agree when a number is free. The client keeps three
-rules:
-
-1. A call begins only after the one `WINDOW` numbers earlier has ended and nothing of its request
-   can arrive any more. So all requests under way have numbers within a window of `WINDOW`.
-2. A request closes at its server all calls that are `WINDOW` to 64 - `WINDOW` numbers earlier. By
-   rule 1 they have ended, so the server forgets them.
-3. A number is reused only when an answer has proved that the server closed its last use. If no such
-   answer comes and no call is under way, the client begins a new boot epoch.
+Numbers are reused by the rules of `zacoustic.core.transport.exchanges.numbers`. If no number is
+free and no call is under way, the client begins a new boot epoch.
 
 The client's next boot epoch uses the same numbers, and a plain answer carries no epoch: the server
 may still answer a call of an earlier epoch. So a client accepts a plain answer only after it has
@@ -28,17 +21,15 @@ abandoned the calls of all other epochs. Until then the client's frames begin wi
 the server replies with a *named* answer, which carries the epoch.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import msgspec
 
 from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING, NumberWindow
 from zacoustic.core.transport.exchanges.repeating import Repetition
-from zacoustic.core.wire.calls import CALL_NUMBERS, CallFailure, CallKey, CallKind
+from zacoustic.core.transport.exchanges.taken import TakenExchange
+from zacoustic.core.wire.calls import CallFailure, CallKey, CallKind
 from zacoustic.errors import QueueFullError
-
-_LIVES: Final = 2
-_NEVER: Final = 1 << 62
 
 
 class RequestReceived(msgspec.Struct, frozen=True, kw_only=True):
@@ -218,25 +209,14 @@ class Answer(msgspec.Struct, frozen=True):
     payload: bytes
 
 
-class Served:
+class Served(TakenExchange[CallKey]):
     """A request that this node has accepted."""
 
-    __slots__ = (
-        "abandoned_at", "answer", "deadline_at", "forget_at", "is_closed", "is_journalled",
-        "is_named",
-        "repetition",
-    )  # fmt: skip
+    __slots__ = ("abandoned_at", "answer", "is_closed", "is_named")
 
-    def __init__(self, deadline_at: int, forget_at: int) -> None:
-        self.deadline_at = deadline_at
-        """Instant at which the client stops waiting, ns."""
-        self.forget_at = forget_at
-        """Instant from which no repetition of the request can arrive, ns."""
+    def __init__(self, key: CallKey) -> None:
+        super().__init__(key)
         self.answer: Answer | None = None
-        self.repetition: Repetition | None = None
-        """The transmission of the answer."""
-        self.is_journalled = False
-        """Whether the journal has the present state of the call."""
         self.is_named = True
         """Whether answers carry the client's epoch: the client may not know that this node has
         it."""
@@ -250,78 +230,3 @@ class Served:
         """Whether the answer is to be sent to the client."""
         waits = self.answer is not None and self.is_journalled
         return waits and not self.is_closed and self.abandoned_at is None
-
-
-class ServerCalls:
-    """The calls that this node serves, at most two epochs' worth per client and service."""
-
-    def __init__(self) -> None:
-        self._served: dict[CallKey, Served] = {}
-
-    def find(self, key: CallKey) -> Served | None:
-        """Return a known call, or None."""
-        return self._served.get(key)
-
-    def take(self, key: CallKey, *, timeout_ns: int, settling_ns: int, now: int) -> Served | None:
-        """Add a new request; return None when there are too many."""
-        rivals = sum(
-            (other.client, other.stream_id) == (key.client, key.stream_id) for other in self._served
-        )
-        if rivals >= _LIVES * CALL_NUMBERS:
-            return None
-        served = self._served[key] = Served(0, 0)
-        self.begin(served, timeout_ns=timeout_ns, settling_ns=settling_ns, now=now)
-        return served
-
-    def begin(self, served: Served, *, timeout_ns: int, settling_ns: int, now: int) -> None:
-        """Set the deadline of a call and the instant at which it is forgotten."""
-        served.deadline_at = now + timeout_ns
-        # The client repeats for `timeout_ns`; twice that, since a link may hold a frame back.
-        served.forget_at = now + 2 * (timeout_ns + settling_ns)
-
-    def closed_by(self, key: CallKey, *, settling_ns: int, now: int) -> list[CallKey]:
-        """Return the calls that a new request proves to be over.
-
-        These are the calls that have ended at its client (rule 2), and the calls of boot epochs
-        that were abandoned long enough ago that no frame of them can still arrive.
-        """
-        return [
-            other
-            for other, served in self._served.items()
-            if other.client == key.client
-            and (
-                _is_closed(other, key)
-                if other.epoch == key.epoch
-                else served.abandoned_at is not None
-                and served.abandoned_at + 2 * settling_ns <= now
-            )
-        ]
-
-    def answerable(self, key: CallKey, now: int) -> Served | None:
-        """Return a call that awaits its answer; None if it is unknown, answered or too late."""
-        served = self._served.get(key)
-        if served is None or served.answer is not None or served.deadline_at <= now:
-            return None
-        return served
-
-    def of(self, client: int) -> list[tuple[CallKey, Served]]:
-        """Return a client's calls in all its boot epochs."""
-        return [(key, each) for key, each in self._served.items() if key.client == client]
-
-    def forget(self, key: CallKey) -> Served | None:
-        """Forget a call."""
-        return self._served.pop(key, None)
-
-    def restore(self, key: CallKey, answer: Answer) -> Served:
-        """Restore a call from before the restart; its times begin when the link is UP."""
-        served = self._served[key] = Served(_NEVER, _NEVER)
-        served.answer, served.is_journalled = answer, True
-        return served
-
-    def restored(self) -> list[tuple[CallKey, Served]]:
-        """Return the restored calls whose times have not begun."""
-        return [(key, each) for key, each in self._served.items() if each.deadline_at == _NEVER]
-
-
-def _is_closed(other: CallKey, by: CallKey) -> bool:
-    return other.stream_id == by.stream_id and CALL_NUMBERING.closes(by.number, other.number)
